@@ -72,9 +72,9 @@ def with_rendered_stars(scenario, world, job):
 
 def with_kept_stars(scenario, world, job):
     """The filter alone, over star fixes that are kept; the faults of the star tracker are put into them."""
-    from shefex_nav import simulate
-    from shefex_nav.onboard import computer
-    from shefex_nav.onboard.navigation import fusion
+    from shefex_nav.onboard import navigator
+    from shefex_nav.onboard.driving import Recorded, drive
+    from shefex_nav.records import StarFix
     from shefex_nav.verify import flown
     from shefex_nav.world import faults, imu, noise
 
@@ -85,16 +85,15 @@ def with_kept_stars(scenario, world, job):
     fixes = flown.load(Path(job["stars"]) / f"fixes-{job['seed']:04d}.npz", MADE_FOR)
     seen = [fix for fix in fixes if not any(begin <= fix.t_valid_s < end for begin, end in white)]
     seen = [fix for fix in seen if fix.t_valid_s not in job.get("without", ())]
-    stars = sorted(map(line.fix, seen), key=lambda fix: -fix.t_available_s)
-    gps = sorted(world.gps_fixes + world.gps_ranges, key=lambda fix: -fix.t_available_s)
-    nav, log = fusion.start(world.computer.nav, world.alignment, world.earth), Log(world)
-    for n, block in enumerate(imu.blocks(world.imu), 1):
-        if block.t_valid_s > job["until_s"]:
-            break
-        fusion.advance(nav, block)
-        due = simulate.due(stars, block.t_valid_s)
-        records = computer.update_filter(nav, n, simulate.due(gps, block.t_valid_s), due)
-        for record in [*due, *records]:
+    lists = (
+        sorted(records, key=lambda one: one.t_available_s)
+        for records in (world.gps_fixes + world.gps_ranges, map(line.fix, seen))
+    )
+    software, log = navigator.start(world.computer.nav, world.alignment, world.earth), Log(world)
+    blocks = imu.stacked(world.imu)
+    ticks = int(np.searchsorted(blocks.t_valid_s, job["until_s"], side="right"))
+    for _, arrived, outputs in drive(software, blocks, Recorded(blocks.t_valid_s, *lists), ticks):
+        for record in [*(one for one in arrived if isinstance(one, StarFix)), *outputs]:
             log.take(record)
     return log.flight()
 

@@ -64,16 +64,16 @@ def parameters(overrides):
 
 def measure(params, alignment, earth, blocks, arrivals, with_solution):
     """Processor time and wall clock [s] of the filter over the ticks."""
-    from shefex_nav.onboard import computer
     from shefex_nav.onboard.navigation import fusion, solution, ticks
+    from shefex_nav.onboard.navigator import Navigator
     from shefex_nav.records import row
 
     nav, n, busy = fusion.start(params, alignment, earth), 0, [k for k, what in enumerate(arrivals) if what]
-    begin = time.process_time(), time.perf_counter()
+    software, begin = Navigator(nav), (time.process_time(), time.perf_counter())
     for k in [*busy, len(arrivals)]:
         while n < k:
             if with_solution:
-                done, _ = computer.predict_filter(nav, n, blocks, n, k)
+                done, _ = software.advance(blocks, n, k)
                 solution.solution(nav)  # of the last, as a tick has it that is attended to
             else:
                 done = ticks.advance(nav, blocks, n, k)

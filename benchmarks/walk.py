@@ -6,10 +6,10 @@
 
 The scenario night_sky is flown until two star fixes have been used. Then, until the next one has been:
 
-frame     from `computer.update` being handed a frame to the filter having used its fix: that call ("chain"),
+frame     from `Computer.update` being handed a frame to the filter having used its fix: that call ("chain"),
           and the later one at whose tick the fix is due ("fusion"). Ticks between the two are not counted.
 samples   the IMU samples: `imu.measure` and `imu.stacked`, which make those of the whole flight at once
-          ("world"); from every call of `computer.predict` to the next of `computer.update` ("ticks"); and the
+          ("world"); from every call of `Computer.advance` to the next of `Computer.update` ("ticks"); and the
           log, from taking the ticks' ImuBlock, NavSolution and NavCovariance to having them on the disk
           ("log").
 
@@ -47,8 +47,8 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.compiled.numba_hooks import Kernel
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.onboard import computer
-from shefex_nav.records import GateResult, ImuBlock, NavCovariance, NavSolution
+from shefex_nav.onboard.computer import Computer
+from shefex_nav.records import Frame, GateResult, ImuBlock, NavCovariance, NavSolution
 from shefex_nav.scenario import load
 from shefex_nav.world import imu
 
@@ -151,11 +151,11 @@ class Follower:
         self.walks = {part: Walk() for parts in PARTS.values() for part in parts}
         self.used = 0  # star fixes
         self.frame = None  # number of the frame that is followed
-        self._predict, self._update = computer.predict, computer.update
+        self._advance, self._update = Computer.advance, Computer.update
         walks = list(self.walks.values())
         self.stand_ins = [
-            patch.object(computer, "predict", self.predict),
-            patch.object(computer, "update", self.update),
+            patch.object(Computer, "advance", lambda *given: self.advance(*given)),
+            patch.object(Computer, "update", lambda *given: self.update(*given)),
             patch.object(imu, "measure", self._made(imu.measure)),
             patch.object(imu, "stacked", self._made(imu.stacked)),
             patch.object(Kernel, "__call__", call_of(Kernel.__call__, walks)),
@@ -175,34 +175,35 @@ class Follower:
 
         return followed
 
-    def predict(self, state, *arguments):
-        """`computer.predict`; counted with what comes after it, until `update`."""
+    def advance(self, computer, *arguments):
+        """`Computer.advance`; counted with what comes after it, until `update`."""
         if self.is_between:
             self.walks["ticks"].begin()
-        return self._predict(state, *arguments)
+        return self._advance(computer, *arguments)
 
-    def update(self, state, received, frames, **how):
-        """`computer.update`, counted if the frame comes in or its fix is due."""
+    def update(self, computer, arrived):
+        """`Computer.update`, counted if the frame comes in or its fix is due."""
         self.walks["ticks"].end()
-        part = self._part(state, received, frames) if self.is_between else None
+        part = self._part(computer, arrived) if self.is_between else None
         if part is None:
-            after, outputs = self._update(state, received, frames, **how)
+            outputs = self._update(computer, arrived)
         else:
             with self.walks[part].followed():
-                after, outputs = self._update(state, received, frames, **how)
+                outputs = self._update(computer, arrived)
         self.used += any(is_used(record) for record in outputs)
-        return after, outputs
+        return outputs
 
-    def _part(self, state, received, frames):
+    def _part(self, computer, arrived):
         """Which part this tick is; None: neither."""
-        until_s = state.nav.history.ends_s[-1] + SAME_S
-        due = [fix.number for fix in state.waiting if fix.t_available_s <= until_s]
+        frames = [one for one in arrived if isinstance(one, Frame)]
+        until_s = computer.navigation.now_s + SAME_S
+        due = [fix.number for fix in computer.waiting if fix.t_available_s <= until_s]
         first = bool(frames) and self.frame is None
         if first:
             self.frame = frames[0].number
         if not first and self.frame not in due:
             return None
-        if len(received) or (frames and due):
+        if len(arrived) > len(frames) or (frames and due):
             raise SystemExit("something else arrives at the same tick: choose another BEFORE")
         return "chain" if first else "fusion"
 

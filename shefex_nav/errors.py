@@ -7,8 +7,10 @@ class UserError(Exception):
     """Something from outside cannot be used: a file, a folder, data, what is asked of a flight.
 
     The message says what is wrong, where and what would be right; the command line prints it and ends with
-    exit code 2. Every exception of the package whose message is for people extends this one.
+    `exit_code`. Every exception of the package whose message is for people extends this one.
     """
+
+    exit_code = 2
 
 
 class CodeError(UserError):
@@ -20,3 +22,9 @@ class CodeError(UserError):
             where = "".join(traceback.format_list(frames))
             words = f"{words}\n{where}{type(cause).__name__}: {cause}"
         super().__init__(words)
+
+
+class SoftwareError(CodeError):
+    """The same in flight, of software of a user's own on board; the log up to then is kept."""
+
+    exit_code = 3

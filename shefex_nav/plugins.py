@@ -14,12 +14,13 @@ content (SHA-256). A package has been installed on purpose and needs none.
 
 import hashlib
 import os
+import shutil
 import sys
 import traceback
 import types
 from contextlib import contextmanager
 from functools import cache
-from importlib import util
+from importlib import import_module, util
 from typing import NamedTuple
 
 from shefex_nav import instruments, plugin_checks
@@ -32,6 +33,7 @@ from shefex_nav.onboard.startracker.methods import STEPS, Method
 
 GROUP = "shefex_nav.plugins"
 BUNDLED = "shefex2", "bright", "impa"  # papers whose methods come with the program
+LOOPBACK = "127.0.0.1", "localhost"
 CONSENT = "SHEFEX_NAV_TRUST"  # environment variable of consents given in this process, for those it starts
 
 methods.WAITING += [f"shefex_nav.papers.{paper}.methods" for paper in BUNDLED]
@@ -59,6 +61,7 @@ class Plugin(NamedTuple):
 
 
 _LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
+_MODULES = {}  # sha256 -> module of software
 _EVERY = []  # not empty: within `trusting`
 
 
@@ -75,6 +78,95 @@ def load(name, sha256=None, trust=False):
     trust : whether consent is given for the file as it is now
     """
     path, version = (name, "") if is_file(name) else _installed(name)
+    source, found = _read(name, path, sha256)
+    if found not in _LOADED:
+        plugin = Plugin(
+            os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
+        )
+        if is_file(name):
+            _ask(name, path, found, trust)
+            provided = _module(plugin, source)
+        else:
+            provided = _entry(name).load()
+        _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
+    activate(_LOADED[found][1])
+    return _LOADED[found]
+
+
+def software(name, sha256=None, trust=False):
+    """Software that somebody wrote to fly on board: Plugin, class.
+
+    name : 'file.py:Class', or 'package.module:Class' of an installed package; sha256, trust : as of `load`
+    """
+    where, _, attribute = name.rpartition(":")
+    if not where or not attribute.isidentifier():
+        raise PluginError(f"'{name}' names no class; write such as my_navigation.py:MyFilter")
+    path = where if is_file(where) else _module_file(where)
+    source, found = _read(where, path, sha256)
+    if is_file(where):
+        if found not in _MODULES:
+            _ask(where, path, found, trust)
+            plugin = Plugin(os.path.basename(path), "", found, os.path.abspath(path))
+            _MODULES[found] = _module(plugin, source)
+        module = _MODULES[found]
+    else:
+        module = import_module(where)
+    made = getattr(module, attribute, None)
+    if not callable(made):
+        known = ", ".join(key for key, value in vars(module).items() if _is_own_class(value, module))
+        raise PluginError(f"'{where}' has no class {attribute}; it has: {known or 'none'}")
+    return Plugin(name, "", found, f"{os.path.abspath(path)}:{attribute}" if is_file(where) else name), made
+
+
+def program(words, sha256=None, trust=False):
+    """A program that somebody wrote to fly on board: words of its command with whole paths, SHA-256.
+
+    words : of the command; sha256, trust : as of `load`. The SHA-256 is that of the words and of the files
+    among them.
+    """
+    found = shutil.which(words[0])
+    if found is None:
+        raise PluginError(f"'{words[0]}' cannot be started: there is no such program, or it may not be run")
+    words = [os.path.abspath(found), *words[1:]]
+    total = hashlib.sha256(repr(words[1:]).encode())
+    for word in words:
+        if os.path.isfile(word):
+            with open(word, "rb") as file:
+                total.update(hashlib.sha256(file.read()).digest())
+    digest, name = total.hexdigest(), " ".join([os.path.basename(found), *words[1:]])
+    if sha256 is not None and digest != sha256:
+        raise PluginError(
+            f"'{name}' is another program than the one that was flown: its SHA-256 is {digest[:12]}..., "
+            f"that was {sha256[:12]}..."
+        )
+    _ask(name, words[0], digest, trust)
+    return words, digest
+
+
+def address(url, trust=False):
+    """NotTrusted unless a program may be talked to at an address; on this machine it may."""
+    host = url.partition("://")[2].rpartition(":")[0]
+    if host not in LOOPBACK:
+        _ask(url, url, hashlib.sha256(url.encode()).hexdigest(), trust)
+
+
+def _is_own_class(value, module):
+    return isinstance(value, type) and value.__module__ == module.__name__
+
+
+def _module_file(name):
+    """File of an installed module."""
+    try:
+        spec = util.find_spec(name)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is None or spec.origin is None:
+        raise PluginError(f"there is no module '{name}' installed; a file of your own ends in .py")
+    return spec.origin
+
+
+def _read(name, path, sha256):
+    """Source of a file, and its SHA-256, which must be `sha256` unless that is None."""
     try:
         with open(path, "rb") as file:
             source = file.read()
@@ -88,18 +180,7 @@ def load(name, sha256=None, trust=False):
             f"'{name}' is another file than the one that was flown: its SHA-256 is {found[:12]}..., "
             f"that was {sha256[:12]}..."
         )
-    if found not in _LOADED:
-        plugin = Plugin(
-            os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
-        )
-        if is_file(name):
-            _ask(name, path, found, trust)
-            provided = _module(plugin, source)
-        else:
-            provided = _entry(name).load()
-        _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
-    activate(_LOADED[found][1])
-    return _LOADED[found]
+    return source, found
 
 
 def left_out(pins):

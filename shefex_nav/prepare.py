@@ -19,6 +19,7 @@ from shefex_nav.scenario import (
     params_gps,
     params_onboard,
     plugged,
+    software,
     surroundings,
     wanted_states,
 )
@@ -200,6 +201,7 @@ def mission(scenario, seed, trajectory):
         sun_exclusion=scenario.star_camera.stray_light.sun_exclusion,
         limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
         plugins=plugged.pinned(scenario),
+        software=software.flown(scenario),
     )
 
 

@@ -288,6 +288,7 @@ class Doubt(IntEnum):
     LEVEL = 1  # its protection level exceeds what the mission requires
     CONTRADICTED = 2  # a sensor contradicts it, and nothing says which of the two is wrong
     IMU = 3  # rates or specific force of the moment are not measured
+    SOFTWARE = 4  # navigation software of a user's own says so
 
 
 class NavSolution(NamedTuple):

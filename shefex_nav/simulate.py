@@ -7,8 +7,6 @@ where a model stands for pictures (`statistical`), and in experiments. `run` is 
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,9 +15,12 @@ from shefex_nav.clock import IMU_HZ, SAME_S, SAMPLES_PER_TICK, TICK_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
+from shefex_nav.onboard import driving, navigator
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.telemetry import RECORDS
-from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample, row
+from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, TruthSample, row
+from shefex_nav.scenario import software
+from shefex_nav.software import flown
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
 
@@ -49,44 +50,19 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
         yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is yielded
     """
     yield world.alignment
-    year = catalogue_year(scenario.mission.epoch)
-    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     read = imu.stacked(world.imu)
-    link = _star_camera(world, scenario, seed, computer, step, read.t_valid_s)
-    schedule, n = Schedule(world, read.t_valid_s, until_s, columns is None), 0
-    telemetry, blocks = (RECORDS, read) if columns is None else (columns, None)
-    while n < schedule.ticks:
-        stop = link.shutter.ahead(n, schedule.next_tick(n), schedule.ends_s)
-        computer, made, passed = onboard.predict(computer, read, n, stop, telemetry)
-        for tick, outputs in passed:
-            yield from _outside(world, blocks, tick, schedule, outputs[-1].t_s)
-            yield from outputs
-        n += made
-        computer = yield from _tick(computer, world, blocks, n, schedule, link, telemetry)
-    if n == len(read.t_valid_s):
+    schedule = Schedule(world, read.t_valid_s, until_s, columns is None)
+    link, computer = _on_board(world, scenario, seed, step, schedule, RECORDS if columns is None else columns)
+    blocks = read if columns is None else None
+    for k, arrived, outputs in driving.drive(computer, read, link, schedule.ticks):
+        n, now_s = k + 1, schedule.ends_s[k]
+        yield from _outside(world, blocks, n, schedule, now_s)
+        yield from link.seen(arrived)
+        yield from outputs
+        yield from link.durations(now_s)
+        link.shutter.tick(n, now_s, [one for one in outputs if isinstance(one, CameraCommand)])
+    if schedule.ticks == len(read.t_valid_s):
         yield from reversed(schedule.events)  # the impact, after the last tick
-
-
-def _tick(computer, world, blocks, n, schedule, link, telemetry):
-    """Tick n of a `route`, to which the computer has come: yields its records. -> Computer"""
-    now_s = computer.nav.history.ends_s[-1]
-    yield from _outside(world, blocks, n, schedule, now_s)
-    arrived, pictures = due(schedule.received, now_s), link.shutter.arrived(now_s)
-    for _, truth in pictures:
-        yield truth
-    yield from arrived
-    frames = [link.line.picture(frame) for frame, _ in pictures]
-    if link.has_pictures:
-        yield from frames
-    how = {"chain": link.chain, "context": link.context, "telemetry": telemetry}
-    computer, outputs = onboard.update(computer, arrived, frames, **how)
-    yield from outputs
-    durations_s = link.clock.read()
-    if link.has_pictures:
-        for frame, duration_s in zip(frames, durations_s, strict=True):
-            yield ComputeTime(now_s, frame.number, duration_s)
-    link.shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
-    return computer
 
 
 def _outside(world, blocks, n, schedule, now_s):
@@ -101,37 +77,73 @@ def _outside(world, blocks, n, schedule, now_s):
         yield row(blocks, n - 1)
 
 
-class CameraLink(NamedTuple):
-    """Star camera, the line to the computer, and what searches its pictures there."""
+def _on_board(world, scenario, seed, step, schedule, telemetry):
+    """What comes to the computer in a run, and the computer. -> Link, Computer
 
-    shutter: Shutter
-    line: faults.StarLine
-    chain: Callable  # `star_tracker.step`, or what stands for it, with the faults of its fixes
-    clock: "Stopwatch"  # of it, without the faults
-    context: Callable  # of `onboard.update`
-    has_pictures: bool
-
-
-def _star_camera(world, scenario, seed, computer, step, ends_s):
-    """CameraLink of a run; pictures, if there are any, are searched by `step`. ends_s : (n,) of its ticks"""
+    step : of pictures, if there are any
+    """
+    params, year = world.computer, catalogue_year(scenario.mission.epoch)
+    tracker = star_tracker.init(params.tracker, world.catalogue, year)
     line, take = faults.StarLine(world.faults.star_tracker, noise.generator(seed, "faults")), camera.expose
     is_statistical = statistical.is_wanted(scenario)
     if is_statistical:
-        sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)
+        sight = statistical.Statistical(scenario, world, tracker, seed, line)
         step, take = sight.step, sight.expose
-    # single stars are found by the prediction
-    brief = is_statistical and not world.computer.tracker.vectors
     shutter = Shutter(
         world.camera,
         world.flight.trajectory,
         every=round(TICK_HZ / scenario.star_tracker.rate),
-        last_s=onboard.last_on_s(world.computer, ends_s),
+        last_s=onboard.last_on_s(params, np.array(schedule.ends_s)),
         rng=noise.generator(seed, "camera_noise"),
         take=take,
     )
-    context = onboard.brief_context if brief else onboard.star_context
+    if own := flown.tracker(scenario, params, world.earth):
+        step = own.step
     clock = Stopwatch(step)
-    return CameraLink(shutter, line, line.chain(clock.step), clock, context, not is_statistical)
+    navigation = flown.navigation(scenario, params, world.alignment, world.earth) or navigator.start(
+        params.nav, world.alignment, world.earth, telemetry
+    )
+    # statistics find single stars by the prediction, and nothing else
+    predicts = not is_statistical or params.tracker.vectors
+    computer = onboard.Computer(params, navigation, tracker, line.chain(clock.step), predicts)
+    return Link(schedule, shutter, line, clock, not is_statistical), computer
+
+
+class Link:
+    """What comes to the computer in a mission, a `driving.Arrivals`: its schedule, and pictures.
+
+    schedule : Schedule
+    shutter, line : Shutter of the star camera, and StarLine from there to the computer
+    clock : Stopwatch of what searches the pictures
+    has_pictures : False if their content is made by statistics
+    """
+
+    def __init__(self, schedule, shutter, line, clock, has_pictures):
+        self.schedule, self.shutter, self.line = schedule, shutter, line
+        self._clock, self._has_pictures = clock, has_pictures
+        self._pictures = []  # (Frame as it came, FrameTruth) of the last tick that was asked for
+
+    def next_tick(self, n):
+        """As of Arrivals."""
+        return self.shutter.ahead(n, self.schedule.next_tick(n), self.schedule.ends_s)
+
+    def at(self, n):
+        """As of Arrivals."""
+        now_s = self.schedule.ends_s[n - 1]
+        self._pictures = [(self.line.picture(frame), truth) for frame, truth in self.shutter.arrived(now_s)]
+        return [*due(self.schedule.received, now_s), *(frame for frame, _ in self._pictures)]
+
+    def seen(self, arrived):
+        """Records of what has arrived at the last tick, truth of the pictures first."""
+        if arrived:
+            yield from (truth for _, truth in self._pictures)
+            yield from (one for one in arrived if self._has_pictures or not isinstance(one, Frame))
+
+    def durations(self, now_s):
+        """ComputeTime of each picture that has been searched."""
+        for (frame, _), duration_s in zip(self._pictures, self._clock.read(), strict=False):
+            if self._has_pictures:
+                yield ComputeTime(now_s, frame.number, duration_s)
 
 
 class Schedule:
@@ -178,7 +190,8 @@ def warm_up(scenario, world=None):
     """
     if world is None:
         world = prepare.build_world(scenario, seed=0, brief=True)
-    for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
+    # software of a user's own flies once, not here
+    for _ in route(world, software.with_built_in(scenario), 0, until_s=scenario.mission.start + 1.5):
         pass
     year = catalogue_year(scenario.mission.epoch)
     tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)

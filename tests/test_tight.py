@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shefex_nav import prepare, simulate
-from shefex_nav.clock import SAME_S
+from shefex_nav import prepare
 from shefex_nav.geometry import frames
-from shefex_nav.onboard import computer as onboard
-from shefex_nav.onboard import telemetry
+from shefex_nav.onboard import navigator, telemetry
+from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import solution
 from shefex_nav.records import GateResult, GpsRanges
 from shefex_nav.scenario import load
@@ -29,18 +28,12 @@ def flown(seed, *overrides):
     """Position error at 400 s (3,) m, unit vectors to the last satellites (n, 3), gates, all in frame i."""
     scenario = load.load(TIGHT, overrides)
     world = prepare.build_world(scenario, seed)
-    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, 2012.5)
-    waiting = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
-    blocks, ranges, gates, n, columns = imu.stacked(world.imu), [], [], 0, telemetry.Columns(100)
+    software = navigator.start(world.computer.nav, world.alignment, world.earth, telemetry.NOTHING)
+    received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s)
+    blocks, ranges, gates = imu.stacked(world.imu), [], []
     last = int(np.searchsorted(blocks.t_valid_s, UNTIL_S - 1e-6)) + 1
-    while n < last:
-        due_s = waiting[-1].t_available_s if waiting else np.inf
-        stop = min(int(np.searchsorted(blocks.t_valid_s, due_s - SAME_S)) + 1, last)
-        computer, done, _ = onboard.predict(computer, blocks, n, max(stop, n + 1), columns)
-        n += done
-        arrived = simulate.due(waiting, blocks.t_valid_s[n - 1])
+    for _, arrived, outputs in drive(software, blocks, Recorded(blocks.t_valid_s, received), last):
         ranges += [message for message in arrived if isinstance(message, GpsRanges) and len(message.prn)]
-        computer, outputs = onboard.update(computer, arrived, [], telemetry=columns)
         gates += [record for record in outputs if isinstance(record, GateResult)]
     trajectory = world.flight.trajectory
     r_i = trajectory.r_i[np.searchsorted(trajectory.t_s, UNTIL_S - 1e-6)]
@@ -52,7 +45,7 @@ def flown(seed, *overrides):
         last = next(r for r in reversed(few) if tuple(r.prn) == numbers)
         sight = last.r_es_e @ C_ie.T - r_i
         sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-    return solution.solution(computer.nav).r_i - r_i, sight, gates
+    return solution.solution(software.nav).r_i - r_i, sight, gates
 
 
 def nis(gates, sensor):

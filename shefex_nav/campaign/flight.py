@@ -9,7 +9,7 @@ import re
 import sys
 import time
 import traceback
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from typing import NamedTuple
 
@@ -177,26 +177,34 @@ def _records(scenario, seed, world, log):
     from shefex_nav.log.writer import LogWriter
     from shefex_nav.onboard.telemetry import Columns
     from shefex_nav.records import ImuBlock
+    from shefex_nav.scenario import software
 
     mission, began = prepare.mission(scenario, seed, world.flight.trajectory), time.perf_counter()
     kept = RunDataBuilder(mission)
     every = thinning.ticks(thinning.LOWEST_HZ)
-    if log is None:
+    if log is None and software.own(scenario.navigation) is None:
         columns = Columns(every)
         for record in simulate.route(world, scenario, seed, columns=columns):
             kept.add(record)
         return kept.build(simulate.truth_columns(world, every) + columns.read())
     frames = scenario.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
-    with LogWriter(log, mission, policy, overwrite=True) as writer:
+    with ExitStack() as open_ones:
+        write = _unwritten
+        if log is not None:
+            write = open_ones.enter_context(LogWriter(log, mission, policy, overwrite=True)).write
         for record in thinning.thinned(
             simulate.route(world, scenario, seed), scenario.log.rate, mission.start_s
         ):
-            writer.write(record)
+            write(record)
             if type(record) is not ImuBlock and thinning.stays(record, every, mission.start_s):
                 kept.add(record)
-        writer.write(RunSummary(kept.last_t_s, time.perf_counter() - began, 0.0))
+        write(RunSummary(kept.last_t_s, time.perf_counter() - began, 0.0))
     return kept.build()
+
+
+def _unwritten(record):
+    """Of a record that goes to no log."""
 
 
 def _npz(arrays):

@@ -55,11 +55,13 @@ def characterise(
 def _loaded(path, overrides):
     """The scenario, with pictures, if there can be statistics of it."""
     from shefex_nav.scenario import load, star_statistics
+    from shefex_nav.scenario.software import refuse_own
 
     # without the model that it may name: one of another format or star tracker is what this is to replace
     loaded = load.load(path, (*overrides, "star_tracker.frames=rendered", "star_tracker.model=null"))
     if wrong := list(star_statistics.fitness(loaded)):
         raise typer.BadParameter(f"{path}: {wrong[0][1]}", param_hint="SCENARIO")
+    refuse_own(loaded, "characterise", "star_tracker")
     if not loaded.star_tracker.enabled:
         raise typer.BadParameter(f"{path}: star_tracker.enabled is false", param_hint="SCENARIO")
     return loaded

@@ -1,8 +1,8 @@
 """The command line: all commands, and the entry point.
 
 Results go to stdout, progress and messages to stderr. Exit codes: 0 done, 2 bad input (one clear message,
-nothing written), 1 an internal fault (traceback, and the log up to that moment stays readable),
-130 interrupted.
+nothing written), 3 software of the user's own failed in flight and 1 an internal fault (traceback, and the
+log up to that moment stays readable), 130 interrupted.
 
 Commands import late what they need: the command line starts without it.
 """
@@ -15,6 +15,7 @@ from shefex_nav.commands.campaign import campaign
 from shefex_nav.commands.characterise import characterise
 from shefex_nav.commands.check import check
 from shefex_nav.commands.export import export
+from shefex_nav.commands.new import new
 from shefex_nav.commands.refusal import PlainGroup
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
@@ -47,6 +48,7 @@ app.command()(campaign)
 app.command()(repeat)
 app.command()(export)
 app.command()(scenarios)
+app.command()(new)
 app.command()(warmup)
 app.command()(run)
 app.command()(report)

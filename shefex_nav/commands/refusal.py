@@ -61,7 +61,7 @@ class PlainGroup(typer.core.TyperGroup):
             sys.exit(error.exit_code)
         except UserError as error:
             print(error, file=sys.stderr)
-            sys.exit(refused.UsageError.exit_code)
+            sys.exit(error.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -102,7 +102,9 @@ def _bad_value(error):
     told = getattr(error.__cause__, "errors", None)
     if told is not None:
         first = told()[0]
-        words = _KINDS.get(first["type"], first["msg"]).format(**first.get("ctx", {}))
+        words = _KINDS.get(first["type"], first["msg"].removeprefix("Value error, ")).format(
+            **first.get("ctx", {})
+        )
         return f"{_name(error)} {first['input']}: {words}"
     name = _name(error)
     return f"{name}: {error.message}" if name.startswith("-") else error.message

@@ -31,6 +31,9 @@ def smooth(
     from shefex_nav.replay import rerun
 
     recording = rerun.open_log(log, overrides or ())
+    if recording.own is not None:
+        words = f"{log}: was flown by software of your own, the smoother is of the built-in filter"
+        raise rerun.LogError(f"{words}; --set navigation.software=built_in smooths that")
     data = recording.data
     if data.ended_early:
         say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; it is smoothed up to then")

@@ -25,8 +25,10 @@ def bound(
     if out is not None:
         check_picture(out, "--out")
     from shefex_nav.scenario import load
+    from shefex_nav.scenario.software import refuse_own
 
     loaded = load.load(scenario, overrides or ())
+    refuse_own(loaded, "the bound")
     from shefex_nav.verify import over_bound
 
     if over_bound.left_out(loaded):

@@ -100,7 +100,8 @@ def _mission(numbers, raw):
         seed=int(raw.metadata["seed"]),
         version=raw.metadata["version"],
         epoch_utc=raw.metadata["epoch_utc"],
-        plugins=_plugins(raw.metadata),
+        plugins=_own(raw.metadata, "plugins"),
+        software=_own(raw.metadata, "software"),
     )
 
 
@@ -218,9 +219,9 @@ def _take(opcode, content, raw):
         raw.attachments[record.name] = record.data
 
 
-def _plugins(metadata):
-    """Mission.plugins of the metadata."""
-    return tuple(map(tuple, json.loads(metadata.get("plugins", "[]"))))
+def _own(metadata, key):
+    """Mission.plugins or Mission.software of the metadata."""
+    return tuple(map(tuple, json.loads(metadata.get(key, "[]"))))
 
 
 def _load_plugins(metadata):
@@ -229,7 +230,7 @@ def _load_plugins(metadata):
     What one of them has logged is passed over where that cannot be done: a log may be looked at without
     running somebody's code.
     """
-    for _ in plugins.left_out(_plugins(metadata)):
+    for _ in plugins.left_out(_own(metadata, "plugins")):
         pass  # the one who looks is told (`commands.flights`)
 
 

@@ -84,6 +84,7 @@ class Mission(NamedTuple):
     sun_exclusion: float = math.nan  # rad, that the camera must keep from the Sun
     limb_exclusion: float = math.nan  # rad, and from the Earth's limb
     plugins: tuple = ()  # of (file or name of a package, SHA-256 of its source)
+    software: tuple = ()  # of a user's own on board: (section of the scenario, name, SHA-256)
 
 
 class RunSummary(NamedTuple):

@@ -272,7 +272,7 @@ def assembler(record, names, prefix=""):
     return made
 
 
-def _varint(value):
+def varint(value):
     """Base-128 encoding, least significant group first."""
     out = bytearray()
     while value >= 0x80:
@@ -288,9 +288,9 @@ def _layout(topic):
         _, wire_type, dtype = _KINDS[_kind(field)]
         if field.shape:
             size = prod(field.shape) * np.dtype(dtype).itemsize
-            head = _varint(number << 3 | _LENGTH_DELIMITED) + _varint(size)
+            head = varint(number << 3 | _LENGTH_DELIMITED) + varint(size)
         else:
-            head = _varint(number << 3 | wire_type)
+            head = varint(number << 3 | wire_type)
         constants.append((f"_{number}", head))
         layout += [(f"_{number}", "u1", (len(head),)), (field.name, dtype, field.shape)]
     return layout, constants

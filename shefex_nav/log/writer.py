@@ -173,7 +173,8 @@ class LogWriter:
     def _describe(self):
         """Metadata, the scenario and the constants, on disk before the first record."""
         mission = self._mission
-        plugged = {"plugins": json.dumps(mission.plugins)} if mission.plugins else {}
+        own = {"plugins": mission.plugins, "software": mission.software}
+        plugged = {key: json.dumps(value) for key, value in own.items() if value}
         self._file.write_metadata(
             topics.METADATA,
             plugged

@@ -1,48 +1,110 @@
-"""The one loop in which a filter without camera hears a flight: replays, studies and benchmarks use it."""
+"""The one loop in which software on board flies: missions, replays, studies and benchmarks use it.
+
+    for k, arrived, outputs in drive(software, blocks, arrivals):
+        ...
+
+`software` is whatever has `advance` and `update` (`Software`): the computer with its star tracker, or the
+navigation alone. `arrivals` says what comes when: `Recorded` where it is known beforehand; in a mission
+pictures depend on what the software has commanded (`simulate.Link`).
+"""
+
+from bisect import bisect_right
+from typing import Protocol
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.onboard.computer import predict_filter, update_filter
-from shefex_nav.onboard.telemetry import RECORDS
 
 
-def arrivals(records, ends_s):
-    """When records arrive: what stands behind one that is not available yet waits with it.
+class Software(Protocol):
+    """What flies on board, as the loop sees it."""
 
-    records with t_available_s, in the order in which they come; (N,) s, ends of ticks
-    -> {tick, counted from 0: list of records}
+    def advance(self, blocks, first, last):
+        """On with IMU samples, up to the first tick at which the software itself has something to do.
+
+        blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant; nothing arrives at the ticks
+            before the last
+        -> number of ticks made, at least one; list of (k, records), output of the ticks k (rows of blocks)
+        before the last one made
+        """
+
+    def update(self, arrived):
+        """What is done at the tick that has been reached, with the records that arrive at it.
+
+        -> list of records, the output of the tick
+        """
+
+    def close(self):
+        """There are no more ticks."""
+
+
+class Arrivals(Protocol):
+    """What comes to the software; ticks are counted from 1, tick n is the one of row n - 1."""
+
+    def next_tick(self, n):
+        """The first tick after n at which something may come; inf without."""
+
+    def at(self, n):
+        """List of records that come at tick n, asked for once, after what the ticks before it put out."""
+
+
+class Recorded:
+    """Arrivals that are known beforehand.
+
+    ends_s : (N,) s, ends of the ticks
+    lists : of records with t_available_s, each in the order in which they come: what stands behind one that
+        is not available yet waits with it. At one tick those of the first list come first
+    stops : ticks at which the loop stops although nothing comes
     """
+
+    def __init__(self, ends_s, *lists, stops=()):
+        self._due = [_by_tick(ends_s, records) for records in lists]
+        self._busy = sorted({*stops, *(n for due in self._due for n in due)})
+
+    def next_tick(self, n):
+        """As of Arrivals."""
+        k = bisect_right(self._busy, n)
+        return self._busy[k] if k < len(self._busy) else np.inf
+
+    def at(self, n):
+        """As of Arrivals; may be asked for again."""
+        return [one for due in self._due for one in due.get(n, ())]
+
+
+def _by_tick(ends_s, records):
+    """{tick: list of records}."""
     available_s = np.maximum.accumulate([one.t_available_s for one in records])
     due = {}
-    for tick, one in zip(np.searchsorted(ends_s + SAME_S, available_s).tolist(), records, strict=True):
-        due.setdefault(tick, []).append(one)
+    for k, one in zip(np.searchsorted(ends_s + SAME_S, available_s).tolist(), records, strict=True):
+        due.setdefault(k + 1, []).append(one)
     return due
 
 
-def drive(nav, blocks, received, star_fixes, telemetry=RECORDS):
-    """Run a filter over IMU blocks and over what arrives.
+def drive(software, blocks, arrivals, ticks=None):
+    """Run software over IMU blocks and over what arrives.
 
     Parameters
     ----------
-    nav : fusion.Filter, of which the first block is the next
+    software : Software, of which the first block is the next
     blocks : ImuBlock of arrays over N
-    received, star_fixes : of `arrivals`: GpsFix, GpsRanges and readings of instruments; StarFix
-    telemetry : who is told of the ticks, such as `telemetry.Records`
+    arrivals : Arrivals
+    ticks : how many; None: N
 
     Yields
     ------
-    k : int, tick that has been made, counted from 0, in order: each tick if the telemetry hands over records,
-        else those at which something arrives, and some between them
+    k : int, row of the blocks whose tick has been made, in order: every tick if the software puts out
+        records of it, else those at which something arrives, and some between them
     arrived : list of records, what came then
-    outputs : list of GateResult and NavHealth, then what the telemetry hands over
+    outputs : list of records
     """
-    n, end = 0, len(blocks.t_valid_s)
-    for k in sorted({k for k in (*received, *star_fixes, end - 1) if 0 <= k < end}):
-        while n <= k:
-            done, passed = predict_filter(nav, n, blocks, n, k + 1, telemetry)
-            for tick, outputs in passed:
-                yield tick - 1, [], outputs
+    n, end = 0, len(blocks.t_valid_s) if ticks is None else ticks
+    try:
+        while n < end:
+            done, passed = software.advance(blocks, n, min(end, arrivals.next_tick(n)))
+            for k, outputs in passed:
+                yield k, [], outputs
             n += done
-            heard, fixes = (due.get(n - 1, []) for due in (received, star_fixes))
-            yield n - 1, [*heard, *fixes], update_filter(nav, n, heard, fixes, telemetry)
+            arrived = arrivals.at(n)
+            yield n - 1, arrived, software.update(arrived)
+    finally:
+        software.close()

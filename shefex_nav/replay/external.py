@@ -11,8 +11,9 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.log.topics import Mission
-from shefex_nav.onboard.driving import arrivals, drive
+from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
 from shefex_nav.replay import (
     align,
@@ -144,9 +145,9 @@ def run(replay, clock):
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
     nav = fusion.start(params.nav_params(scenario, float(replay.blocks.dt_s[0])), alignment, replay.earth)
     said = [one for one in replay.data.received if one.t_valid_s > alignment.t_valid_s]
-    said = arrivals(sorted(said, key=lambda one: one.t_available_s), replay.blocks.t_valid_s)
+    said = Recorded(replay.blocks.t_valid_s, sorted(said, key=lambda one: one.t_available_s))
     truth = _truth_samples(replay.truth)
-    for k, arrived, outputs in _timed(drive(nav, replay.blocks, said, {}), clock):
+    for k, arrived, outputs in _timed(drive(Navigator(nav), replay.blocks, said), clock):
         block = row(replay.blocks, k)
         if block.t_valid_s in truth:
             yield truth[block.t_valid_s]

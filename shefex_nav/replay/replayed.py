@@ -9,6 +9,7 @@ from shefex_nav.errors import UserError
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import RunSummary
 from shefex_nav.onboard.driving import drive
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import ImuBlock
 from shefex_nav.replay import air, external, rerun, said
 from shefex_nav.report import metrics
@@ -59,11 +60,12 @@ def of_log(recording, from_s, log):
     warmup.get_ready({"command=replay of a log"})
     data = recording.data
     brief = ImuBlock(*(column[:BRIEF_TICKS] for column in data.imu))
-    for _ in drive(rerun.start(recording), brief, recording.gps, recording.stars):
+    for _ in drive(Navigator(rerun.start(recording)), brief, recording.arrivals):
         pass
     setup_s = time.perf_counter() - began
     name = f"{data.mission.scenario} (replayed)"
     mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)
+    mission = mission._replace(software=recording.software)
     end_s = float(data.imu.t_valid_s[-1])
     replayed = _collect(rerun.records(recording), mission, end_s, setup_s, log, until_s=data.cut_s)
     return _summary(replayed, log, from_s, None, end_s - mission.start_s)

@@ -12,18 +12,21 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
+from shefex_nav.environment import ephemeris
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunData
 from shefex_nav.log.topics import ATTACHMENT, LogError
-from shefex_nav.onboard.driving import arrivals, drive
+from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import is_wide
 from shefex_nav.onboard.navigation.state import NavParams
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Reason, TruthSample, row
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
-from shefex_nav.scenario import load, params_onboard, surroundings
+from shefex_nav.scenario import load, params_onboard, software, surroundings
+from shefex_nav.software import flown
 
 CHANGEABLE = (  # what of a scenario may be changed after the flight
     "navigation.",
@@ -40,9 +43,10 @@ class Recording(NamedTuple):
     data: RunData
     params: NavParams  # of the filter that is run
     scenario_text: str  # with the overrides in it
-    gps: dict  # tick, counted from 0 -> list of what GPS receiver and instruments said in it
-    stars: dict  # likewise of StarFix, those without an attitude too
+    arrivals: Recorded  # GpsFix, GpsRanges, readings of instruments, StarFix, without an attitude too
     gravity: Any  # GravityModel of the field that the scenario names; None: external data name none
+    software: tuple = ()  # as Mission.software, of what is run
+    own: Any = None  # own_navigation.OwnNavigation that is run in the place of the filter
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
 
@@ -92,7 +96,7 @@ def of_data(data, log_path, overrides=()):
             f"{log_path}: begins with an angle of the attitude that was not known; its flight can be flown "
             "again (run), its filter cannot be run again over this log"
         )
-    nav_params, source, known = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
+    nav_params, source, known, own, running = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
     if nav_params.stars == "vectors" and any(
         fix.reason == Reason.NONE and not len(fix.stars.hip) for fix in data.star_fixes
     ):
@@ -100,28 +104,35 @@ def of_data(data, log_path, overrides=()):
             f"{log_path}: cannot be run again with navigation.stars=vectors: its star fixes do not hold the "
             "stars by themselves; it was written by an older version"
         )
-    ticks_s = data.imu.t_valid_s
+    stars = sorted(data.star_fixes, key=lambda fix: fix.t_available_s)
     return Recording(
         path=str(log_path),
         data=data,
         params=nav_params,
         scenario_text=source,
         gravity=known,
-        gps=_merged(*(arrivals(said, ticks_s) for said in _heard(data))),
-        stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
+        own=own,
+        software=running,
+        arrivals=Recorded(data.imu.t_valid_s, *_heard(data), stars),
     )
 
 
 def _configuration(data, name, overrides):
-    """(NavParams, scenario text, gravity) of a log: that of a mission, or of a replay of external data."""
+    """NavParams, scenario text, gravity, OwnNavigation that flies instead of the filter or None, its name.
+
+    Of the log of a mission, or of a replay of external data.
+    """
     text = data.mission.scenario_text
     if local_level.is_replay(data):
         scenario = external_load.load_text(text, name, overrides)
-        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None
+        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None, None, ()
     scenario = load.load_text(text, name, overrides)
     known = surroundings.gravity(scenario)
     scenario = prepare.settled(scenario)
-    return params_onboard.nav_params(scenario), scenario.source, known
+    bodies = ephemeris.sky_bodies(scenario.mission.epoch)
+    params = params_onboard.computer_params(scenario, bodies, np.empty((0, 2)))
+    own = flown.navigation(scenario, params, data.alignment, data.mission.earth)
+    return params.nav, scenario.source, known, own, software.flown(scenario)
 
 
 def _check(log_path, data):
@@ -156,12 +167,6 @@ def _heard(data):
         yield [row(arrays, k) for k in range(len(arrays.t_valid_s))]
 
 
-def _merged(*parts):
-    """Dictionaries of `arrivals` as one: in each tick the records of the first come first."""
-    ticks = set().union(*parts)
-    return {k: [record for part in parts for record in part.get(k, ())] for k in ticks}
-
-
 def start(recording):
     """fusion.Filter at the alignment."""
     return fusion.start(recording.params, recording.data.alignment, recording.data.mission.earth)
@@ -169,10 +174,10 @@ def start(recording):
 
 def records(recording):
     """The records of `run`."""
-    data, nav = recording.data, start(recording)
+    data, flies = recording.data, recording.own or Navigator(start(recording))
     yield data.alignment
     aside = not_seen_on_board(data)[::-1]
-    for k, arrived, outputs in drive(nav, data.imu, recording.gps, recording.stars):
+    for k, arrived, outputs in drive(flies, data.imu, recording.arrivals):
         block = row(data.imu, k)
         while aside and aside[-1][0] <= block.t_valid_s + SAME_S:
             yield aside.pop()[1]

@@ -25,6 +25,7 @@ from shefex_nav.onboard.navigation.blocks import CONTAINED, STATES
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
 from shefex_nav.records import NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
@@ -145,7 +146,7 @@ def forward(recording, progress=lambda share: None):
     nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names, driving))
     done, end, before = 0, len(blocks.t_valid_s), _axes(nav)
     states = np.zeros((end + 1, 6), dtype=int)
-    for k, _, outputs in drive(nav, blocks, recording.gps, recording.stars, columns):
+    for k, _, outputs in drive(Navigator(nav, columns), blocks, recording.arrivals):
         states[done + 1 : k + 1] = before  # a change ends the ticks that are made at once
         done, before = k + 1, _axes(nav)
         states[done] = before

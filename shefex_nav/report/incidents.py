@@ -73,6 +73,7 @@ def _doubts(data):
         Doubt.LEVEL: "its protection level is above what is required",
         Doubt.CONTRADICTED: "a sensor contradicts the solution",
         Doubt.IMU: "the IMU does not measure",
+        Doubt.SOFTWARE: "the navigation software says so",
     }
     for quantity in QUANTITIES:
         said = protected(nav, quantity)

@@ -55,8 +55,9 @@ def rows(summary, judged=()):
     yield "flight", _flight_rows(summary["flight"], stood=bool(summary["simulated_s"]))
     if summary["attitude_control"]:
         yield "attitude control", _control_rows(summary["attitude_control"])
-    yield "star tracker", _star_rows(summary["star_tracker"])
-    yield "navigation", _navigation_rows(summary["navigation"])
+    own = summary["software"]
+    yield "star tracker", [*_own_rows(own, "star_tracker"), *_star_rows(summary["star_tracker"])]
+    yield "navigation", [*_own_rows(own, "navigation"), *_navigation_rows(summary["navigation"])]
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
         yield "requirements", _requirement_rows(judged, is_part)
@@ -140,6 +141,12 @@ def _rate_rows(by_rate):
         name = f"solved above {low:.0f} deg/s" if high is None else f"solved at {low:.0f} to {high:.0f} deg/s"
         share = 100.0 * row["solved"] / row["frames"]
         yield name, f"{row['solved']} of {row['frames']} ({share:.1f} %)"
+
+
+def _own_rows(software, section):
+    """Software of a user's own that flew in a section."""
+    if section in software:
+        yield "software", software[section]
 
 
 def _navigation_rows(navigation):
@@ -268,7 +275,8 @@ def _level_rows(navigation):
         ("roll, pitch, heading", "attitude_rms_rpy_deg", "attitude_rpy", 3, "deg"),
     ):
         values = ", ".join(f"{value:.{digits}f}" for value in navigation[key])
-        sigmas = ", ".join(f"{value:.2f}" for value in over[ratio]) if over else "-"
+        has_sigmas = over and None not in over[ratio]
+        sigmas = ", ".join(f"{value:.2f}" for value in over[ratio]) if has_sigmas else "-"
         yield name, f"{values} {unit} {since}, {sigmas} times the sigmas"
 
 

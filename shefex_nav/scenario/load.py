@@ -19,6 +19,7 @@ from shefex_nav.scenario import (
     overriding,
     plugged,
     schema,
+    software,
     trying,
 )
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
@@ -98,6 +99,7 @@ def load(path, overrides=(), *, trust=False):
 def _provided(tree, places, trust):
     """What the plug-ins of a tree provide; ScenarioError where one cannot be used."""
     provided, found = plugged.loaded(tree, places, trust)
+    found += software.pin(tree, places, trust)
     if found:
         raise layers.sorted_error(found)
     return provided

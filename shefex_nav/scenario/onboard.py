@@ -13,6 +13,7 @@ from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.scenario.block import AUTOMATIC, Block, tagged
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Count, Number, Quantity
+from shefex_nav.scenario.software import BUILT_IN, Software
 from shefex_nav.scenario.star_statistics import Model
 from shefex_nav.scenario.told import Told
 
@@ -28,6 +29,9 @@ class StarTracker(section(startracker.StarTracker)):
     model: Model | None = Field(
         None, description="file of `shefex-nav characterise` with the statistics, relative to this one"
     )
+    software: Software = Field(
+        BUILT_IN, description="what searches the pictures: built_in, or software of your own"
+    )
 
 
 def _states_form(value):
@@ -40,6 +44,9 @@ class Navigation(section(settings.Navigation)):
 
     states: Any = AUTOMATIC  # `states_field`
     told: Told = Field(default_factory=Told, description=Told.HELP)
+    software: Software = Field(
+        BUILT_IN, description="what navigates: the built_in filter, or software of your own"
+    )
 
     @classmethod
     def states_field(cls, block):

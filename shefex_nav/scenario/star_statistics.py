@@ -11,9 +11,10 @@ from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Number, Quantity, QuantitySpec
+from shefex_nav.scenario.software import BUILT_IN
 
 NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result travels
-    "enabled", "on", "off", "latency", "frames", "model",
+    "enabled", "on", "off", "latency", "frames", "model", "software",
 }  # fmt: skip
 MOST = 8  # settings with which a model does not go that are told one by one
 SAME = 1e-9  # relative; rounding of a number that was written and read
@@ -169,6 +170,8 @@ def fitness(scenario):
     if scenario.star_tracker.detection.scan == "run_length":
         words = "statistics of the star tracker do not know scan: run_length; fly with frames: rendered"
         yield path, words
+    if scenario.star_tracker.software != BUILT_IN:
+        yield path, "statistics are of the built-in star tracker; fly your own with frames: rendered"
 
 
 def with_model(scenario, content):

@@ -16,10 +16,11 @@ from shefex_nav import files, prepare, simulate
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.onboard.driving import arrivals, drive
+from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import covariance, fusion
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.onboard.telemetry import NOTHING, Columns
 from shefex_nav.records import Detections, GateResult, Reason, StarFix
 from shefex_nav.verify import linear
@@ -187,13 +188,11 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
 def _follow(nav, world, fixes):
     """Let a filter hear what the sensors say. -> list of gate results; NavState and (15, 15) of each epoch"""
     blocks, by_time = imu.stacked(world.imu), attrgetter("t_available_s")
-    heard, seen = (
-        arrivals(sorted(records, key=by_time), blocks.t_valid_s) for records in (world.received, fixes)
-    )
-    for k in range(EPOCH_TICKS - 1, len(blocks.t_valid_s), EPOCH_TICKS):
-        heard.setdefault(k, [])
+    lists = (sorted(records, key=by_time) for records in (world.received, fixes))
+    epochs = range(EPOCH_TICKS, len(blocks.t_valid_s) + 1, EPOCH_TICKS)
+    arrivals = Recorded(blocks.t_valid_s, *lists, stops=epochs)
     gates, states, covariances = [], [], []
-    for k, _, outputs in drive(nav, blocks, heard, seen, NOTHING):
+    for k, _, outputs in drive(Navigator(nav, NOTHING), blocks, arrivals):
         gates += [one for one in outputs if isinstance(one, GateResult)]
         if (k + 1) % EPOCH_TICKS == 0:
             states.append(nav.history[-1].state)

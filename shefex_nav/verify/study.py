@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.files import part
+from shefex_nav.scenario import software
 from shefex_nav.verify.flown import FlownError
 from shefex_nav.workers import cores, each
 
@@ -49,7 +50,8 @@ class Found(NamedTuple):
 
 
 def check(scenario):
-    """Refuse a Scenario whose filter takes no attitudes. FlownError"""
+    """Refuse a Scenario whose filter takes no attitudes, or is not the built-in one. UserError"""
+    software.refuse_own(scenario, "verify consistency")
     if scenario.navigation.stars != "attitude":
         raise FlownError(
             f"{scenario.mission.name}: navigation.stars has to be 'attitude', not "

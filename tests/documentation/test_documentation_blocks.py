@@ -73,7 +73,7 @@ def test_commands_that_are_not_run_exist():
             assert command is not None, f"{name}: {words}"
             if hasattr(command, "commands"):
                 command = command.commands[rest[0]]
-            known = {option for one in command.params for option in one.opts} | {"--help"}
+            known = {option for one in command.params for option in one.opts} | {"--help", "--trust"}
             assert set(re.findall(r"--[a-z][\w-]*", words)) <= known, f"{name}: {words}"
     assert checked > 15
 

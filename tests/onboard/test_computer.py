@@ -18,7 +18,7 @@ from star_fields import tracker_with
 from unpacked import tick
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard import computer
+from shefex_nav.onboard import computer, navigator
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import CameraCommand, Frame, GateResult, NavCovariance, NavSolution, Reason, StarFix
 
@@ -43,13 +43,6 @@ class Chain:
         return state, fix, CameraCommand(frame.t_available_s, 0.1, 0.0)
 
 
-@pytest.fixture(autouse=True)
-def no_catalogue(monkeypatch):
-    """The tracker is switched on without its star catalogue, which nothing here needs."""
-    tracker = star_tracker.Tracker(TRACKER, None)
-    monkeypatch.setattr(computer.star_tracker, "init", lambda params, catalogue, julian_year: tracker)
-
-
 def frame(number, t_s):
     return Frame(number, t_s, t_s + 0.025, t_s + 0.08, 0.05, 0.0, np.zeros((2, 2), np.uint8))
 
@@ -58,7 +51,8 @@ def fly_computer(gps=(), frames_taken=(), on_s=0.5, off_s=2.0, chain=None):
     """[(time of the tick, records)] of a flight of 3 s."""
     chain = chain or Chain()
     params = computer.ComputerParams(PARAMS, tracker_with(TRACKER, on=on_s, off=off_s), SUN_I)
-    state = computer.start(params, alignment(STATES[0]), EARTH, None, 2012.5)
+    navigation = navigator.start(PARAMS, alignment(STATES[0]), EARTH)
+    software = computer.Computer(params, navigation, star_tracker.Tracker(TRACKER, None), chain)
     ticks = []
     for block in BLOCKS:
         now = block.t_valid_s
@@ -66,8 +60,7 @@ def fly_computer(gps=(), frames_taken=(), on_s=0.5, off_s=2.0, chain=None):
         def due(things, now=now):
             return [x for x in things if now - 0.01 + 1e-9 < x.t_available_s <= now + 1e-9]
 
-        state, records = tick(state, block, due(gps), due(frames_taken), chain=chain)
-        ticks.append((now, records))
+        ticks.append((now, tick(software, block, [*due(gps), *due(frames_taken)])))
     return ticks
 
 

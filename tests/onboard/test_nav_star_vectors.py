@@ -11,12 +11,14 @@ from navigation_flight import C_BC, DEG, EARTH, MODEL, PARAMS, alignment, fly, s
 from scipy.spatial.transform import Rotation
 from star_fields import CAMERA
 from star_sights import SIGMA_PX, camera_attitude, frame_of, places, seen
+from unpacked import tick
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, pixels, unit_vectors
-from shefex_nav.onboard import computer
+from shefex_nav.onboard import star_context
 from shefex_nav.onboard.navigation import fusion, integrity_protection, measure_stars, protected
 from shefex_nav.onboard.navigation.state import ATT, layout
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.onboard.startracker import likelihood
 from shefex_nav.records import GateResult, NavHealth
 
@@ -40,11 +42,11 @@ def mission(rng, bias, params=VECTORS):
 def flown(nav, blocks, fixes, kind=GateResult):
     """Hand fixes over when they are available, through the executive. -> list of records of a kind"""
     waiting, results = sorted(fixes, key=lambda fix: fix.t_available_s), []
-    for n, block in enumerate(blocks, 1):
-        fusion.advance(nav, block)
+    software = Navigator(nav)
+    for block in blocks:
         due = [fix for fix in waiting if fix.t_available_s <= block.t_valid_s + 1e-9]
         waiting = waiting[len(due) :]
-        outputs = computer.update_filter(nav, n, [], due)
+        outputs = tick(software, block, due)
         results += [record for record in outputs if isinstance(record, kind)]
     return results
 
@@ -54,7 +56,7 @@ def camera_error(nav, mounting, axes):
     tick = nav.history[-1]
     truth = STATES[round(tick.t_s * 100)]._replace(mounting=mounting)
     turn = camera_attitude(tick.state).T @ camera_attitude(truth)
-    P_c = computer.camera_covariance(nav.layout, tick.P, C_BC)
+    P_c = star_context.camera_covariance(nav.layout, tick.P, C_BC)
     return axes @ Rotation.from_matrix(turn).as_rotvec(), np.sqrt(np.diag(axes @ P_c @ axes.T))
 
 

@@ -7,7 +7,7 @@ import pytest
 from navigation_flight import DT, EARTH, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.log.run_data import stack
-from shefex_nav.onboard import computer, telemetry
+from shefex_nav.onboard import navigator, telemetry
 from shefex_nav.onboard.navigation import fusion, integrity_imu, integrity_watch, ticks
 from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
 
@@ -91,16 +91,16 @@ def told(fault, longest, listener):
     """Records of a filter over blocks, at most `longest` ticks in a call; four fixes arrive on the way."""
     blocks, rng = broken(fault) if fault else BLOCKS, np.random.default_rng(2)
     waiting = [gps_fix(BLOCKS, STATES, t_s, 0.2, rng) for t_s in (1.0, 2.0, 3.0, 4.0012)]
-    arrays = stacked(blocks)
-    nav, n, outputs = fusion.start(WATCHED, alignment(STATES[0]), EARTH), 0, []
+    arrays, outputs, n = stacked(blocks), [], 0
+    software = navigator.start(WATCHED, alignment(STATES[0]), EARTH, listener)
     while n < len(blocks):
         until_s = waiting[0].t_available_s - 1e-9 if waiting else np.inf
         stop = min(int(np.searchsorted(arrays.t_valid_s, until_s)) + 1, len(blocks), n + longest)
-        done, passed = computer.predict_filter(nav, n, arrays, n, stop, listener)
+        done, passed = software.advance(arrays, n, stop)
         n += done
         outputs += [record for _, said in passed for record in said]
-        arrived = [waiting.pop(0)] if waiting and nav.history.ends_s[-1] > until_s else []
-        outputs += computer.update_filter(nav, n, arrived, (), listener)
+        arrived = [waiting.pop(0)] if waiting and software.now_s > until_s else []
+        outputs += software.update(arrived)
     return outputs
 
 

@@ -5,7 +5,7 @@ import pytest
 from navigation_flight import EARTH, PARAMS, alignment, fly
 
 from shefex_nav.log.run_data import stack
-from shefex_nav.onboard import computer, telemetry
+from shefex_nav.onboard import navigator, telemetry
 from shefex_nav.onboard.navigation import covariance, fusion
 from shefex_nav.onboard.navigation.state import OPTIONAL, pack
 from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
@@ -19,17 +19,17 @@ class Flight:
     """A filter over the blocks, which says what it has to say to one listener."""
 
     def __init__(self, listener):
-        self.nav, self.n, self.listener = fusion.start(PARAMS, alignment(STATES[0]), EARTH), 0, listener
+        self.software, self.n = navigator.start(PARAMS, alignment(STATES[0]), EARTH, listener), 0
 
     def until(self, last, longest):
         """On to tick `last`, at most `longest` ticks in a call. -> records that were handed over"""
         records = []
         while self.n < last:
             stop = min(last, self.n + longest)
-            done, passed = computer.predict_filter(self.nav, self.n, ARRAYS, self.n, stop, self.listener)
+            done, passed = self.software.advance(ARRAYS, self.n, stop)
             self.n += done
             records += [one for _, said in passed for one in said]
-            records += computer.update_filter(self.nav, self.n, [], (), self.listener)
+            records += self.software.update([])
         return records
 
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.navigation import error_model, eskf, measurements, prediction, strapdown
 from shefex_nav.onboard.navigation.blocks import WEIGHTS
 from shefex_nav.onboard.navigation.history import History, Tick
@@ -120,9 +119,9 @@ def star_attitude(order, state, fix, C_bc, sigma_floor):
     return measurements.star_attitude(order, pack(state), fix, C_bc, sigma_floor)
 
 
-def tick(computer, block, gps_fixes, frames_arrived, **how):
-    """A tick of the computer: on with one ImuBlock, and what has arrived. -> as `computer.update`"""
+def tick(software, block, arrived):
+    """A tick of a driving.Software: on with one ImuBlock, and what has arrived. -> records"""
     rows = type(block)(*(np.array([field]) for field in block))
-    computer, made, _ = onboard.predict(computer, rows, 0, 1)
+    made, _ = software.advance(rows, 0, 1)
     assert made == 1
-    return onboard.update(computer, gps_fixes, frames_arrived, **how)
+    return software.update(arrived)

@@ -16,6 +16,7 @@ from shefex_nav.log.topics import Mission
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import Detections, Event, GpsRanges, Phase, StarVectors, TruthSample
 from shefex_nav.scenario import load, params_onboard
 
@@ -147,9 +148,11 @@ def _fly(params, flight, options):
     start = alignment(flight[1][0], rng)
     gps, stars = fixes(flight, params, options, rng)
     nav = fusion.start(params, start, EARTH)
-    off = SimpleNamespace(settings=SimpleNamespace(enabled=False, on=0.0, off=0.0))
+    settings = SimpleNamespace(enabled=False, on=0.0, off=0.0)
+    off = SimpleNamespace(settings=settings, earth_velocity_i=np.zeros(3))
     switched_off = computer.ComputerParams(params, off, np.zeros(3))
-    onboard = computer.Computer(switched_off, EARTH, nav, None, None, tuple(stars), 0)
+    onboard = computer.Computer(switched_off, Navigator(nav), None)
+    onboard.waiting = tuple(stars)
     noise = np.random.default_rng(options.seed + 100)
     yield start
     for block, state in zip(measured(flight[0], params, rng), flight[1][1:], strict=True):
@@ -165,8 +168,7 @@ def _fly(params, flight, options):
         ]
         yield from due
         yield from (fix for fix in stars if now_s - 0.01 < fix.t_available_s - 0.05 <= now_s)
-        onboard, outputs = tick(onboard, block, due, [])
-        yield from outputs
+        yield from tick(onboard, block, due)
 
 
 def write(path, options=None):

@@ -173,6 +173,32 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
     t_s, dt_s, vibration = memory.numbers[place, 0], memory.numbers[place, 1], memory.numbers[place, 3]
     drive = memory.drives[place]
     x, sample = memory.xs[place], memory.increments[place, BEFORE - 1 + int(memory.numbers[place, 2])]
+    _of_state(x, P, t_s, earth, out, axes)
+    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
+    out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
+    felt = np.array(dtheta + dv) / dt_s
+    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration, drive)
+    # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
+    white = (noise.random_walk**2 * dt_s + noise.quantum**2 / 6.0) / dt_s**2
+    for k in range(3):
+        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + white)
+
+
+@kernel
+def derive(x, P, t_s, earth):
+    """What follows from position, velocity and attitude alone, in the places of FIELDS; the rest is zero.
+
+    x : (10,) r_i [m], v_i [m/s], q_ib;  P : (9, 9) of them, attitude error in body axes -> (N_OUT,)
+    """
+    out, axes = np.zeros(N_OUT), np.empty((4, 3))
+    _of_state(x, P, t_s, earth, out, axes)
+    return out
+
+
+@inner
+def _of_state(x, P, t_s, earth, out, axes):
+    """The part of `_derive` that follows from position, velocity and attitude."""
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     turn = t3.vector(frames.omega_ie_i(earth), 0)
     C_ib = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
@@ -194,15 +220,6 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
         _put(g, row, t3.cross(turn, row))
         out[S_V + k] = np.sqrt(_variance(g, P, 0))
         out[S_ATT + k] = np.sqrt(P[ATT.start + k, ATT.start + k])
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
-    out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
-    felt = np.array(dtheta + dv) / dt_s
-    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration, drive)
-    # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
-    white = (noise.random_walk**2 * dt_s + noise.quantum**2 / 6.0) / dt_s**2
-    for k in range(3):
-        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + white)
 
 
 @inner

@@ -27,11 +27,12 @@ class RobustnessError(UserError):
 
 def request(scenarios, overrides, flights, cells, seed, random_faults):
     """Request of scenarios as given; RobustnessError or ScenarioError of one that cannot be flown."""
-    from shefex_nav.scenario import load
+    from shefex_nav.scenario import load, software
 
     given = []
     for name in dict.fromkeys(scenarios):
         loaded = load.load(name, overrides)
+        software.refuse_own(loaded, "verify robustness")
         if loaded.navigation.gps != "loose":
             raise RobustnessError(
                 f"{name}: navigation.gps has to be 'loose', not '{loaded.navigation.gps}': the matrix "

@@ -1,0 +1,245 @@
+"""Navigation software of somebody's own in the place of the built-in one: a step a tick.
+
+The software gives an `Estimate`, of which the rest of NavSolution follows here, or whole records. What the
+star tracker wants to know of a frame follows from the last estimates and from the gyros as they are.
+"""
+
+from collections import deque
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from shefex_nav.clock import TICK_HZ
+from shefex_nav.errors import CodeError, SoftwareError
+from shefex_nav.geometry import frames, rotation, shutter, wgs84
+from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
+from shefex_nav.onboard.startracker.tracker import NO_CONTEXT
+from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, NavHealth, NavSolution, row
+
+KEPT = int(TICK_HZ)  # ticks, for frames that come late
+COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
+OUTPUTS = NavSolution, NavCovariance, GateResult, NavHealth
+UNIT = 1e-3  # by which the norm of a quaternion may differ from one
+
+
+class Estimate(NamedTuple):
+    """What navigation software knows at the end of a tick: position, velocity, attitude of the IMU."""
+
+    r_i: np.ndarray  # (3,) m, inertial axes
+    v_i: np.ndarray  # (3,) m/s, inertial
+    q_ib: np.ndarray  # (4,) body to inertial axes, Hamilton, scalar first
+    P: np.ndarray | None = None  # (9, 9) covariance: position i [m], velocity i [m/s], attitude b [rad]
+    omega_ib_b: np.ndarray | None = None  # (3,) rad/s; None: what the gyros say
+    gyro_bias: np.ndarray | None = None  # (3,) rad/s, that has been taken out; for the log
+    accel_bias: np.ndarray | None = None  # (3,) m/s^2
+    star_aided: bool = False  # a star fix has been used since the start
+    usable: tuple[bool, bool, bool] = (True, True, True)  # position, velocity, attitude may be used
+
+
+class Navigation(Protocol):
+    """Navigation software, as a user writes it."""
+
+    def start(self, alignment, mission):
+        """Begin at the instant of the alignment. records.Alignment, software.MissionData"""
+
+    def step(self, imu, arrived):
+        """A tick of 10 ms.
+
+        imu : records.ImuBlock, the samples of the tick
+        arrived : list of records that arrive at it: GpsFix, GpsRanges, StarFix, readings of instruments
+        -> Estimate; or list of Estimate, NavSolution, NavCovariance, GateResult, NavHealth; None: nothing
+        """
+
+
+class _Kept(NamedTuple):
+    """What the star tracker may want to know of a tick later."""
+
+    t_s: float
+    imu: Any  # ImuBlock
+    r_i: np.ndarray | None
+    v_i: np.ndarray | None
+    q_ib: np.ndarray | None
+    P_theta_b: np.ndarray | None
+
+
+class OwnNavigation:
+    """Navigation software of somebody's own, a `driving.Software`.
+
+    software : Navigation, not started
+    name : of it, for messages
+    alignment : Alignment
+    mission : software.MissionData
+    """
+
+    def __init__(self, software, name, alignment, mission):
+        self._software, self._name, self._mission = software, name, mission
+        self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
+        self._kept = deque(maxlen=KEPT)
+        self._ask("start", alignment, mission)
+
+    def advance(self, blocks, first, last):
+        """As of `driving.Software`: one tick."""
+        self._imu, self._ticks = row(blocks, first), self._ticks + 1
+        self.now_s = self._imu.t_valid_s
+        return 1, []
+
+    def update(self, arrived):
+        """As of `driving.Software`."""
+        given = self._ask("step", self._imu, arrived)
+        given = [] if given is None else [given] if isinstance(given, tuple) else given
+        if not isinstance(given, list):
+            raise self._error(f"must give an Estimate, a list or None, got {given!r}")
+        outputs, latest = [], None
+        for one in given:
+            if isinstance(one, Estimate):
+                one = self._checked(one)
+                outputs += self._told(one)
+            elif isinstance(one, OUTPUTS):
+                outputs.append(one)
+            else:
+                raise self._error(f"gave {type(one).__name__}; it may give {_NAMES}")
+            latest = one if isinstance(one, Estimate | NavSolution) else latest
+        self._keep(latest)
+        return outputs
+
+    def context(self, frame, sky, predicts=True):
+        """What the navigation knows about a frame: `tracker.Context`, of the software if it says so itself.
+
+        sky : star_context.Sky; predicts : as of `Computer`
+        """
+        if own := getattr(self._software, "context", None):
+            return own(frame, sky, predicts)
+        if not self._kept:
+            return NO_CONTEXT
+        near = min(self._kept, key=lambda one: abs(one.t_s - frame.t_valid_s))
+        omega_b = near.imu.dtheta_b.sum(axis=0) / (near.imu.dt_s * len(near.imu.dtheta_b))
+        context = NO_CONTEXT._replace(rate=float(np.linalg.norm(omega_b)))
+        C_bc = self._mission.C_bc
+        if near.v_i is not None:
+            turned = rotation.quat_from_rotvec(omega_b * (frame.t_valid_s - near.t_s))
+            C_ic = rotation.dcm_from_quat(rotation.quat_multiply(near.q_ib, turned)) @ C_bc
+            context = self._geometry(context, near, C_ic, sky)
+            if predicts and near.P_theta_b is not None:
+                P_c = C_bc.T @ near.P_theta_b @ C_bc + self._mission.sigma_mounting**2 * np.eye(3)
+                context = context._replace(q_ic=rotation.quat_from_dcm(C_ic), P_c=P_c)
+        return self._with_rate(context, frame, C_bc) if predicts else context
+
+    def close(self):
+        """There are no more ticks."""
+        if end := getattr(self._software, "close", None):
+            end()
+
+    def _geometry(self, context, near, C_ic, sky):
+        """A Context with velocity and angles of the boresight."""
+        C_ei = frames.dcm_ie(self._mission.earth, near.t_s).T
+        boresight_i = np.ascontiguousarray(C_ic[:, 2])
+        return context._replace(
+            velocity_i=near.v_i + sky.earth_velocity_i,
+            sun_angle=float(np.arccos(np.clip(boresight_i @ sky.sun_i, -1.0, 1.0))),
+            limb_angle=float(wgs84.limb_angle(C_ei @ near.r_i, C_ei @ boresight_i)),
+        )
+
+    def _with_rate(self, context, frame, C_bc):
+        """A Context with the mean rate of the gyros over the exposure, as far as samples of it are kept."""
+        times = shutter.row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+        begin_s, end_s = frame.t_start_s, frame.t_start_s + shutter.duration_s(times)
+        blocks = [one.imu for one in self._kept if begin_s < one.t_s < end_s + 1.0 / TICK_HZ]
+        if not blocks or not all(block.valid for block in blocks):
+            return context
+        duration_s = sum(block.dt_s * len(block.dtheta_b) for block in blocks)
+        omega_b = sum(block.dtheta_b.sum(axis=0) for block in blocks) / duration_s
+        gyro = self._mission.sheets["imu"].gyro
+        steady2 = gyro.bias**2 + gyro.in_run_bias**2 + gyro.random_walk**2 / duration_s
+        of_rate2 = (gyro.scale_factor**2 + 2.0 * gyro.misalignment**2) * (omega_b @ omega_b)
+        return context._replace(omega_c=C_bc.T @ omega_b, P_omega_c=(steady2 + of_rate2) * np.eye(3))
+
+    def _keep(self, latest):
+        """Remember the tick. latest : Estimate or NavSolution of it, or None"""
+        if latest is None:
+            self._kept.append(_Kept(self.now_s, self._imu, None, None, None, None))
+            return
+        if isinstance(latest, Estimate):
+            P_theta_b = None if latest.P is None else latest.P[6:, 6:]
+        else:
+            P_theta_b = np.diag(latest.sigma_theta_b**2)
+        known = latest.r_i, latest.v_i, latest.q_ib
+        self._kept.append(_Kept(self.now_s, self._imu, *known, P_theta_b))
+
+    def _told(self, estimate):
+        """NavSolution of an Estimate, and NavCovariance at every tenth tick."""
+        omega_b = estimate.omega_ib_b
+        if omega_b is None:
+            omega_b = self._imu.dtheta_b[-1] / self._imu.dt_s
+        outputs = [solution(estimate, self.now_s, omega_b, self._mission.earth)]
+        if self._ticks % COVARIANCE_TICKS == 0:
+            outputs.append(covariance(estimate, self.now_s))
+        return outputs
+
+    def _checked(self, estimate):
+        """An Estimate with arrays of the right shape; SoftwareError says what is wrong with it."""
+        shapes = {"r_i": (3,), "v_i": (3,), "q_ib": (4,)}
+        shapes |= {"P": (9, 9), "omega_ib_b": (3,), "gyro_bias": (3,), "accel_bias": (3,)}
+        arrays = {}
+        for field, shape in shapes.items():
+            value = getattr(estimate, field)
+            if value is None and field not in ("r_i", "v_i", "q_ib"):
+                continue
+            try:
+                arrays[field] = np.array(value, dtype=float)
+            except (TypeError, ValueError):
+                raise self._error(f"{field} of its Estimate must be numbers, got {value!r}") from None
+            if arrays[field].shape != shape or not np.isfinite(arrays[field]).all():
+                raise self._error(f"{field} of its Estimate must be finite, shape {shape}, got {value!r}")
+        norm = float(np.linalg.norm(arrays["q_ib"]))
+        if abs(norm - 1.0) > UNIT:
+            raise self._error(f"q_ib of its Estimate must be a unit quaternion, its norm is {norm:.6g}")
+        arrays["q_ib"] /= norm
+        if "P" in arrays and (arrays["P"].diagonal() < 0.0).any():
+            raise self._error("P of its Estimate has a negative variance")
+        return estimate._replace(**arrays)
+
+    def _ask(self, function, *given):
+        """Call the software; an exception becomes a SoftwareError with its frames."""
+        try:
+            return getattr(self._software, function)(*given)
+        except CodeError as error:  # has its words already
+            raise self._error(str(error)) from error
+        except Exception as error:
+            raise self._error(f"failed in {function}", error) from error
+
+    def _error(self, words, cause=None):
+        return SoftwareError(f"navigation software {self._name}, T{self.now_s:+.2f} s: {words}", cause)
+
+
+_NAMES = ", ".join(kind.__name__ for kind in (Estimate, *OUTPUTS))
+
+
+def solution(estimate, t_s, omega_ib_b, earth):
+    """NavSolution of an Estimate; sigmas by linear propagation of its P, NaN without one.
+
+    Without protection levels: how far it can be trusted is the software's own business.
+
+    Estimate, s, (3,) rad/s, EarthRotation -> NavSolution
+    """
+    known = estimate.P is not None
+    x = np.concatenate([estimate.r_i, estimate.v_i, estimate.q_ib])
+    out = derive(x, estimate.P if known else np.zeros((9, 9)), t_s, earth)
+    if not known:
+        out[S_R:LEVEL] = np.nan
+    fields = {"t_s": t_s, "star_aided": bool(estimate.star_aided)}
+    for name, size in list(FIELDS.items())[: -len(QUANTITIES)]:
+        part = out[ENDS[name] - size : ENDS[name]]
+        fields[name] = part if size > 1 else float(part[0])
+    fields |= {"omega_ib_b": np.asarray(omega_ib_b, dtype=float), "sigma_omega_b": np.full(3, np.nan)}
+    for quantity, usable in zip(QUANTITIES, estimate.usable, strict=True):
+        fields[f"do_not_use_{quantity}"] = not usable
+        fields[f"doubt_{quantity}"] = int(Doubt.NONE if usable else Doubt.SOFTWARE)
+    return NavSolution(**fields)
+
+
+def covariance(estimate, t_s):
+    """NavCovariance of an Estimate: what it does not say is NaN. Estimate, s -> NavCovariance"""
+    unknown = np.full(3, np.nan)
+    biases = (unknown if bias is None else bias for bias in (estimate.gyro_bias, estimate.accel_bias))
+    P = np.full((9, 9), np.nan) if estimate.P is None else estimate.P
+    return NavCovariance(t_s, P, *biases, unknown, unknown, np.full(12, np.nan))

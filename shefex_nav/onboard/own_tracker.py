@@ -1,0 +1,127 @@
+"""Star tracker software of somebody's own in the place of the built-in chain: a frame in, a `Solved` out."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from shefex_nav.errors import CodeError, SoftwareError
+from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
+from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
+
+UNIT = 1e-3  # by which the norm of a quaternion may differ from one
+
+
+class Solved(NamedTuple):
+    """What came out of one frame, with an attitude or without."""
+
+    q_ic: np.ndarray | None = (
+        None  # (4,) camera to inertial axes at t_valid_s of the frame; None: no attitude
+    )
+    P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error, camera axes
+    reason: int = int(Reason.NO_MATCH)  # Reason, why there is no attitude
+    exposure_s: float | None = None  # of the next frame; None: as before
+    gain_db: float | None = None  # likewise
+    xy_px: np.ndarray = np.empty((0, 2))  # (n, 2) objects found, at t_valid_s
+    flux_dn: np.ndarray = np.empty(0)  # (n,) light above the background
+    hip: np.ndarray | None = None  # (n,) Hipparcos numbers, 0 where unidentified
+
+
+class StarTracker(Protocol):
+    """Star tracker software, as a user writes it."""
+
+    def start(self, mission):
+        """Before the first frame. software.MissionData"""
+
+    def step(self, frame, context):
+        """One frame. records.Frame, tracker.Context (what the navigation knows of it) -> Solved"""
+
+
+class OwnTracker:
+    """Star tracker software of somebody's own. Its `step` stands for `tracker.step`.
+
+    software : StarTracker, not started;  name : of it, for messages;  mission : software.MissionData
+    """
+
+    def __init__(self, software, name, mission):
+        self._software, self._name = software, name
+        self._gain_db = None  # that was asked for last
+        self._ask(mission.start_s, "start", mission)
+
+    def step(self, tracker, state, frame, context):
+        """As of `tracker.step`."""
+        solved = self._ask(frame.t_available_s, "step", frame, context)
+        if not isinstance(solved, Solved):
+            raise self._error(frame.t_available_s, f"must give a Solved, got {solved!r}")
+        settings = tracker.params.settings
+        fix = self._fix(solved, frame, frame.t_available_s + settings.latency)
+        exposure_s = state.exposure_s if solved.exposure_s is None else float(solved.exposure_s)
+        if not 0.0 < exposure_s < 1.0 / settings.rate:
+            words = f"asked for an exposure of {exposure_s:g} s; frames come every {1.0 / settings.rate:g} s"
+            raise self._error(frame.t_available_s, words)
+        if solved.gain_db is not None:
+            self._gain_db = float(solved.gain_db)
+        gain_db = settings.exposure.gain if self._gain_db is None else self._gain_db
+        return TrackerState(exposure_s), fix, CameraCommand(fix.t_available_s, exposure_s, gain_db)
+
+    def _fix(self, solved, frame, t_available_s):
+        """StarFix of a Solved."""
+        now_s, xy_px = frame.t_available_s, np.asarray(solved.xy_px, dtype=float).reshape(-1, 2)
+        n, reason = len(xy_px), Reason.NONE
+        q_ic, P_c = NO_ATTITUDE, NO_COVARIANCE
+        if solved.q_ic is None:
+            reason = Reason(solved.reason)
+            if reason == Reason.NONE:
+                raise self._error(now_s, "gave no attitude and no reason")
+        else:
+            q_ic, P_c = (
+                self._numbers(now_s, "q_ic", solved.q_ic, 4),
+                self._numbers(now_s, "P_c", solved.P_c, 3, 3),
+            )
+            if abs(np.linalg.norm(q_ic) - 1.0) > UNIT:
+                raise self._error(now_s, f"q_ic must be a unit quaternion, got {q_ic}")
+            q_ic = q_ic / np.linalg.norm(q_ic)
+            if (np.linalg.eigvalsh(P_c) <= 0.0).any():
+                raise self._error(now_s, "P_c must be positive definite: how wrong may the attitude be?")
+        flux_dn = np.asarray(solved.flux_dn, dtype=float)
+        return StarFix(
+            number=frame.number,
+            t_valid_s=frame.t_valid_s,
+            t_available_s=t_available_s,
+            reason=int(reason),
+            q_ic=q_ic,
+            P_c=P_c,
+            detections=Detections(
+                xy_px,
+                flux_dn if len(flux_dn) == n else np.full(n, np.nan),
+                np.zeros(n, dtype=np.int64),
+                np.zeros(n, dtype=np.int64),
+                np.full((n, 2, 2), np.nan),
+            ),
+            hip=np.zeros(n, dtype=np.int64) if solved.hip is None else np.asarray(solved.hip, dtype=np.int64),
+            residual_px=np.nan,
+            background_dn=float(frame.image_dn.mean()),
+            exposure_s=frame.exposure_s,
+            flag_saturated=False,
+            flag_no_stars=n == 0,
+        )
+
+    def _numbers(self, now_s, field, value, *shape):
+        try:
+            array = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            raise self._error(now_s, f"{field} must be numbers, got {value!r}") from None
+        if array.shape != shape or not np.isfinite(array).all():
+            raise self._error(now_s, f"{field} must be finite, shape {shape}, got {value!r}")
+        return array
+
+    def _ask(self, now_s, function, *given):
+        """Call the software; an exception becomes a SoftwareError with its frames."""
+        try:
+            return getattr(self._software, function)(*given)
+        except CodeError as error:  # has its words already
+            raise self._error(now_s, str(error)) from error
+        except Exception as error:
+            raise self._error(now_s, f"failed in {function}", error) from error
+
+    def _error(self, now_s, words, cause=None):
+        return SoftwareError(f"star tracker software {self._name}, T{now_s:+.2f} s: {words}", cause)

@@ -1,0 +1,197 @@
+"""Software of a user's own in a scenario: `navigation.software` and `star_tracker.software`.
+
+    software: my_navigation.py:MyFilter      # a class in a file beside the scenario
+    software: {python: my_navigation.py:MyFilter, settings: {gain: 0.2}}
+    software: {command: ./my_fsw --fast}     # a program of its own, by standard input and output
+    software: {connect: tcp://127.0.0.1:5005}  # one that is running
+
+What a scenario names is run with the user's consent only (`plugins`); it stands in the scenario with its
+content (SHA-256) once it has been read, so a log tells which one flew and another one is refused.
+"""
+
+import os
+import shlex
+from typing import Any, Literal
+
+from pydantic import Field
+
+from shefex_nav import plugins
+from shefex_nav.errors import UserError
+from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.document import dotted
+from shefex_nav.scenario.quantity import Quantity
+
+BUILT_IN = "built_in"
+PATHS = ("navigation", "software"), ("star_tracker", "software")
+PYTHON, COMMAND, CONNECT, HASH = "python", "command", "connect", "sha256"
+
+
+class _Given(Block):
+    settings: dict[str, Any] = Field(
+        default_factory=dict, description="whatever it wants to be told: mission.settings"
+    )
+
+
+class Own(_Given):
+    """A class of a user's own."""
+
+    python: str = Field(
+        min_length=1, description="class in a file, my_navigation.py:MyFilter, relative to this scenario; or "
+        "in an installed package, package.module:Class"
+    )  # fmt: skip
+    sha256: str | None = Field(
+        None, pattern=r"^[0-9a-f]{64}$", description="of the file; another content is refused"
+    )
+
+
+class Program(_Given):
+    """A program that is started, and talks by standard input and output."""
+
+    command: str = Field(min_length=1, description="with its arguments; a path is relative to this scenario")
+    sha256: str | None = Field(
+        None, pattern=r"^[0-9a-f]{64}$", description="of its files; another content is refused"
+    )
+    answer_within: Quantity("s", "60 s", "to the answer of a tick; later it has failed", positive=True) = (
+        "60 s"
+    )
+
+
+class Reached(_Given):
+    """A program that is running, and is talked to over the network."""
+
+    connect: str = Field(
+        pattern=r"^(tcp|udp)://[^:/]+:\d+$", description="where it listens, tcp://127.0.0.1:5005 or udp://"
+    )
+    answer_within: Quantity("s", "60 s", "to the answer of a tick; later it has failed", positive=True) = (
+        "60 s"
+    )
+
+
+FORMS = {"own": Own, "program": Program, "reached": Reached}
+
+
+def _form(value):
+    for name, key in (("program", COMMAND), ("reached", CONNECT)):
+        if isinstance(value, FORMS[name]) or (isinstance(value, dict) and key in value):
+            return f"<{name}>"
+    if isinstance(value, dict | Own):
+        return "<own>"
+    return f"<{BUILT_IN}>" if value == BUILT_IN else "<name>"
+
+
+Software = tagged(_form, {BUILT_IN: Literal[BUILT_IN], "name": str, **FORMS})
+
+
+def _given(tree):
+    """Software of a user's own in a tree. Yields path, section that has it, mapping of what is given."""
+    for section, key in PATHS:
+        block = tree.get(section)
+        value = block.get(key) if isinstance(block, dict) else None
+        if isinstance(value, str) and value and value != BUILT_IN:
+            value = {PYTHON: value}
+        if isinstance(value, dict) and isinstance(_name(value), str):
+            yield (section, key), block, value
+
+
+def _name(given):
+    """What is to fly, of a mapping."""
+    return next((given[key] for key in (PYTHON, COMMAND, CONNECT) if key in given), None)
+
+
+def relative_to(tree, folder):
+    """Let the files of a scenario's own `tree` be looked for in `folder`."""
+    for (_, key), block, given in _given(tree):
+        if PYTHON in given:
+            file, colon, attribute = given[PYTHON].rpartition(":")
+            if colon and plugins.is_file(file):
+                block[key] = given | {PYTHON: f"{os.path.join(folder, file)}:{attribute}"}
+        elif COMMAND in given:
+            beside = (_beside(word, folder) for word in _words(given[COMMAND]))
+            block[key] = given | {COMMAND: shlex.join(beside)}
+
+
+def _words(command):
+    """Words of a command; one word where quotes do not match."""
+    try:
+        return shlex.split(command)
+    except ValueError:
+        return [command]
+
+
+def _beside(word, folder):
+    """A word of a command, with the folder if it is a file there."""
+    path = os.path.abspath(os.path.join(folder, word))
+    return path if os.path.isfile(path) else word
+
+
+def pin(tree, places, trust=False):
+    """Look at the software of a tree; it stands there with its content then.
+
+    What has its content already, as in a log, is looked at when it flies: a log may be read without running
+    somebody's code. -> list of (Mark, text) of problems
+    """
+    found = []
+    for path, block, given in _given(tree):
+        if given.get(HASH) is not None:
+            continue
+        try:
+            block[path[-1]] = given | _pinned(given, trust)
+        except plugins.PluginError as error:
+            found.append((places.value(path), f"{dotted(path)}: {error}"))
+    return found
+
+
+def _pinned(given, trust):
+    """What is to fly, with its content; PluginError."""
+    if PYTHON in given:
+        plugin, _ = plugins.software(given[PYTHON], None, trust)
+        return {PYTHON: plugin.path, HASH: plugin.sha256}
+    if COMMAND in given:
+        words, sha256 = plugins.program(_words(given[COMMAND]), None, trust)
+        return {COMMAND: shlex.join(words), HASH: sha256}
+    plugins.address(given[CONNECT], trust)
+    return {}
+
+
+def own(block):
+    """What flies in a section `navigation` or `star_tracker`; None: the built-in software."""
+    return block.software if isinstance(block.software, tuple(FORMS.values())) else None
+
+
+def with_built_in(scenario):
+    """The same Scenario with the built-in software."""
+    sections = {
+        section: getattr(scenario, section) for section, _ in PATHS if own(getattr(scenario, section))
+    }
+    told = {key: block.model_copy(update={"software": BUILT_IN}) for key, block in sections.items()}
+    return scenario.model_copy(update=told) if told else scenario
+
+
+def name(own):
+    """Of software of a user's own, for messages."""
+    if isinstance(own, Own):
+        return os.path.basename(own.python)
+    return own.connect if isinstance(own, Reached) else " ".join(map(os.path.basename, _words(own.command)))
+
+
+def words_of(program):
+    """Words of the command of a Program."""
+    return _words(program.command)
+
+
+class NotBuiltIn(UserError):
+    """Something is about the built-in software, and other software flies."""
+
+
+def refuse_own(scenario, what, section="navigation"):
+    """NotBuiltIn if a scenario flies software of a user's own. what : that is about the built-in one"""
+    if (found := own(getattr(scenario, section))) is not None:
+        words = f"{what} is about the built-in software, not {name(found)}"
+        built_in = f"--set {section}.software={BUILT_IN} flies that"
+        raise NotBuiltIn(scenario.line_about((section, "software"), f"{words}; {built_in}"))
+
+
+def flown(scenario):
+    """Software of a user's own that a scenario flies: tuple of (section, name, SHA-256 or '')."""
+    found = ((section, own(getattr(scenario, section))) for section, _ in PATHS)
+    return tuple((section, name(one), getattr(one, HASH, None) or "") for section, one in found if one)

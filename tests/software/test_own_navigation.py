@@ -1,0 +1,198 @@
+"""Navigation software of a user's own, a class: what it is given, what comes of it, its mistakes."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from own_flights import CLASS, STATISTICAL, flown, reckoning, same, template
+
+from shefex_nav import plugins, prepare
+from shefex_nav.errors import SoftwareError
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard import own_navigation
+from shefex_nav.onboard.own_navigation import Estimate
+from shefex_nav.records import Doubt, NavCovariance, NavSolution, StarFix
+from shefex_nav.scenario.load import ScenarioError, load, load_text
+from shefex_nav.scenario.software import NotBuiltIn, refuse_own
+
+
+@pytest.fixture(autouse=True)
+def forgotten(monkeypatch, tmp_path):
+    """No consent of a test is there in the next one."""
+    (tmp_path / "config").mkdir()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv(plugins.CONSENT, "")
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "until_s"),
+    [("night_sky", (), 3.0), ("shefex2_andoya", (STATISTICAL,), 60.0), ("tight", (STATISTICAL,), 20.0)],
+)
+def test_the_built_in_filter_as_a_class_gives_the_built_in_records(name, more, until_s):
+    built_in = flown(name, *more, until_s=until_s)
+    own = flown(name, *more, f"navigation.software={CLASS}", until_s=until_s)
+    assert any(isinstance(one, NavSolution) for one in own)
+    assert same(own, built_in)
+
+
+def test_what_follows_from_an_estimate():
+    """Numbers against differences; sigmas against a sample drawn from P."""
+    scenario = load("shefex2_andoya", [STATISTICAL])
+    earth, rng, t_s = prepare.earth_rotation(scenario), np.random.default_rng(4), 100.0
+    r_i = frames.dcm_ie(earth, t_s) @ wgs84.ecef_from_geodetic(1.2, 0.3, 60e3)
+    v_i = np.array([900.0, 700.0, 1200.0])
+    q_ib = rotation.quat_normalise(np.array([0.6, 0.3, -0.5, 0.4]))
+    A = rng.standard_normal((9, 9)) * np.repeat([2.0, 0.05, 1e-4], 3)[:, None]
+    estimate = Estimate(r_i, v_i, q_ib, A @ A.T, usable=(True, False, True))
+    told = own_navigation.solution(estimate, t_s, np.zeros(3), earth)
+    r_e, v_e = frames.ecef_from_inertial(earth, t_s, r_i, v_i)
+    assert np.allclose(told.r_e, r_e) and np.allclose(told.v_e, v_e)
+    assert (told.do_not_use_position, told.do_not_use_velocity, told.do_not_use_attitude) == (0, 1, 0)
+    assert told.doubt_velocity == Doubt.SOFTWARE and np.isnan(told.protection_position).all()
+    drawn = []
+    for error in (A @ rng.standard_normal((9, 4000))).T:
+        turned = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(error[6:]))
+        one = own_navigation.solution(
+            Estimate(r_i + error[:3], v_i + error[3:6], turned), t_s, np.zeros(3), earth
+        )
+        drawn.append([*one.r_e, *one.v_e, one.flight_path_angle, one.angle_of_attack, one.sideslip])
+    found = np.std(drawn, axis=0)
+    sigmas = [*told.sigma_r_e, *told.sigma_v_e, told.sigma_flight_path_angle]
+    sigmas += [told.sigma_angle_of_attack, told.sigma_sideslip]
+    assert np.allclose(found, sigmas, rtol=0.05)  # 4000 draws: 1.1 %, one sigma
+    assert np.allclose(told.sigma_theta_b, np.sqrt(estimate.P.diagonal()[6:]))
+    without = own_navigation.solution(estimate._replace(P=None), t_s, np.zeros(3), earth)
+    assert np.isnan(without.sigma_r_e).all() and without.flight_path_angle == told.flight_path_angle
+
+
+def test_the_filter_to_start_from_meets_what_the_mission_requires(tmp_path):
+    path = template("filter.py", tmp_path)
+    records = flown("shefex2_andoya", STATISTICAL, f"navigation.software={path}:MyFilter", until_s=399.0)
+    truth = [one for one in records if type(one).__name__ == "TruthSample"]
+    told = [one for one in records if isinstance(one, NavSolution)]
+    k = next(n for n, one in enumerate(told) if one.t_s > 398.0)
+    errors = np.concatenate([truth[k].r_i - told[k].r_i, truth[k].v_i - told[k].v_i])
+    turn = rotation.rotvec_between(told[k].q_ib, truth[k].q_ib)
+    assert np.linalg.norm(errors[:3]) < 10.0 and np.linalg.norm(errors[3:]) < 0.3
+    assert np.degrees(np.abs(turn)).max() < 0.17
+    covariance = [one for one in records if isinstance(one, NavCovariance)][-1]
+    error = np.concatenate([errors, turn])
+    assert error @ np.linalg.solve(covariance.P, error) < 28.0  # 99.9 % of nine degrees of freedom
+
+
+def test_the_star_tracker_is_told_what_the_software_knows(tmp_path):
+    """Lost in space and by prediction: a filter that says nothing of its errors has its stars found too."""
+    path = reckoning(tmp_path)
+    records = flown("night_sky", f"navigation.software={path}:Reckoning", until_s=3.0)
+    fixes = [one for one in records if isinstance(one, StarFix)]
+    assert len(fixes) > 15 and all(one.reason == 0 for one in fixes)
+
+
+WRONG = (
+    (
+        "if self.ticks == 50: 1 / 0",
+        r"T\+0.50 s: failed in step\n(.|\n)*own.py.*line 15(.|\n)*ZeroDivision",
+    ),
+    ("if self.ticks == 50: return 7", r"T\+0.50 s: must give an Estimate, a list or None, got 7"),
+    ("if self.ticks == 50: return [7]", r"gave int; it may give Estimate, NavSolution"),
+    ("if self.ticks == 50: self.r = self.r[:2]", r"r_i of its Estimate must be finite, shape \(3,\)"),
+    ("if self.ticks == 50: self.v = self.v * float('nan')", r"v_i of its Estimate must be finite"),
+    ("if self.ticks == 50: self.q = 2.0 * self.q", r"must be a unit quaternion, its norm is 2"),
+)
+
+
+@pytest.mark.parametrize(("here", "words"), WRONG)
+def test_mistakes_of_the_software_are_told_with_the_mission_time(tmp_path, here, words):
+    path = reckoning(tmp_path, here)
+    with pytest.raises(SoftwareError, match=r"navigation software own\.py:Reckoning, ") as told:
+        flown("night_sky", f"navigation.software={path}:Reckoning", until_s=1.0)
+    assert re.search(words, str(told.value)), told.value
+
+
+def test_a_failing_flight_ends_with_exit_code_3_and_a_log(tmp_path, command):
+    path, log = reckoning(tmp_path, "if self.ticks == 150: 1 / 0"), tmp_path / "run.mcap"
+    run = command(
+        "run", "night_sky", "--trust", "--set", f"navigation.software={path}:Reckoning", "--out", str(log)
+    )
+    assert run.code == 3, run.err
+    assert "T+1.50 s: failed in step" in run.err and "1 / 0" in run.err
+    assert "shefex_nav/" not in run.err.partition("failed in step")[2]  # their frames alone
+    table = command("report", str(log))
+    assert table.code == 0 and "own.py:Reckoning, sha256" in table.out
+
+
+def test_software_is_run_with_consent_only_and_is_that_of_the_log(tmp_path):
+    path = reckoning(tmp_path, "pass  # of this test")
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text("extends: night_sky\nnavigation: {software: own.py:Reckoning}\n")
+    with pytest.raises(ScenarioError, match=r"mine.yaml:2:24: navigation.software: .*give --trust"):
+        load(str(scenario))
+    loaded = load(str(scenario), trust=True)
+    assert json.dumps(loaded.navigation.software.python).endswith('own.py:Reckoning"')
+    again = load_text(loaded.source, "the log")  # without a look at the file
+    path.write_text(path.read_text() + "\n# another\n")
+    with pytest.raises(plugins.PluginError, match="is another file than the one that was flown"):
+        plugins.software(again.navigation.software.python, again.navigation.software.sha256)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("own.py:Reckonin", "has no class Reckonin; it has: Reckoning"),
+        ("own.py", "names no class; write such as my_navigation.py:MyFilter"),
+        ("other.py:Reckoning", "cannot be read: No such file"),
+        ("no.such.module:Filter", "there is no module 'no.such.module' installed"),
+        ("{command: ./nothing}", "there is no such program, or it may not be run"),
+        ("{connect: 127.0.0.1:5005}", "navigation.software.connect"),
+        ("{connect: tcp://192.0.2.7:5005}", "give --trust"),
+    ],
+)
+def test_software_that_cannot_fly_is_one_line(tmp_path, value, words):
+    reckoning(tmp_path)
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(f"extends: night_sky\nnavigation:\n  software: {value}\n")
+    trust = "192" not in value
+    with pytest.raises(ScenarioError, match=re.escape(words)) as told:
+        load(str(scenario), trust=trust)
+    assert re.match(r".*mine.yaml:3:\d+: navigation.software", str(told.value))
+
+
+def test_what_is_about_the_built_in_filter_refuses_another(tmp_path):
+    path = reckoning(tmp_path)
+    loaded = load("night_sky", [f"navigation.software={path}:Reckoning"], trust=True)
+    with pytest.raises(NotBuiltIn, match=r"the bound is about the built-in software, not own\.py:"):
+        refuse_own(loaded, "the bound")
+    refuse_own(loaded, "characterise", "star_tracker")
+
+
+def test_a_log_is_replayed_with_other_software(tmp_path, command):
+    """The built-in filter's flight, once more by the class: the same numbers; and by another: others."""
+    log, path = tmp_path / "run.mcap", reckoning(tmp_path)
+    assert command("run", "night_sky", "--until", "3s", "--out", str(log)).code == 0
+
+    def errors(*overrides):
+        run = command("replay", str(log), "--json", "--trust", *overrides)
+        assert run.code == 0, run.err
+        return json.loads(run.out)["navigation"]["attitude_error_deg"], json.loads(run.out)["software"]
+
+    assert errors("--set", f"navigation.software={CLASS}")[0] == errors()[0]
+    own, name = errors("--set", f"navigation.software={path}:Reckoning")
+    assert own != errors()[0] and name["navigation"].startswith("own.py:Reckoning, sha256 ")
+
+
+def test_a_campaign_flies_it_in_its_workers_and_keeps_failed_runs(tmp_path, command):
+    here = "if self.ticks == 50 and self.mission.sheets['imu'].gyro.bias > 6e-6: 1 / 0"
+    reckoning(tmp_path, here)
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(
+        "extends: night_sky\nmission: {name: mine, time_limit: 3 s}\n"
+        "star_tracker: {enabled: false, off: 3 s}\n"
+        "navigation: {software: own.py:Reckoning}\n"
+        "dispersions: {imu.gyro.bias: {uniform: [0.1 deg/h, 1.5 deg/h]}}\n"
+    )
+    how = ("--runs", "8", "--workers", "2", "--out", str(tmp_path / "flown"), "--trust", "--json")
+    run = command("campaign", str(scenario), *how)
+    assert run.code in (0, 1), run.err
+    campaign = json.loads(run.out)
+    assert (campaign["runs"], 0 < campaign["failed"] < 8) == (8, True), sorted(campaign)

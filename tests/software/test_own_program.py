@@ -1,0 +1,179 @@
+"""Navigation software as a program of its own: standard input and output, TCP, UDP; C; how it may end."""
+
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from operator import attrgetter
+
+import numpy as np
+import pytest
+from own_flights import CLASS, STATISTICAL, flown, same, template
+
+from shefex_nav import plugins
+from shefex_nav.errors import SoftwareError
+from shefex_nav.log import topics, wire
+from shefex_nav.onboard import own_navigation
+from shefex_nav.records import Frame, NavSolution, StarFix
+from shefex_nav.scenario.load import ScenarioError, load
+from shefex_nav.software import messages
+from shefex_nav.software.built_in import BuiltIn
+from shefex_nav.software.serve import serve
+
+PROGRAM = f"{sys.executable} -m shefex_nav.software.built_in"
+UNTIL_S = 1.6  # of night_sky: two pictures have been used
+
+
+@pytest.fixture(autouse=True)
+def forgotten(monkeypatch, tmp_path):
+    """No consent of a test is there in the next one."""
+    (tmp_path / "config").mkdir()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv(plugins.CONSENT, "")
+
+
+@pytest.fixture(scope="module")
+def built_in():
+    """Records of the built-in filter."""
+    return flown("night_sky", until_s=UNTIL_S)
+
+
+def test_by_standard_input_and_output_the_records_are_the_same(built_in):
+    own = flown("night_sky", f"navigation.software={{command: {PROGRAM}}}", until_s=UNTIL_S)
+    assert sum(isinstance(one, StarFix) for one in own) > 3 and same(own, built_in)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+def test_by_the_network_the_records_are_the_same(built_in, kind):
+    """The other end is a thread of this process."""
+    with socket.socket(type=socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM) as one:
+        one.bind(("127.0.0.1", 0))
+        address = f"{kind}://127.0.0.1:{one.getsockname()[1]}"
+    other = threading.Thread(target=serve, args=(BuiltIn(), address), daemon=True)
+    other.start()
+    own = flown("night_sky", f"navigation.software={{connect: '{address}'}}", until_s=UNTIL_S)
+    other.join(10.0)
+    assert not other.is_alive() and same(own, built_in)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")
+def test_the_program_in_c_meets_what_the_mission_requires(tmp_path):
+    source = template("strapdown.c", tmp_path)
+    template("shefex_fsw.h", tmp_path)
+    shutil.copy(tmp_path / "my_shefex_fsw.h", tmp_path / "shefex_fsw.h")
+    program = tmp_path / "strapdown"
+    how = ["cc", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-o", str(program), source, "-lm"]
+    built = subprocess.run(how, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    software = f"navigation.software={{command: {program}}}"
+    records = flown("shefex2_andoya", STATISTICAL, software, until_s=399.0)
+    truth = [one for one in records if type(one).__name__ == "TruthSample"]
+    told = [one for one in records if isinstance(one, NavSolution)]
+    k = next(n for n, one in enumerate(told) if one.t_s > 398.0)
+    assert np.linalg.norm(truth[k].r_i - told[k].r_i) < 10.0
+    assert np.linalg.norm(truth[k].v_i - told[k].v_i) < 0.5
+    turn = own_navigation.rotation.rotvec_between(told[k].q_ib, truth[k].q_ib)
+    assert np.degrees(np.abs(turn)).max() < 0.17
+
+
+ENDS = (  # what a program does at tick 50, and what is said
+    ("sys.exit(4)", "T+0.50 s: it ended with exit code 4"),
+    ("os.kill(os.getpid(), 9)", "T+0.50 s: it was killed by signal 9"),
+    ("1 / 0", r"T+0.50 s: failed:"),
+    ("time.sleep(30)", "T+0.50 s: no answer in time"),
+    ("os.write(4, bytes(64)) if os.path.exists('/proc/self/fd/4') else 1 / 0", "T+0.50 s"),
+)
+OTHER = """
+import os, sys, time
+from shefex_nav.software import Estimate, serve
+
+
+class Other:
+    def start(self, alignment, mission):
+        self.estimate, self.ticks = Estimate(alignment.r_i, alignment.v_i, alignment.q_ib), 0
+
+    def step(self, imu, arrived):
+        self.ticks += 1
+        if self.ticks == 50:
+            HERE
+        print("this is no message")
+        return self.estimate
+
+
+serve(Other())
+"""
+
+
+@pytest.mark.parametrize(("here", "words"), ENDS)
+def test_how_a_program_ends_is_told(tmp_path, here, words):
+    path = tmp_path / "other.py"
+    path.write_text(OTHER.replace("HERE", here))
+    software = f"{{command: {sys.executable} {path}, answer_within: 5 s}}"
+    with pytest.raises(SoftwareError, match=re.escape(words)):
+        flown("night_sky", f"navigation.software={software}", until_s=1.0)
+
+
+def test_a_program_is_run_with_consent_only_and_is_that_of_the_log(tmp_path):
+    path = tmp_path / "other.py"
+    path.write_text(OTHER.replace("HERE", "pass"))
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(
+        f"extends: night_sky\nnavigation: {{software: {{command: {sys.executable} other.py}}}}\n"
+    )
+    with pytest.raises(ScenarioError, match="give --trust"):
+        load(str(scenario))
+    software = load(str(scenario), trust=True).navigation.software
+    assert software.command.endswith(str(path))
+    path.write_text(path.read_text() + "\n")
+    with pytest.raises(plugins.PluginError, match="is another program than the one that was flown"):
+        plugins.program(software.command.split(), software.sha256)
+
+
+def test_messages_come_back_as_they_were_and_are_protobuf(built_in):
+    """By the codec of logs, which is google.protobuf for all that has no fixed layout, they read the same."""
+    kinds = {}
+    for one in built_in:
+        kinds.setdefault(type(one), one)
+    assert len(kinds) > 7
+    for kind, one in kinds.items():
+        topic = topics.of_record(kind)
+        ((name, body),) = messages.split(messages.pack(one))
+        assert name == topic.schema
+        again = messages.unpack(name, body)
+        if kind is Frame:
+            one = one._replace(image_dn=None)  # which stays where it is
+        assert same(again, one), kind
+        read = wire.message_class(topic).FromString(body)
+        for field in topic.fields:
+            value, read_value = attrgetter(field.source)(one), getattr(read, field.name)
+            assert np.array_equal(np.ravel(value), np.ravel(read_value), equal_nan=field.kind == "double")
+
+
+def test_what_an_estimate_does_not_say_need_not_be_sent():
+    """As google.protobuf writes it: three fields alone, and numbers as they are written one by one."""
+    (topic,) = (one for one in messages.OWN if one.schema == "Estimate")
+    message = wire.message_class(topic)()
+    message.r_i_m.extend([1.0, 2.0, 3.0])
+    message.v_i_m_s.extend([4.0, 5.0, 6.0])
+    message.q_ib.extend([1.0, 0.0, 0.0, 0.0])
+    message.do_not_use_velocity = True
+    told = messages.estimate_received(messages.unpack("Estimate", message.SerializeToString()))
+    assert told.P is None and told.usable == (True, False, True) and list(told.v_i) == [4.0, 5.0, 6.0]
+    with pytest.raises(ValueError, match="not a message Estimate"):
+        messages.unpack("Estimate", b"\x12\x18\x00")
+
+
+def test_the_messages_as_proto_are_understood_by_protoc(tmp_path):
+    """The text says what the descriptors say."""
+    text = messages.proto()
+    for topic in (*messages.OWN, *topics.topics()):
+        assert f"message {topic.schema} {{" in text
+    numbers = re.search(r"message ImuBlock \{.*?\n\}", text, re.S)[0]
+    assert "repeated double dtheta_b_rad = 5;" in numbers and "bool valid = 8;" in numbers
+
+
+def test_built_in_by_name_and_class_are_two_ways():
+    assert load("night_sky", ["navigation.software=built_in"]).navigation.software == "built_in"
+    assert load("night_sky", [f"navigation.software={CLASS}"], trust=True).navigation.software.sha256
