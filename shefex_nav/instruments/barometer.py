@@ -100,8 +100,15 @@ def measure(settings, truth, rng):
 
     k = instrument.samples(settings.rate, truth.trajectory)
     said, t_s = barometer.measure(settings, truth, k, rng), truth.trajectory.t_s[k]
-    read = instrument.readings(BarometerReading, settings, t_s, said.pressure, said.at_limit)
-    return instrument.Measured(read, said.errors)
+    felt = instrument.readings(BarometerReading, settings, t_s, said.felt)
+    return instrument.sent(limited, settings, felt, said.errors)
+
+
+def limited(settings, reading):
+    """A reading in whole quanta and within the range."""
+    counted = instrument.counted(reading.pressure, settings.quantum)
+    pressure = min(max(counted, settings.lowest), settings.highest)
+    return reading._replace(pressure=float(pressure), at_limit=bool(at_limit(settings, counted)))
 
 
 def aid(settings, use, known):
@@ -182,6 +189,7 @@ BAROMETER = instrument.Instrument(
         StateBlock("baro_scale", 8, "m", "the day is warmer than the standard", needed=False),
     ),
     check=check,
+    limited=limited,
     told=("bias", "drift", "drift_time", "noise", "lag", "quantum", "port", "day"),
     stream=10,
     data=(

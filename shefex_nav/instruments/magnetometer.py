@@ -91,17 +91,21 @@ def measure(settings, truth, rng):
     k = instrument.samples(settings.rate, truth.trajectory)
     white, drive = rng.standard_normal((2, len(k), 3))
     read = _true_field(truth, k, drive) @ (np.eye(3) + errors.soft_iron).T
-    read = instrument.counted(read + errors.hard_iron + settings.noise * white, settings.quantum)
-    field_b, at_limit = np.clip(read, -settings.range, settings.range), _at_limit(settings, read)
-    t_s = truth.trajectory.t_s[k]
-    return instrument.Measured(
-        instrument.readings(MagnetometerReading, settings, t_s, field_b, at_limit), errors
-    )
+    read = read + errors.hard_iron + settings.noise * white
+    felt = instrument.readings(MagnetometerReading, settings, truth.trajectory.t_s[k], read)
+    return instrument.sent(limited, settings, felt, errors)
+
+
+def limited(settings, reading):
+    """A reading in whole quanta and within the range."""
+    counted = instrument.counted(reading.field_b, settings.quantum)
+    field_b = np.clip(counted, -settings.range, settings.range)
+    return reading._replace(field_b=field_b, at_limit=bool(_at_limit(settings, counted)))
 
 
 def _at_limit(settings, field_b):
-    """Whether an axis is at an end of its range. (N, 3) T -> (N,) bool"""
-    return (np.abs(field_b) >= settings.range).any(axis=1)
+    """Whether an axis is at an end of its range. (..., 3) T -> (...) bool"""
+    return (np.abs(field_b) >= settings.range).any(axis=-1)
 
 
 def _micro_tesla(read):
@@ -219,6 +223,7 @@ MAGNETOMETER = instrument.Instrument(
     use=MagnetometerUse,
     states=(StateBlock("hard_iron", 3, "T", "a magnetometer needs the state of its hard iron"),),
     check=check,
+    limited=limited,
     told=("hard_iron", "soft_iron", "noise", "quantum"),
     stream=11,
     data=(DataColumn("field", "field_b", "uT", "T", "columns of the magnetic field", vector=True),),

@@ -66,6 +66,11 @@ def measure(settings, truth, rng):
     )
 
 
+def limited(settings, reading):
+    """A reading whose direction is a unit vector."""
+    return reading._replace(s_b=reading.s_b / np.linalg.norm(reading.s_b))
+
+
 def aid(settings, use, known):
     """Aid of a filter. SunSensor, Use, Known"""
     alignment = Block("sun_alignment", settings.alignment**2 * np.eye(3), np.zeros(3))
@@ -107,6 +112,7 @@ SUN_SENSOR = Instrument(
     use=Use,
     states=(StateBlock("sun_alignment", 3, "rad", "a Sun sensor needs the state of its alignment"),),
     check=check,
+    limited=limited,
     told=("alignment", "noise"),
     plots=(Plot("direction", "Direction of the Sun along body x, y, z", "", lambda read: read.s_b),),
     caption="Unit vector to the Sun as measured; no line where it is not in the field of view, or behind the "

@@ -6,6 +6,7 @@ from pydantic import Field
 from pydantic_core import PydanticCustomError
 
 from shefex_nav import plugins
+from shefex_nav.instruments.faults import kinds
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.scenario.block import Block, tagged
@@ -77,7 +78,9 @@ def _settings_of(one):
     """Classes of settings of something that a plug-in provides."""
     if isinstance(one, OwnState):
         return (one.settings,)
-    return (one.settings, one.use) if isinstance(one, Instrument) else ()
+    if not isinstance(one, Instrument):
+        return ()
+    return (one.settings, one.use, *(kind.settings for kind in kinds(one)))
 
 
 def loaded(tree, places, trust=False):

@@ -13,7 +13,7 @@ dynamic pressure q adds to the static one,
 
 c over the Mach number as calibrated, d the error of that calibration (Gracey, Measurement of aircraft speed
 and altitude, NASA RP-1046, chapters 5 and 6). The sensor follows with a lag of first order, has a bias, one
-that wanders (Gauss-Markov) and white noise, and its readings are limited and counted in whole quanta.
+that wanders (Gauss-Markov) and white noise. Range and quanta are in `instruments.barometer`.
 """
 
 from typing import NamedTuple
@@ -41,10 +41,9 @@ class Errors(NamedTuple):
 
 
 class Pressures(NamedTuple):
-    """What the sensor says at some samples of a flight, and what is wrong with it."""
+    """What the sensor feels at some samples of a flight, and what is wrong with it."""
 
-    pressure: np.ndarray  # (n,) Pa
-    at_limit: np.ndarray  # (n,) bool, at an end of its range
+    felt: np.ndarray  # (n,) Pa, before quanta and range
     errors: Errors
 
 
@@ -73,10 +72,7 @@ def measure(settings, truth, k, rng):
     white = rng.standard_normal((len(k), 2))
     every = k[0] if len(k) else 1
     wander = gauss_markov(np.exp(-every * dt_s / settings.drift_time), white[:, :1])[:, 0]
-    read = felt[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1]
-    counted = np.round(read / settings.quantum) * settings.quantum if settings.quantum else read
-    at_limit = (counted <= settings.lowest) | (counted >= settings.highest)
-    return Pressures(np.clip(counted, settings.lowest, settings.highest), at_limit, errors)
+    return Pressures(felt[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1], errors)
 
 
 def draw_errors(settings, rng):
