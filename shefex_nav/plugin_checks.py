@@ -14,6 +14,7 @@ from shefex_nav.instruments import faults
 from shefex_nav.instruments.instrument import (
     Column,
     DataColumn,
+    Equation,
     Fault,
     FaultKind,
     Plot,
@@ -170,6 +171,8 @@ def _numbers(words, value, shape):
 def checked(one):
     """An Instrument whose functions say with CodeError what is wrong with what they do."""
     more = {} if one.aid is None else {"aid": partial(_aid, one)}
+    if one.equation is not None:
+        more["equation"] = partial(_equation, one)
     if one.limited is not None:
         more["limited"] = partial(_reading, one, "limited", one.limited)
     kinds = [
@@ -177,6 +180,21 @@ def checked(one):
         for kind in one.faults
     ]
     return one._replace(measure=partial(_measure, one), faults=tuple(kinds), **more)
+
+
+def _equation(one, settings, truth):
+    """As Instrument.equation."""
+    words = f"instrument '{one.name}': equation"
+    equation = _called(words, one.equation, settings, truth)
+    if not isinstance(equation, Equation):
+        raise CodeError(f"{words} must give an Equation, got {equation!r}")
+    return equation._replace(read=partial(_read, words, equation.read, len(equation.R)))
+
+
+def _read(words, read, m, place, errors):
+    """As Equation.read."""
+    words = f"{words}: read, T{place.t_s:+.2f} s"
+    return _numbers(words, _called(words, read, place, errors), (m,))
 
 
 def _reading(one, what, function, *given):

@@ -151,14 +151,19 @@ def measured_by_instruments(scenario, seed, trajectory, earth, wrong):
     found = [(one, settings(given)) for one, given in aboard.instruments(scenario)]
     if not found:
         return {}
-    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
-    truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, params.air_table(scenario))
+    seen = truth(scenario, trajectory, earth)
     streams = {one.name: noise.key_of(one.name) if one.stream is None else one.stream for one, _ in found}
     said = {}
     for one, given in found:
-        healthy = one.measure(given, truth, noise.generator(seed, streams[one.name]))
+        healthy = one.measure(given, seen, noise.generator(seed, streams[one.name]))
         said[one.name] = instrument_faults.applied(one, given, wrong[one.name], healthy)
     return said
+
+
+def truth(scenario, trajectory, earth):
+    """What instruments may look at. -> instrument.Truth"""
+    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
+    return Truth(trajectory, earth, aboard.year(scenario), sun_i, params.air_table(scenario))
 
 
 def fly_vehicle(scenario, seed, *, brief=False):

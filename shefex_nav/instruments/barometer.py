@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, DataColumn, Plot, StateBlock
+from shefex_nav.instruments.instrument import Column, DataColumn, Drawn, Equation, Plot, StateBlock
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
 from shefex_nav.settings import Settings, number, quantity, section, switch
 
@@ -104,6 +104,16 @@ def measure(settings, truth, rng):
     return instrument.sent(limited, settings, felt, said.errors)
 
 
+def equation(settings, truth):
+    """What a reading is. Barometer, Truth -> Equation"""
+    from shefex_nav.world import barometer
+
+    drawn = tuple(Drawn(*one) for one in barometer.drawn(settings))
+    R = np.array([[settings.noise**2 + settings.quantum**2 / 12.0]])
+    read = partial(barometer.felt, settings, truth, barometer.modes_of_warmth(settings.day))
+    return Equation(drawn, read, R, lambda reading: not reading.at_limit)
+
+
 def limited(settings, reading):
     """A reading in whole quanta and within the range."""
     counted = instrument.counted(reading.pressure, settings.quantum)
@@ -189,6 +199,7 @@ BAROMETER = instrument.Instrument(
         StateBlock("baro_scale", 8, "m", "the day is warmer than the standard", needed=False),
     ),
     check=check,
+    equation=equation,
     limited=limited,
     told=("bias", "drift", "drift_time", "noise", "lag", "quantum", "port", "day"),
     stream=10,

@@ -41,6 +41,34 @@ class Measured(NamedTuple):
     felt: list = []  # noqa: RUF012 a default is not changed; the same before range and quanta; empty: none
 
 
+class Drawn(NamedTuple):
+    """An error that the world draws for a run; each element by itself, normally distributed."""
+
+    name: str
+    sigma: np.ndarray  # (size,)
+    tau_s: float = np.inf  # correlation time, stationary first-order Gauss-Markov; inf: constant in a run
+    length: float = np.inf  # m, likewise, along the path over the Earth
+
+
+class Place(NamedTuple):
+    """Where a reading is taken: a motion near the true one at a sample of the trajectory."""
+
+    k: int  # sample, for what the motion does not say
+    t_s: float
+    r_i: np.ndarray  # (3,) m
+    v_i: np.ndarray  # (3,) m/s
+    C_ib: np.ndarray  # (3, 3)
+
+
+class Equation(NamedTuple):
+    """What a reading is in the world, for the lowest bound of the errors of navigation."""
+
+    errors: tuple[Drawn, ...]
+    read: Callable  # Place, {name of an error: (size,)} -> (m,) as felt, without white noise
+    R: np.ndarray  # (m, m) of the white noise, and of the counts
+    holds: Callable | None = None  # reading -> whether it measures anything; None: it always does
+
+
 class Column(NamedTuple):
     """What a field of a record holds, for the log: `Annotated[float, Column("Pa", "as measured")]`."""
 
@@ -113,6 +141,7 @@ class Instrument(NamedTuple):
     use: type[Settings] | None = None  # section navigation.<name>, with `used`
     states: tuple[StateBlock, ...] = ()
     check: Callable | None = None  # settings, use, decimal year -> iterator of (path in the scenario, words)
+    equation: Callable | None = None  # settings, Truth -> Equation; None: there is no bound with it
     limited: Callable | None = None  # settings, reading as felt -> as sent: whole quanta, within the range
     faults: tuple[FaultKind, ...] = ()  # of its own
     told: tuple[str, ...] = ()  # keys that `navigation.told` may say otherwise

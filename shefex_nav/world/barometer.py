@@ -27,6 +27,8 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.world.noise import gauss_markov
 
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
+MODES = 60  # of the warmth of a day, where it is told by modes
+SLOW = 1.0  # m/s, a speed below which nothing flows
 SURFACE_DENSITY = 1.225  # kg/m^3, of the Standard at sea level
 SURFACE_TEMPERATURE = 288.15  # K
 
@@ -80,10 +82,77 @@ def draw_errors(settings, rng):
     bias, port, level = rng.standard_normal(3)
     white, day = rng.standard_normal((round(DAY_TOP / DAY_STEP), 1)), settings.day
     warmth = gauss_markov(np.exp(-DAY_STEP / day.depth), white)[:, 0]
-    metres = day.pressure / (SURFACE_DENSITY * atmosphere.G_0)
-    share = day.temperature / SURFACE_TEMPERATURE
-    of_port = 0.0 if settings.port is None else settings.port.error
-    return Errors(settings.bias * bias, of_port * port, metres * level, share * warmth)
+    metres, share = _scatter(day)
+    return Errors(settings.bias * bias, _of_port(settings) * port, metres * level, share * warmth)
+
+
+def _scatter(day):
+    """Of the level of the day, m, and of its warmth."""
+    return day.pressure / (SURFACE_DENSITY * atmosphere.G_0), day.temperature / SURFACE_TEMPERATURE
+
+
+def _of_port(settings):
+    """Of the calibration of the port."""
+    return 0.0 if settings.port is None else settings.port.error
+
+
+def drawn(settings):
+    """What is drawn for a run: (name, sigma of each element, correlation time), ...; the warmth in modes."""
+    one = np.ones(1)
+    return (
+        ("bias", settings.bias * one, np.inf),
+        ("drift", settings.drift * one, settings.drift_time),
+        ("port", _of_port(settings) * one, np.inf),
+        ("level", _scatter(settings.day)[0] * one, np.inf),
+        ("warmth", np.ones(MODES), np.inf),
+    )
+
+
+def modes_of_warmth(day):
+    """The warmth of a day as a sum of modes, the weights of which are independent and of unit variance.
+
+    They are the strongest of what the warmth makes of heights, the integral of it: `MODES` of them.
+    settings Day -> (MODES, m), m as of `Errors.warmth`
+    """
+    m = round(DAY_TOP / DAY_STEP)
+    apart = np.abs(np.arange(m)[:, None] - np.arange(m))
+    covariance = _scatter(day)[1] ** 2 * np.exp(-apart * DAY_STEP / day.depth)
+    summed = np.cumsum(np.cumsum(covariance, axis=0), axis=1)
+    values, vectors = np.linalg.eigh(summed)
+    strongest = vectors[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(values[: -MODES - 1 : -1], 0.0))
+    return np.diff(strongest, axis=0, prepend=0.0).T
+
+
+def felt(settings, truth, modes, place, errors):
+    """What the sensor feels at a place without white noise: (1,) Pa.
+
+    The lag is that of a pressure that changes evenly. Mach number and dynamic pressure are those of the true
+    flight, changed as the speed over ground is.
+
+    settings, truth : as of `measure`;  modes : of `modes_of_warmth`;  place : instrument.Place
+    errors : {name of `drawn`: (size,)}
+    """
+    t_s, r_i = place.t_s - settings.lag, place.r_i - settings.lag * place.v_i
+    bias, port, level = (float(errors[name][0]) for name in ("bias", "port", "level"))
+    day = Errors(bias, port, level, errors["warmth"] @ modes)
+    heights = _heights(np.array([t_s]), r_i[None], *truth.earth)
+    pressure = _pressures(of_the_day(day, heights), truth.air)
+    if settings.port is not None:
+        mach, q = _flow(truth, place)
+        coefficient = np.interp(mach, settings.port.mach, settings.port.coefficient)
+        pressure = pressure + coefficient * (1.0 + day.port) * q
+    return pressure + day.bias + errors["drift"]
+
+
+def _flow(truth, place):
+    """Mach number and dynamic pressure [Pa] at a place."""
+    trajectory, k = truth.trajectory, place.k
+    true, here = (
+        np.linalg.norm(frames.ecef_from_inertial(truth.earth, place.t_s, r_i, v_i)[1])
+        for r_i, v_i in ((trajectory.r_i[k], trajectory.v_i[k]), (place.r_i, place.v_i))
+    )
+    ratio = here / true if true > SLOW else 1.0
+    return trajectory.mach[k] * ratio, trajectory.dynamic_pressure_pa[k] * ratio**2
 
 
 def of_the_day(errors, heights):
