@@ -28,7 +28,6 @@ from shefex_nav.world.noise import gauss_markov
 
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
 MODES = 60  # of the warmth of a day, where it is told by modes
-SLOW = 1.0  # m/s, a speed below which nothing flows
 SURFACE_DENSITY = 1.225  # kg/m^3, of the Standard at sea level
 SURFACE_TEMPERATURE = 288.15  # K
 
@@ -127,7 +126,7 @@ def felt(settings, truth, modes, place, errors):
     """What the sensor feels at a place without white noise: (1,) Pa.
 
     The lag is that of a pressure that changes evenly. Mach number and dynamic pressure are those of the true
-    flight, changed as the speed over ground is.
+    flight: who does not know the wind learns no velocity from them.
 
     settings, truth : as of `measure`;  modes : of `modes_of_warmth`;  place : instrument.Place
     errors : {name of `drawn`: (size,)}
@@ -138,21 +137,10 @@ def felt(settings, truth, modes, place, errors):
     heights = _heights(np.array([t_s]), r_i[None], *truth.earth)
     pressure = _pressures(of_the_day(day, heights), truth.air)
     if settings.port is not None:
-        mach, q = _flow(truth, place)
+        mach, q = (one[place.k] for one in (truth.trajectory.mach, truth.trajectory.dynamic_pressure_pa))
         coefficient = np.interp(mach, settings.port.mach, settings.port.coefficient)
         pressure = pressure + coefficient * (1.0 + day.port) * q
     return pressure + day.bias + errors["drift"]
-
-
-def _flow(truth, place):
-    """Mach number and dynamic pressure [Pa] at a place."""
-    trajectory, k = truth.trajectory, place.k
-    true, here = (
-        np.linalg.norm(frames.ecef_from_inertial(truth.earth, place.t_s, r_i, v_i)[1])
-        for r_i, v_i in ((trajectory.r_i[k], trajectory.v_i[k]), (place.r_i, place.v_i))
-    )
-    ratio = here / true if true > SLOW else 1.0
-    return trajectory.mach[k] * ratio, trajectory.dynamic_pressure_pa[k] * ratio**2
 
 
 def of_the_day(errors, heights):

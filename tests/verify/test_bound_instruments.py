@@ -62,9 +62,7 @@ def flown(x):
     q = rotation.quat_multiply(rotation.quat_from_rotvec(x[6:9]), Q_0)
     r, v, q = integrate(dtheta_b, dv_b, R_0 + x[:3], V_0 + x[3:6], q)
     n, t_s = len(r), DT * np.arange(len(r))
-    over_earth = v - np.cross([0.0, 0.0, wgs84.OMEGA], r)
-    mach = np.linalg.norm(over_earth, axis=1) / 300.0
-    zero = np.zeros(n)
+    mach, zero = np.linspace(0.6, 2.5, n), np.zeros(n)  # of the true flight
     return Trajectory(
         t_s, zero, r, v, q, dtheta_b / DT, dv_b / DT, dtheta_b, dv_b, zero, mach, 2e4 * mach**2, zero,
         np.zeros(n, dtype=np.int8), zero,
