@@ -11,7 +11,17 @@ import numpy as np
 from shefex_nav import instruments
 from shefex_nav.environment import models
 from shefex_nav.errors import CodeError
-from shefex_nav.instruments.instrument import Column, DataColumn, Plot, Sampled, StateBlock
+from shefex_nav.instruments import faults
+from shefex_nav.instruments.instrument import (
+    Column,
+    DataColumn,
+    Equation,
+    Fault,
+    FaultKind,
+    Plot,
+    Sampled,
+    StateBlock,
+)
 from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
 from shefex_nav.settings import Settings, declared
 
@@ -53,7 +63,7 @@ def problem(one):
 
 def _problem_of_parts(one):
     """What is wrong with the parts of an instrument; '' if nothing is."""
-    kinds = {"states": StateBlock, "data": DataColumn, "plots": Plot}
+    kinds = {"states": StateBlock, "data": DataColumn, "plots": Plot, "faults": FaultKind}
     for field, kind in kinds.items():
         parts = getattr(one, field)
         if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
@@ -72,7 +82,22 @@ def _problem_of_parts(one):
             return f"there is a block of states '{block.name}' already; give yours another name"
     unknown = [key for key in one.told if key not in declared(one.settings)]
     unknown += [column.field for column in one.data if column.field not in one.record._fields]
-    return f"there is no '{unknown[0]}' in it" if unknown else ""
+    return f"there is no '{unknown[0]}' in it" if unknown else _problem_of_faults(one)
+
+
+def _problem_of_faults(one):
+    """What is wrong with the kinds of faults of an instrument; '' if nothing is."""
+    taken = set(faults.GENERAL)
+    for kind in one.faults:
+        if not (isinstance(kind.settings, type) and issubclass(kind.settings, Fault)):
+            return f"settings of a kind of fault must be a class of Fault, got {kind.settings!r}"
+        if "fault" not in declared(kind.settings):
+            return f'{kind.settings.__name__} needs `fault: Literal["its_name"] = choice()`'
+        name = faults.name_of(kind.settings)
+        if name in taken:
+            return f"there is a kind of fault '{name}' already; give yours another name"
+        taken.add(name)
+    return ""
 
 
 def _is_taken(name):
@@ -167,7 +192,39 @@ def _numbers(words, value, shape):
 def checked(one):
     """An Instrument whose functions say with CodeError what is wrong with what they do."""
     more = {} if one.aid is None else {"aid": partial(_aid, one)}
-    return one._replace(measure=partial(_measure, one), **more)
+    if one.equation is not None:
+        more["equation"] = partial(_equation, one)
+    if one.limited is not None:
+        more["limited"] = partial(_reading, one, "limited", one.limited)
+    kinds = [
+        kind._replace(change=partial(_reading, one, f"fault '{faults.name_of(kind.settings)}'", kind.change))
+        for kind in one.faults
+    ]
+    return one._replace(measure=partial(_measure, one), faults=tuple(kinds), **more)
+
+
+def _equation(one, settings, truth):
+    """As Instrument.equation."""
+    words = f"instrument '{one.name}': equation"
+    equation = _called(words, one.equation, settings, truth)
+    if not isinstance(equation, Equation):
+        raise CodeError(f"{words} must give an Equation, got {equation!r}")
+    return equation._replace(read=partial(_read, words, equation.read, len(equation.R)))
+
+
+def _read(words, read, m, place, errors):
+    """As Equation.read."""
+    words = f"{words}: read, T{place.t_s:+.2f} s"
+    return _numbers(words, _called(words, read, place, errors), (m,))
+
+
+def _reading(one, what, function, *given):
+    """A reading that a function of the instrument gives; None stands for no reading."""
+    words = f"instrument '{one.name}': {what}"
+    reading = _called(words, function, *given)
+    if type(reading) is not one.record and (reading is not None or what == "limited"):
+        raise CodeError(f"{words} must give a reading of {one.record.__name__}, got {reading!r}")
+    return reading
 
 
 def _called(words, function, *given):

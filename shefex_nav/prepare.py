@@ -8,6 +8,7 @@ import numpy as np
 from shefex_nav import __version__
 from shefex_nav.environment import ephemeris, gnss, stars, yuma
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.instruments import faults as instrument_faults
 from shefex_nav.instruments.instrument import Truth
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
@@ -87,11 +88,12 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flight = fly_vehicle(scenario, seed, brief=brief)
     scenario = settled(scenario, flight if brief else None)
     trajectory, wrong = flight.trajectory, settings(scenario.faults)
+    of_instruments = aboard.wrong(scenario)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
     measured = imu.measure(settings(scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
     true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     fixes, ranges = _received(scenario, flight, earth, wrong.gps, rng)
-    events = [*flight.events, *faults.events(wrong, trajectory, earth)]
+    events = [*flight.events, *faults.events(wrong, trajectory, earth, of_instruments)]
     return World(
         earth=earth,
         catalogue=catalogue,
@@ -104,7 +106,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,
         imu_biases=imu_biases,
-        measured=measured_by_instruments(scenario, seed, trajectory, earth),
+        measured=measured_by_instruments(scenario, seed, trajectory, earth, of_instruments),
     )
 
 
@@ -146,18 +148,24 @@ def wanted(scenario, flight=None):
     return wanted_states.effects(as_told(scenario), moved, flight.events, end_s)
 
 
-def measured_by_instruments(scenario, seed, trajectory, earth):
-    """What the instruments aboard say of a flight: {name: instrument.Measured}."""
-    found = list(aboard.instruments(scenario))
+def measured_by_instruments(scenario, seed, trajectory, earth, wrong):
+    """What the instruments aboard say of a flight: {name: instrument.Measured}. wrong : `aboard.wrong`"""
+    found = [(one, settings(given)) for one, given in aboard.instruments(scenario)]
     if not found:
         return {}
-    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
-    truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario))
+    seen = truth(scenario, trajectory, earth)
     streams = {one.name: noise.key_of(one.name) if one.stream is None else one.stream for one, _ in found}
-    return {
-        one.name: one.measure(settings(given), truth, noise.generator(seed, streams[one.name]))
-        for one, given in found
-    }
+    said = {}
+    for one, given in found:
+        healthy = one.measure(given, seen, noise.generator(seed, streams[one.name]))
+        said[one.name] = instrument_faults.applied(one, given, wrong[one.name], healthy)
+    return said
+
+
+def truth(scenario, trajectory, earth):
+    """What instruments may look at. -> instrument.Truth"""
+    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
+    return Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario))
 
 
 def fly_vehicle(scenario, seed, *, brief=False):

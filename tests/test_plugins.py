@@ -12,6 +12,7 @@ import plugin_tables
 import pytest
 
 from shefex_nav import instruments, plugin_checks, plugins, prepare
+from shefex_nav.errors import CodeError
 from shefex_nav.log import reader, topics
 from shefex_nav.onboard.startracker import tracker
 from shefex_nav.records import Frame, Reason, Scan
@@ -340,6 +341,40 @@ def test_a_name_at_a_key_of_the_scenario_is_taken_whatever_step_has_it(step, nam
     (tmp_path / "search.py").write_text(text)
     said = message(scenario(tmp_path, "search.py", ""), trust=True)
     assert f"'{name}': there is a way of {step} of that name already, of the program" in said
+
+
+def test_an_instrument_of_a_file_can_fail_like_any_other(tmp_path):
+    """And in ways of its own."""
+    own = (
+        "\n\nfrom typing import Literal\n\nfrom shefex_nav.instruments.instrument import Fault, FaultKind\n"
+        "from shefex_nav.settings import choice\n\n\nclass Iced(Fault):\n"
+        '    fault: Literal["iced"] = choice()\n\n\n'
+        "PROVIDES = [PROVIDES[0]._replace(faults=(FaultKind(Iced, lambda fault, reading, last: WHAT),))]\n"
+    )
+    code = altimeter(tmp_path)
+    text = code.read_text() + own
+    code.write_text(text.replace("WHAT", "reading._replace(height=-1.0)"))
+    faults = (
+        "faults: {radar_altimeter: [{fault: bias, height: 50 m, from: 1 s, until: 2 s}, "
+        "{fault: iced, from: 3 s, until: 4 s}]}"
+    )
+    path = scenario(tmp_path, more=f"{ALTIMETER}\n{faults}")
+    world = prepare.build_world(load(str(path), trust=True), 1)
+    healthy = prepare.build_world(load(str(path), ("faults.radar_altimeter=[]",)), 1)
+    t_s, height = np.array([one[::2] for one in world.measured["radar_altimeter"].readings]).T
+    more = height - [one.height for one in healthy.measured["radar_altimeter"].readings]
+    np.testing.assert_allclose(more[(t_s > 0.95) & (t_s < 1.95)], 50.0, atol=1e-9)
+    assert set(height[(t_s > 2.95) & (t_s < 3.95)]) == {-1.0} and not more[t_s < 0.95].any()
+    names = [event.name for event in world.flight.events if event.name.startswith("fault_")]
+    assert names == [f"fault_radar_altimeter_{kind}" for kind in ("bias", "bias_end", "iced", "iced_end")]
+    path.write_text(path.read_text().replace("height: 50 m", "hight: 50 m"))
+    assert "faults.radar_altimeter.0.hight: unknown key; did you mean 'height'?" in message(path)
+    path.write_text(path.read_text().replace("hight: 50 m", "height: 50 m"))
+    code.write_text(text.replace("WHAT", "7"))
+    with pytest.raises(CodeError, match="fault 'iced' must give a reading of Height, got 7"):
+        prepare.build_world(load(str(path), trust=True), 1)
+    code.write_text(text.replace('"iced"', '"stuck"'))
+    assert "there is a kind of fault 'stuck' already" in message(path, trust=True)
 
 
 def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command, monkeypatch):

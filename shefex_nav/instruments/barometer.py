@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, DataColumn, Plot, StateBlock
+from shefex_nav.instruments.instrument import Column, DataColumn, Drawn, Equation, Plot, StateBlock
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
 from shefex_nav.settings import Settings, number, quantity, section, switch
 
@@ -100,8 +100,25 @@ def measure(settings, truth, rng):
 
     k = instrument.samples(settings.rate, truth.trajectory)
     said, t_s = barometer.measure(settings, truth, k, rng), truth.trajectory.t_s[k]
-    read = instrument.readings(BarometerReading, settings, t_s, said.pressure, said.at_limit)
-    return instrument.Measured(read, said.errors)
+    felt = instrument.readings(BarometerReading, settings, t_s, said.felt)
+    return instrument.sent(limited, settings, felt, said.errors)
+
+
+def equation(settings, truth):
+    """What a reading is. Barometer, Truth -> Equation"""
+    from shefex_nav.world import barometer
+
+    drawn = tuple(Drawn(*one) for one in barometer.drawn(settings))
+    R = np.array([[settings.noise**2 + settings.quantum**2 / 12.0]])
+    read = partial(barometer.felt, settings, truth, barometer.modes_of_warmth(settings.day))
+    return Equation(drawn, read, R, lambda reading: not reading.at_limit)
+
+
+def limited(settings, reading):
+    """A reading in whole quanta and within the range."""
+    counted = instrument.counted(reading.pressure, settings.quantum)
+    pressure = min(max(counted, settings.lowest), settings.highest)
+    return reading._replace(pressure=float(pressure), at_limit=bool(at_limit(settings, counted)))
 
 
 def aid(settings, use, known):
@@ -182,6 +199,8 @@ BAROMETER = instrument.Instrument(
         StateBlock("baro_scale", 8, "m", "the day is warmer than the standard", needed=False),
     ),
     check=check,
+    equation=equation,
+    limited=limited,
     told=("bias", "drift", "drift_time", "noise", "lag", "quantum", "port", "day"),
     stream=10,
     data=(

@@ -13,6 +13,7 @@ import numpy as np
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.settings import Release as Release  # of those that are believed after all
 from shefex_nav.settings import Settings, quantity, switch
+from shefex_nav.world.fault_settings import Fault as Fault  # base of the settings of a fault of its own
 
 
 class Truth(NamedTuple):
@@ -37,6 +38,35 @@ class Measured(NamedTuple):
 
     readings: list  # records of the instrument, in order of time
     errors: Any = None  # what was drawn for the run
+    felt: list = []  # noqa: RUF012 a default is not changed; the same before range and quanta; empty: none
+
+
+class Drawn(NamedTuple):
+    """An error that the world draws for a run; each element by itself, normally distributed."""
+
+    name: str
+    sigma: np.ndarray  # (size,)
+    tau_s: float = np.inf  # correlation time, stationary first-order Gauss-Markov; inf: constant in a run
+    length: float = np.inf  # m, likewise, along the path over the Earth
+
+
+class Place(NamedTuple):
+    """Where a reading is taken: a motion near the true one at a sample of the trajectory."""
+
+    k: int  # sample, for what the motion does not say
+    t_s: float
+    r_i: np.ndarray  # (3,) m
+    v_i: np.ndarray  # (3,) m/s
+    C_ib: np.ndarray  # (3, 3)
+
+
+class Equation(NamedTuple):
+    """What a reading is in the world, for the lowest bound of the errors of navigation."""
+
+    errors: tuple[Drawn, ...]
+    read: Callable  # Place, {name of an error: (size,)} -> (m,) as felt, without white noise
+    R: np.ndarray  # (m, m) of the white noise, and of the counts
+    holds: Callable | None = None  # reading -> whether it measures anything; None: it always does
 
 
 class Column(NamedTuple):
@@ -45,6 +75,14 @@ class Column(NamedTuple):
     unit: str  # SI; "" of what has none
     help: str
     shape: tuple = ()  # of an array
+
+
+class FaultKind(NamedTuple):
+    """Something that may go wrong with the instrument, besides what may with any (`instruments.faults`)."""
+
+    settings: type[Fault]  # with a field `fault: Literal["its_name"] = choice()`
+    change: Callable  # fault, reading, last one before the fault or None -> reading, or None: there is none
+    felt: bool = False  # it acts before range and quanta
 
 
 class DataColumn(NamedTuple):
@@ -103,6 +141,9 @@ class Instrument(NamedTuple):
     use: type[Settings] | None = None  # section navigation.<name>, with `used`
     states: tuple[StateBlock, ...] = ()
     check: Callable | None = None  # settings, use, decimal year -> iterator of (path in the scenario, words)
+    equation: Callable | None = None  # settings, Truth -> Equation; None: there is no bound with it
+    limited: Callable | None = None  # settings, reading as felt -> as sent: whole quanta, within the range
+    faults: tuple[FaultKind, ...] = ()  # of its own
     told: tuple[str, ...] = ()  # keys that `navigation.told` may say otherwise
     stream: int | None = None  # key of its random numbers; None: by its name
     data: tuple[DataColumn, ...] = ()  # columns of external data
@@ -129,6 +170,11 @@ def samples(rate, trajectory):
 def counted(values, quantum):
     """Values in whole quanta; 0: there are none."""
     return np.round(values / quantum) * quantum if quantum else values
+
+
+def sent(limited, settings, felt, errors):
+    """Measured of readings as they are felt. limited : as `Instrument.limited`"""
+    return Measured([limited(settings, reading) for reading in felt], errors, felt)
 
 
 def readings(record, settings, t_s, *columns):

@@ -23,7 +23,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, DataColumn, Plot, StateBlock
+from shefex_nav.instruments.instrument import Column, DataColumn, Drawn, Equation, Plot, StateBlock
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal, Seen
 from shefex_nav.settings import Settings, choice, quantity, section, switch
 
@@ -91,17 +91,21 @@ def measure(settings, truth, rng):
     k = instrument.samples(settings.rate, truth.trajectory)
     white, drive = rng.standard_normal((2, len(k), 3))
     read = _true_field(truth, k, drive) @ (np.eye(3) + errors.soft_iron).T
-    read = instrument.counted(read + errors.hard_iron + settings.noise * white, settings.quantum)
-    field_b, at_limit = np.clip(read, -settings.range, settings.range), _at_limit(settings, read)
-    t_s = truth.trajectory.t_s[k]
-    return instrument.Measured(
-        instrument.readings(MagnetometerReading, settings, t_s, field_b, at_limit), errors
-    )
+    read = read + errors.hard_iron + settings.noise * white
+    felt = instrument.readings(MagnetometerReading, settings, truth.trajectory.t_s[k], read)
+    return instrument.sent(limited, settings, felt, errors)
+
+
+def limited(settings, reading):
+    """A reading in whole quanta and within the range."""
+    counted = instrument.counted(reading.field_b, settings.quantum)
+    field_b = np.clip(counted, -settings.range, settings.range)
+    return reading._replace(field_b=field_b, at_limit=bool(_at_limit(settings, counted)))
 
 
 def _at_limit(settings, field_b):
-    """Whether an axis is at an end of its range. (N, 3) T -> (N,) bool"""
-    return (np.abs(field_b) >= settings.range).any(axis=1)
+    """Whether an axis is at an end of its range. (..., 3) T -> (...) bool"""
+    return (np.abs(field_b) >= settings.range).any(axis=-1)
 
 
 def _micro_tesla(read):
@@ -117,7 +121,7 @@ def _size(read):
 def _true_field(truth, k, drive):
     """Field in body axes at samples k: (n, 3) T. drive : (n, 3) white, of what the model has not."""
     from shefex_nav.environment import magnetic_field
-    from shefex_nav.geometry import frames, rotation, wgs84
+    from shefex_nav.geometry import frames, rotation
 
     trajectory, harmonics = truth.trajectory, magnetic_field.load(truth.year)
     sigma_n = magnetic_field.sigma_n(truth.year)
@@ -128,10 +132,39 @@ def _true_field(truth, k, drive):
         if before is not None:
             keeps = np.exp(-np.linalg.norm(r_e - before) / ANOMALY_LENGTH)
             more = keeps * more + np.sqrt(1.0 - keeps**2) * drive[j]
-        latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
-        b_e = magnetic_field.field_e(harmonics, r_e) + wgs84.dcm_en(latitude, longitude) @ (sigma_n * more)
-        out[j], before = rotation.dcm_from_quat(trajectory.q_ib[sample]).T @ C_ei.T @ b_e, r_e
+        b_e, before = _field_e(harmonics, r_e, sigma_n * more), r_e
+        out[j] = rotation.dcm_from_quat(trajectory.q_ib[sample]).T @ C_ei.T @ b_e
     return out
+
+
+def _field_e(harmonics, r_e, anomaly_n):
+    """Field of the model and what it lacks (3,) T, north, east, down: (3,) T, frame e."""
+    from shefex_nav.environment import magnetic_field
+    from shefex_nav.geometry import wgs84
+
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
+    return magnetic_field.field_e(harmonics, r_e) + wgs84.dcm_en(latitude, longitude) @ anomaly_n
+
+
+def equation(settings, truth):
+    """What a reading is. Magnetometer, Truth -> Equation"""
+    from shefex_nav.environment import magnetic_field
+    from shefex_nav.geometry import frames
+
+    harmonics = magnetic_field.load(truth.year)
+    drawn = (
+        Drawn("hard_iron", np.full(3, settings.hard_iron)),
+        Drawn("soft_iron", np.full(9, settings.soft_iron)),
+        Drawn("anomaly", np.asarray(magnetic_field.sigma_n(truth.year)), length=ANOMALY_LENGTH),
+    )
+
+    def read(place, errors):
+        C_ei = frames.dcm_ie(truth.earth, place.t_s).T
+        b_b = place.C_ib.T @ C_ei.T @ _field_e(harmonics, C_ei @ place.r_i, errors["anomaly"])
+        return b_b + errors["soft_iron"].reshape(3, 3) @ b_b + errors["hard_iron"]
+
+    R = (settings.noise**2 + settings.quantum**2 / 12.0) * np.eye(3)
+    return Equation(drawn, read, R, lambda reading: not reading.at_limit)
 
 
 class Model(NamedTuple):
@@ -219,6 +252,8 @@ MAGNETOMETER = instrument.Instrument(
     use=MagnetometerUse,
     states=(StateBlock("hard_iron", 3, "T", "a magnetometer needs the state of its hard iron"),),
     check=check,
+    equation=equation,
+    limited=limited,
     told=("hard_iron", "soft_iron", "noise", "quantum"),
     stream=11,
     data=(DataColumn("field", "field_b", "uT", "T", "columns of the magnetic field", vector=True),),

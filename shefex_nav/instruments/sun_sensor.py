@@ -19,7 +19,16 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, Instrument, Plot, Sampled, StateBlock, Use
+from shefex_nav.instruments.instrument import (
+    Column,
+    Drawn,
+    Equation,
+    Instrument,
+    Plot,
+    Sampled,
+    StateBlock,
+    Use,
+)
 from shefex_nav.onboard.navigation.aid import Aid, Block, Seen
 from shefex_nav.settings import number, quantity
 
@@ -66,6 +75,22 @@ def measure(settings, truth, rng):
     )
 
 
+def equation(settings, truth):
+    """What a reading is. SunSensor, Truth -> Equation"""
+    from shefex_nav.geometry import rotation
+
+    def read(place, errors):
+        return rotation.dcm_from_rotvec(errors["alignment"]) @ (place.C_ib.T @ truth.sun_i)
+
+    alignment = Drawn("alignment", np.full(3, settings.alignment))
+    return Equation((alignment,), read, settings.noise**2 * np.eye(3), sees)
+
+
+def limited(settings, reading):
+    """A reading whose direction is a unit vector."""
+    return reading._replace(s_b=reading.s_b / np.linalg.norm(reading.s_b))
+
+
 def aid(settings, use, known):
     """Aid of a filter. SunSensor, Use, Known"""
     alignment = Block("sun_alignment", settings.alignment**2 * np.eye(3), np.zeros(3))
@@ -107,6 +132,8 @@ SUN_SENSOR = Instrument(
     use=Use,
     states=(StateBlock("sun_alignment", 3, "rad", "a Sun sensor needs the state of its alignment"),),
     check=check,
+    equation=equation,
+    limited=limited,
     told=("alignment", "noise"),
     plots=(Plot("direction", "Direction of the Sun along body x, y, z", "", lambda read: read.s_b),),
     caption="Unit vector to the Sun as measured; no line where it is not in the field of view, or behind the "

@@ -12,15 +12,16 @@ from pydantic import Field, create_model
 
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.environment import models
-from shefex_nav.instruments import BUILT_IN, OWN_STATES, TABLE
+from shefex_nav.instruments import BUILT_IN, OWN_STATES, TABLE, faults
 from shefex_nav.instruments.instrument import Instrument, Known
 from shefex_nav.onboard.navigation.blocks import OPTIONAL, OwnState
 from shefex_nav.onboard.startracker.methods import STEPS, Method
 from shefex_nav.scenario import surroundings
-from shefex_nav.scenario.block import AUTOMATIC, with_word
+from shefex_nav.scenario.block import AUTOMATIC, kinds, with_word
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.told import part_of
 
+FAULT = "fault"  # key that tells kinds of faults apart
 LEFT_OUT = "left out: there is none"
 _MADE = {}  # models by module and qualified name
 
@@ -82,7 +83,17 @@ def _complete(instruments, own_states, base, navigation, told, core):
     whole = _model(navigation, own, instruments, own_states, base.__module__)
     how = {} if given.is_required() else {"default_factory": whole}
     fields = {"navigation": (whole, Field(description=given.description, **how)), **sections}
+    if (wrong := base.model_fields.get("faults")) is not None:
+        lists = {one.name: _list_of_faults(one, words[one.name]) for one in instruments}
+        whole = _model(wrong.annotation, lists, instruments, own_states, base.__module__)
+        fields["faults"] = (whole, Field(default_factory=whole, description=wrong.description))
     return _model(base, fields, instruments, own_states, base.__module__)
+
+
+def _list_of_faults(one, words):
+    """Type and FieldInfo of a list of faults of an Instrument."""
+    models = [section(kind.settings) for kind in faults.kinds(one)]
+    return list[kinds(FAULT, *models)], Field(default=[], description=f"faults of the {words}")
 
 
 def _model(base, fields, instruments, own_states, module):
@@ -142,6 +153,14 @@ def instruments(scenario):
             yield one, given
 
 
+def wrong(scenario):
+    """Faults of what is aboard: {name: tuple of their settings}."""
+    return {
+        one.name: tuple(settings(fault) for fault in getattr(scenario.faults, one.name))
+        for one, _ in instruments(scenario)
+    }
+
+
 def used(scenario):
     """What the filter uses: iterator of (Instrument, its settings, those of its use)."""
     for one, given in instruments(scenario):
@@ -195,6 +214,20 @@ def contradictions(scenario):
         if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-6:
             words = f"{given.rate:g} Hz does not divide the on-board clock, {TICK_HZ:g} Hz"
             yield (one.name, "rate"), f"{words}; take such as 1, 10, 20 or 50 Hz"
+    yield from _faults(scenario)
+
+
+def _faults(scenario):
+    """(path, words) of faults of instruments that are not aboard, or of no field."""
+    for one in table_of(scenario):
+        several = getattr(scenario.faults, one.name, ())
+        if several and getattr(scenario, one.name, None) is None:
+            yield ("faults", one.name), f"there is none aboard; give section {one.name}, or leave it out"
+        for k, fault in enumerate(several):
+            fields = faults.fields_of(fault.SETTINGS)
+            if fields and all(getattr(fault, field) is None for field in fields):
+                words = f"a {fault.fault} of what? Give one of: {', '.join(fields)}"
+                yield ("faults", one.name, k), words
 
 
 def of_sensors(scenario):

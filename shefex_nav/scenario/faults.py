@@ -4,16 +4,22 @@ Each fault says what it is (`fault`), `from` when and `until` when; times count 
 the sensors describe healthy ones.
 """
 
+from typing import ClassVar
+
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.world import fault_settings
 
-Faults = section(fault_settings.Faults)
+
+class Faults(section(fault_settings.Faults)):
+    """What goes wrong; `aboard.complete` adds a list for each instrument."""
+
+    NAME: ClassVar[str] = "Faults"
 
 
 def contradictions(scenario):
     """(path of the field, text for people) of faults that make no sense."""
     limit = scenario.mission.time_limit
-    for device in ("imu", "gps", "star_tracker"):
+    for device in type(scenario.faults).model_fields:
         for k, fault in enumerate(getattr(scenario.faults, device)):
             path = ("faults", device, k)
             if fault.end <= fault.start:

@@ -7,6 +7,7 @@ from pydantic_core import PydanticCustomError
 
 from shefex_nav import plugins
 from shefex_nav.environment import models
+from shefex_nav.instruments.faults import kinds
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.onboard.startracker.methods import Method
@@ -87,9 +88,9 @@ def _settings_of(one):
     """Classes of settings of something that a plug-in provides."""
     if isinstance(one, OwnState | models.Atmosphere | models.Wind):
         return (one.settings,)
-    if isinstance(one, Instrument):
-        return one.settings, one.use
-    return ()
+    if not isinstance(one, Instrument):
+        return ()
+    return (one.settings, one.use, *(kind.settings for kind in kinds(one)))
 
 
 def loaded(tree, places, trust=False):

@@ -19,17 +19,19 @@ What is no state, and why:
   variance and the correlation time which it has along the flight (`gravity_process`). Both are offered.
 """
 
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry import frames, rotation
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.verify import bound_model, linear
-from shefex_nav.verify.bound_model import POS, PSI, VEL
+from shefex_nav.verify.bound_model import N_NAV, POS, PSI, VEL
 from shefex_nav.verify.field import beyond
 from shefex_nav.world import imu as world_imu
 
 OUTPUT_S = 0.5  # between the times at which the bound is given
+KEPT = 256  # steps that are at hand
 SWING_LENGTH = 4000  # samples of the response of the vibration's filter
 
 
@@ -44,6 +46,7 @@ class Flight(NamedTuple):
     imu: object  # world.settings.Imu
     camera: object  # world.camera_settings.StarCamera
     l_ba_b: np.ndarray  # (3,) m
+    heard: tuple = ()  # of bound_instruments.Heard
 
 
 class Bound(NamedTuple):
@@ -177,23 +180,41 @@ def problem(flight, layout, dt_s, at):
 
     Returns
     -------
-    list of linear.Interval and linear.Update
+    Steps
     """
     begin_s = float(flight.trajectory.t_s[0])
     updates = {}
-    for fix in flight.gps_fixes:
-        if fix.valid:
-            updates.setdefault(round((fix.t_valid_s - begin_s) / dt_s), []).append(fix)
-    for fix in flight.star_fixes:
-        updates.setdefault(round((fix.t_valid_s - begin_s) / dt_s), []).append(fix)
+    fixes = [(_gps, fix) for fix in flight.gps_fixes if fix.valid]
+    for make, fix in (*fixes, *((_stars, fix) for fix in flight.star_fixes)):
+        k = round((fix.t_valid_s - begin_s) / dt_s)
+        updates.setdefault(k, []).append(partial(make, flight, layout, dt_s, k, fix))
+    for one in flight.heard:
+        for row, k in enumerate(one.k.tolist()):
+            updates.setdefault(k, []).append(partial(_reading, flight, layout, one, row))
     last = len(flight.trajectory.t_s) - 1
     ends = sorted({k for k in (*at.tolist(), *updates) if 0 < k <= last})
-    steps, before = [], 0
+    makers, before = [], 0
     for end in ends:
-        steps.append(_interval(flight, layout, dt_s, before, end))
-        steps += [_update(flight, layout, dt_s, end, fix) for fix in updates.get(end, ())]
+        makers += [partial(_interval, flight, layout, dt_s, before, end), *updates.get(end, ())]
         before = end
-    return steps
+    return Steps(makers)
+
+
+class Steps:
+    """Sequence of linear.Interval and linear.Update, each made when it is asked for.
+
+    Those of a flight with ten readings a second would fill the memory.
+    """
+
+    def __init__(self, makers):
+        self._makers = makers
+        self._made = lru_cache(KEPT)(lambda k: makers[k]())
+
+    def __len__(self):
+        return len(self._makers)
+
+    def __getitem__(self, k):
+        return self._made(k)
 
 
 def _interval(flight, layout, dt_s, before, end):
@@ -215,7 +236,14 @@ def _interval(flight, layout, dt_s, before, end):
     r_i = 0.5 * (trajectory.r_i[earlier] + trajectory.r_i[rows])
     samples = bound_model.Samples(_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
     t_s = float(trajectory.t_s[end])
-    return linear.Interval(t_s, *bound_model.interval(layout, samples, t_s, dt_s))
+    path = float(np.linalg.norm(_over_earth(flight, end) - _over_earth(flight, before)))
+    return linear.Interval(t_s, *bound_model.interval(layout, samples, t_s, dt_s, path))
+
+
+def _over_earth(flight, k):
+    """Place at sample k, frame e: (3,) m."""
+    trajectory = flight.trajectory
+    return frames.dcm_ie(flight.earth, trajectory.t_s[k]).T @ trajectory.r_i[k]
 
 
 def _sign(trajectory, earlier, rows):
@@ -229,20 +257,34 @@ def _dcms(q):
     return np.array([rotation.dcm_from_quat(one) for one in q])
 
 
-def _update(flight, layout, dt_s, k, fix):
-    """linear.Update of a GpsFix or a StarFix at sample k."""
+def _reading(flight, layout, one, row):
+    """linear.Update of a reading of an instrument. one : bound_instruments.Heard"""
+    H, begin = np.zeros((len(one.R), layout.n)), N_NAV
+    H[:, :begin] = one.H[row, :, :begin]
+    for source in one.sources:
+        H[:, layout.places[source.name]] = one.H[row, :, begin : begin + source.size]
+        begin += source.size
+    t_s = float(flight.trajectory.t_s[one.k[row]])
+    return linear.Update(t_s, float(one.t_available_s[row]), one.name, H, one.R)
+
+
+def _stars(flight, layout, dt_s, k, fix):
+    """linear.Update of a StarFix at sample k."""
+    trajectory, camera, named = flight.trajectory, flight.camera, fix.hip > 0
+    C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
+    centre = np.array([0.5 * (camera.detector.columns - 1), 0.5 * (camera.detector.rows - 1)])
+    focal_px = camera.optics.focal_length / camera.detector.pixel_size
+    H = bound_model.star_rows(
+        layout, C_ib, camera.mounting.C_bc, focal_px, fix.detections.xy_px[named] - centre
+    )
+    return linear.Update(float(trajectory.t_s[k]), fix.t_available_s, "star_tracker", H, fix.P_c)
+
+
+def _gps(flight, layout, dt_s, k, fix):
+    """linear.Update of a GpsFix at sample k, of what it says: position, or along north and east; velocity."""
     trajectory = flight.trajectory
     t_s = float(trajectory.t_s[k])
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
-    if not hasattr(fix, "r_ea_e"):
-        camera = flight.camera
-        named = fix.hip > 0
-        centre = np.array([0.5 * (camera.detector.columns - 1), 0.5 * (camera.detector.rows - 1)])
-        focal_px = camera.optics.focal_length / camera.detector.pixel_size
-        H = bound_model.star_rows(
-            layout, C_ib, camera.mounting.C_bc, focal_px, fix.detections.xy_px[named] - centre
-        )
-        return linear.Update(t_s, fix.t_available_s, "star_tracker", H, fix.P_c)
     rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
     row = slice(k, k + 1)
     gyro, _ = bound_model.imu_columns(
@@ -258,10 +300,15 @@ def _update(flight, layout, dt_s, k, fix):
         frames.omega_ie_i(flight.earth),
         gyro[0] / dt_s,
     )
-    R = np.zeros((6, 6))
-    R[:3, :3] = fix.R_r_e
-    R[3:, 3:] = fix.R_v_e + _swing_of_antenna(flight, rms, dt_s) * np.eye(3)
-    return linear.Update(t_s, fix.t_available_s, "gps", H, R)
+    axes = wgs84.level_axes(fix.r_ea_e)[:, :2].T if fix.horizontal else np.eye(3)
+    m = len(axes)
+    said = 0 if np.isnan(fix.R_v_e[0, 0]) else 3  # of the velocity
+    R = np.zeros((m + said, m + said))
+    R[:m, :m] = axes @ fix.R_r_e @ axes.T
+    if said:
+        R[m:, m:] = fix.R_v_e + _swing_of_antenna(flight, rms, dt_s) * np.eye(3)
+    rows = np.vstack([axes @ H[:3], H[3 : 3 + said]])
+    return linear.Update(t_s, fix.t_available_s, "gps", rows, R)
 
 
 def _swing_of_antenna(flight, rms, dt_s):

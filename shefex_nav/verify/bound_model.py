@@ -23,12 +23,17 @@ N_NAV = 9
 
 
 class Source(NamedTuple):
-    """An error source: states that start with one sigma and may wander."""
+    """An error source: states that start with one sigma and may wander, stationary Gauss-Markov."""
 
     name: str
     size: int
     sigma: np.ndarray  # (size,)
-    tau_s: float  # correlation time, stationary Gauss-Markov; inf: constant in a run
+    tau_s: float  # correlation time; inf: constant in a run
+    length: float = np.inf  # m, correlation length along the path over the Earth
+
+    def keeps(self, duration_s, path):
+        """Correlation over a time and a path of so many metres."""
+        return float(np.exp(-duration_s / self.tau_s - path / self.length))
 
 
 class Layout(NamedTuple):
@@ -63,7 +68,7 @@ def layout(sources):
     return Layout(tuple(sources), places)
 
 
-def sources(imu, camera, gravity_sigma, gravity_tau_s):
+def sources(imu, camera, gravity_sigma, gravity_tau_s, more=()):
     """Every error source of a world.
 
     Parameters
@@ -71,6 +76,7 @@ def sources(imu, camera, gravity_sigma, gravity_tau_s):
     imu : world.settings.Imu
     camera : world.camera_settings.StarCamera
     gravity_sigma, gravity_tau_s : m/s^2, s: what a gravity model leaves out; 0: the field is known
+    more : sequence of Source, those of instruments
 
     Returns
     -------
@@ -98,6 +104,7 @@ def sources(imu, camera, gravity_sigma, gravity_tau_s):
             same("mounting", 3, camera.mounting.error),
             same("principal_point", 2, camera.optics.principal_point_error),
             same("focal_length", 1, camera.optics.focal_length_error),
+            *more,
         ]
     )
 
@@ -206,7 +213,7 @@ def _drive(C, f, gyro, accel, gravity, dt_s, drive):
             drive[i, c], drive[3 + i, c], drive[6 + i, c] = 0.5 * dt_s * v[i], v[i], t[i]
 
 
-def interval(layout, samples, t_s, dt_s):
+def interval(layout, samples, t_s, dt_s, path=0.0):
     """Phi and Q of the whole state vector over some samples.
 
     Parameters
@@ -215,6 +222,7 @@ def interval(layout, samples, t_s, dt_s):
     samples : Samples
     t_s : end of the last sample
     dt_s : of one sample
+    path : m, over the Earth
 
     Returns
     -------
@@ -227,9 +235,8 @@ def interval(layout, samples, t_s, dt_s):
     Phi, Q = np.eye(n), np.zeros((n, n))
     Phi[:N_NAV], Q[:N_NAV, :N_NAV] = X, Q_nav
     for source in layout.sources:
-        if np.isfinite(source.tau_s):
+        if (keeps := source.keeps(duration_s, path)) < 1.0:
             place = layout.places[source.name]
-            keeps = np.exp(-duration_s / source.tau_s)
             Phi[place, place] *= keeps
             Q[place, place] = np.diag(source.sigma**2 * (1.0 - keeps**2))
     return Phi, Q

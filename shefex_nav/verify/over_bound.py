@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
-from shefex_nav.scenario import params, surroundings
+from shefex_nav.scenario import aboard, params, surroundings
 from shefex_nav.scenario.of_settings import settings
-from shefex_nav.verify import bound, bound_model
+from shefex_nav.verify import bound, bound_instruments, bound_model
 from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
 
 SETTLED_S = 10.0  # a phase's first seconds are left out of its ratio: the filter converges
@@ -34,6 +35,11 @@ def left_out(scenario):
     if scenario.navigation.stars == "vectors":
         found.append("navigation.stars: vectors (it takes attitudes)")
     found += [f"gps.errors.{name}" for name in type(gps.errors).model_fields if getattr(gps.errors, name)]
+    found += [
+        f"{one.name} (it has no equation of its readings)"
+        for one, _, _ in aboard.used(scenario)
+        if one.equation is None
+    ]
     found += [f"faults.{name}" for name in type(faults).model_fields if getattr(faults, name)]
     return ", ".join(found)
 
@@ -49,14 +55,24 @@ def bounds(scenario, world, fixes):
     flight = flight_of(scenario, world, fixes)
     field = surroundings.gravity(scenario)
     process = bound.gravity_process(field, flight.trajectory, world.earth)
-    layouts = [bound_model.sources(flight.imu, flight.camera, *one) for one in (process, (0.0, np.inf))]
+    more = [source for one in flight.heard for source in one.sources]
+    processes = (process, (0.0, np.inf))
+    layouts = [bound_model.sources(flight.imu, flight.camera, *one, more) for one in processes]
     return tuple(bound.follow(flight, layout) for layout in layouts)
 
 
 def flight_of(scenario, world, fixes):
     """What the bound needs of a run. Scenario, prepare.World, list of StarFix -> bound.Flight"""
+    trajectory = world.flight.trajectory
+    truth = prepare.truth(scenario, trajectory, world.earth)
+    heard = [
+        bound_instruments.heard(
+            one.name, one.equation(given, truth), world.measured[one.name].readings, trajectory
+        )
+        for one, given, _ in aboard.used(scenario)
+    ]
     return bound.Flight(
-        world.flight.trajectory,
+        trajectory,
         world.earth,
         world.alignment,
         world.gps_fixes,
@@ -64,6 +80,7 @@ def flight_of(scenario, world, fixes):
         settings(scenario.imu),
         params.star_camera(scenario),
         np.array(scenario.gps.antenna.lever_arm),
+        tuple(heard),
     )
 
 
@@ -72,7 +89,6 @@ def flights(scenario, seeds, note=lambda words: None):
 
     -> list of flown.Run, list of `bounds`
     """
-    from shefex_nav import prepare
     from shefex_nav.verify import flown
 
     runs, pairs = [], []

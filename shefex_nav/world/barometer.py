@@ -13,7 +13,7 @@ dynamic pressure q adds to the static one,
 
 c over the Mach number as calibrated, d the error of that calibration (Gracey, Measurement of aircraft speed
 and altitude, NASA RP-1046, chapters 5 and 6). The sensor follows with a lag of first order, has a bias, one
-that wanders (Gauss-Markov) and white noise, and its readings are limited and counted in whole quanta.
+that wanders (Gauss-Markov) and white noise. Range and quanta are in `instruments.barometer`.
 """
 
 from typing import NamedTuple
@@ -27,6 +27,7 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.world.noise import gauss_markov
 
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
+MODES = 60  # of the warmth of a day, where it is told by modes
 SURFACE_DENSITY = 1.225  # kg/m^3, of the Standard at sea level
 SURFACE_TEMPERATURE = 288.15  # K
 
@@ -41,10 +42,9 @@ class Errors(NamedTuple):
 
 
 class Pressures(NamedTuple):
-    """What the sensor says at some samples of a flight, and what is wrong with it."""
+    """What the sensor feels at some samples of a flight, and what is wrong with it."""
 
-    pressure: np.ndarray  # (n,) Pa
-    at_limit: np.ndarray  # (n,) bool, at an end of its range
+    felt: np.ndarray  # (n,) Pa, before quanta and range
     errors: Errors
 
 
@@ -73,10 +73,7 @@ def measure(settings, truth, k, rng):
     white = rng.standard_normal((len(k), 2))
     every = k[0] if len(k) else 1
     wander = gauss_markov(np.exp(-every * dt_s / settings.drift_time), white[:, :1])[:, 0]
-    read = felt[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1]
-    counted = np.round(read / settings.quantum) * settings.quantum if settings.quantum else read
-    at_limit = (counted <= settings.lowest) | (counted >= settings.highest)
-    return Pressures(np.clip(counted, settings.lowest, settings.highest), at_limit, errors)
+    return Pressures(felt[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1], errors)
 
 
 def draw_errors(settings, rng):
@@ -84,10 +81,66 @@ def draw_errors(settings, rng):
     bias, port, level = rng.standard_normal(3)
     white, day = rng.standard_normal((round(DAY_TOP / DAY_STEP), 1)), settings.day
     warmth = gauss_markov(np.exp(-DAY_STEP / day.depth), white)[:, 0]
-    metres = day.pressure / (SURFACE_DENSITY * atmosphere.G_0)
-    share = day.temperature / SURFACE_TEMPERATURE
-    of_port = 0.0 if settings.port is None else settings.port.error
-    return Errors(settings.bias * bias, of_port * port, metres * level, share * warmth)
+    metres, share = _scatter(day)
+    return Errors(settings.bias * bias, _of_port(settings) * port, metres * level, share * warmth)
+
+
+def _scatter(day):
+    """Of the level of the day, m, and of its warmth."""
+    return day.pressure / (SURFACE_DENSITY * atmosphere.G_0), day.temperature / SURFACE_TEMPERATURE
+
+
+def _of_port(settings):
+    """Of the calibration of the port."""
+    return 0.0 if settings.port is None else settings.port.error
+
+
+def drawn(settings):
+    """What is drawn for a run: (name, sigma of each element, correlation time), ...; the warmth in modes."""
+    one = np.ones(1)
+    return (
+        ("bias", settings.bias * one, np.inf),
+        ("drift", settings.drift * one, settings.drift_time),
+        ("port", _of_port(settings) * one, np.inf),
+        ("level", _scatter(settings.day)[0] * one, np.inf),
+        ("warmth", np.ones(MODES), np.inf),
+    )
+
+
+def modes_of_warmth(day):
+    """The warmth of a day as a sum of modes, the weights of which are independent and of unit variance.
+
+    They are the strongest of what the warmth makes of heights, the integral of it: `MODES` of them.
+    settings Day -> (MODES, m), m as of `Errors.warmth`
+    """
+    m = round(DAY_TOP / DAY_STEP)
+    apart = np.abs(np.arange(m)[:, None] - np.arange(m))
+    covariance = _scatter(day)[1] ** 2 * np.exp(-apart * DAY_STEP / day.depth)
+    summed = np.cumsum(np.cumsum(covariance, axis=0), axis=1)
+    values, vectors = np.linalg.eigh(summed)
+    strongest = vectors[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(values[: -MODES - 1 : -1], 0.0))
+    return np.diff(strongest, axis=0, prepend=0.0).T
+
+
+def felt(settings, truth, modes, place, errors):
+    """What the sensor feels at a place without white noise: (1,) Pa.
+
+    The lag is that of a pressure that changes evenly. Mach number and dynamic pressure are those of the true
+    flight: who does not know the wind learns no velocity from them.
+
+    settings, truth : as of `measure`;  modes : of `modes_of_warmth`;  place : instrument.Place
+    errors : {name of `drawn`: (size,)}
+    """
+    t_s, r_i = place.t_s - settings.lag, place.r_i - settings.lag * place.v_i
+    bias, port, level = (float(errors[name][0]) for name in ("bias", "port", "level"))
+    day = Errors(bias, port, level, errors["warmth"] @ modes)
+    heights = _heights(np.array([t_s]), r_i[None], *truth.earth)
+    pressure = _pressures(of_the_day(day, heights), truth.air)
+    if settings.port is not None:
+        mach, q = (one[place.k] for one in (truth.trajectory.mach, truth.trajectory.dynamic_pressure_pa))
+        coefficient = np.interp(mach, settings.port.mach, settings.port.coefficient)
+        pressure = pressure + coefficient * (1.0 + day.port) * q
+    return pressure + day.bias + errors["drift"]
 
 
 def of_the_day(errors, heights):

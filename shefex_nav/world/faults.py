@@ -41,7 +41,7 @@ FELT = GyroBias, GyroScale, AccelerometerBias, AccelerometerScale  # of a sensor
 SENT = Stuck, Dead, Dropout, Repeat  # of what the unit sends
 
 
-def _within(fault, t_s):
+def within(fault, t_s):
     """Whether a fault acts at t_s; its end does not belong to it."""
     return (t_s > fault.start - SAME_S) & (t_s < fault.end - SAME_S)
 
@@ -92,7 +92,7 @@ def _acting(faults, kinds, t_s, increments, flags=(None, None)):
     """Faults of some kinds that act on samples. Yields fault, rows, and of its triad increments and flags."""
     begin_s = t_s - _sample_s(t_s)
     for fault in faults:
-        rows = np.flatnonzero(_within(fault, begin_s))  # samples that begin within the fault
+        rows = np.flatnonzero(within(fault, begin_s))  # samples that begin within the fault
         rows = rows[rows > 0]
         if isinstance(fault, kinds) and len(rows):
             triad = 0 if getattr(fault, "sensor", "") == "gyro" else 1
@@ -119,7 +119,7 @@ def gps(faults, fixes):
     for fault in faults:
         changed, last = [], None
         for fix in fixes:
-            acts = _within(fault, fix.t_valid_s)
+            acts = within(fault, fix.t_valid_s)
             if not acts and fix.valid:
                 last = fix
             changed.append(_gps_fault(fault, fix, last) if acts else fix)
@@ -153,7 +153,7 @@ def gps_ranges(faults, messages, antenna):
     for fault in faults:
         changed, last = [], None
         for one in heard:
-            acts = _within(fault, one.message.t_valid_s)
+            acts = within(fault, one.message.t_valid_s)
             if not acts and not one.message.reason:
                 last = one
             changed.append(_ranges_fault(fault, one, last) if acts else one)
@@ -249,7 +249,7 @@ class StarLine:
 
     def blinds(self, t_s):
         """Whether light falls into the camera at a time."""
-        return any(isinstance(fault, Blinded) and _within(fault, t_s) for fault in self.faults)
+        return any(isinstance(fault, Blinded) and within(fault, t_s) for fault in self.faults)
 
     def picture(self, frame):
         """A Frame as it reaches the star tracker."""
@@ -263,7 +263,7 @@ class StarLine:
         if fix.reason != Reason.NONE and not len(fix.stars.hip):
             return fix
         for k, fault in enumerate(self.faults):
-            if isinstance(fault, Blinded) or not _within(fault, fix.t_valid_s):
+            if isinstance(fault, Blinded) or not within(fault, fix.t_valid_s):
                 continue
             if isinstance(fault, Bias):
                 turned_c = np.array(fault.angles)
@@ -302,12 +302,16 @@ def _turned(fix, turned_c):
     return fix._replace(q_ic=q_ic, stars=fix.stars._replace(u_c=u_c))
 
 
-def events(faults, trajectory, earth):
-    """Begin and end of every fault within the flight: list of Event, by time."""
+def events(faults, trajectory, earth, of_instruments=None):
+    """Begin and end of every fault within the flight: list of Event, by time.
+
+    faults : fault_settings.Faults
+    of_instruments : {name: list of Fault}
+    """
     t_s, found = trajectory.t_s, []
+    others = {"gps": faults.gps, "star_tracker": faults.star_tracker, **(of_instruments or {})}
     prefixed = [(_imu_name(fault), fault) for fault in faults.imu]
-    prefixed += [(f"gps_{fault.name}", fault) for fault in faults.gps]
-    prefixed += [(f"star_tracker_{fault.name}", fault) for fault in faults.star_tracker]
+    prefixed += [(f"{name}_{fault.name}", fault) for name, several in others.items() for fault in several]
     for name, fault in prefixed:
         for suffix, at_s, text in (("", fault.start, fault.words), ("_end", fault.end, "")):
             if t_s[0] <= at_s <= t_s[-1]:

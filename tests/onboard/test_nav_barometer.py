@@ -162,11 +162,14 @@ def test_a_reading_is_not_used_high_up_in_shocks_and_at_the_end_of_its_range():
 # a vehicle that stands on the pad
 
 
-def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale")):
-    """Filter of a vehicle at rest that hears readings and fixes as they become available. -> nav, results"""
+def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale"), climb=0.0):
+    """Filter of a vehicle at rest that hears readings and fixes as they become available. -> nav, results
+
+    climb : m/s, of one that is not at rest
+    """
     height, rng = 360.0, np.random.default_rng(1)
     r_e, C_en = wgs84.ecef_from_geodetic(*SITE, height), wgs84.dcm_en(*SITE)
-    r_i, v_i = frames.inertial_from_ecef(EARTH, 0.0, r_e, np.zeros(3))
+    r_i, v_i = frames.inertial_from_ecef(EARTH, 0.0, r_e, -climb * C_en[:, 2])
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(EARTH, 0.0) @ C_en)
     begin = Alignment(0.0, r_i, v_i, q_ib, 3.0, 0.01, 1e-6 * np.eye(3))
     params = PARAMS._replace(states=states, sigma_blocks={}, aids=(AID,), imu=MODEL)
@@ -232,6 +235,31 @@ def test_a_barometer_that_jumps_has_a_new_bias_and_leaves_the_height_alone():
     state = nav.history[-1].state
     assert here(state).height == pytest.approx(360.0, abs=4.0)
     assert results[-1].accepted
+
+
+def test_a_barometer_that_is_stuck_is_not_used_until_it_reads_again():
+    """It climbs by 20 m/s; stuck from 3 s to 10 s, at once after that a reading counts again."""
+    rng, readings = np.random.default_rng(3), []
+    for k in range(1, 121):
+        pressure = atmosphere.us76(360.0 + 2.0 * k)[1] + 180.0 + 5.0 * rng.standard_normal()
+        stuck = readings[29].pressure if 30 < k <= 100 else pressure
+        readings.append(BarometerReading(0.1 * k, 0.1 * k, stuck))
+    nav, results = stand(readings, 12.0, climb=20.0)
+    used = [result.t_valid_s for result in results if result.accepted]
+    notes = {result.note for result in results if 3.95 < result.t_valid_s < 10.05}
+    assert notes == {"not used: it repeats itself"}
+    assert sum(t_s > 10.05 for t_s in used) == 20
+    assert here(nav.history[-1].state).height == pytest.approx(600.0, abs=4.0)
+    assert [one.healthy for one in nav.watch.changes() if "repeats" in one.reason or one.healthy] == [
+        False,
+        True,
+    ]
+
+
+def test_a_barometer_with_coarse_counts_may_repeat_itself_where_nothing_moves():
+    readings = [BarometerReading(0.1 * k, 0.1 * k, 97100.0) for k in range(1, 51)]
+    _, results = stand(readings, 5.0)
+    assert len(results) == 50 and all(result.accepted for result in results)
 
 
 def test_single_wrong_readings_never_insist():

@@ -1,10 +1,13 @@
 """Section `faults`: what is read, and what is said about nonsense."""
 
+import pickle
+
 import numpy as np
 import pytest
 from broken import DEFAULT, TEXT, check_one_message
 
-from shefex_nav.scenario.load import load
+from shefex_nav.scenario import aboard
+from shefex_nav.scenario.load import load, load_text
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.world.fault_settings import Faults
 
@@ -83,3 +86,66 @@ def test_faults_are_read_in_si(tmp_path):
 )
 def test_nonsense_is_refused_in_one_line(tmp_path, good, bad, field, words):
     check_one_message(tmp_path, good, bad, field, words, text=TEXT + GOOD)
+
+
+BAROMETER = """
+barometer: {rate: 10 Hz, bias: 100 Pa, noise: 5 Pa}
+navigation: {states: [gravity, baro_bias, baro_scale]}
+"""
+INSTRUMENTS = """
+faults:
+  barometer:
+    - {fault: stuck, from: 60 s, until: 90 s}
+    - {fault: bias, pressure: -5 hPa, from: 100 s, until: 110 s}
+    - {fault: drift, pressure: 60 Pa/min, from: 120 s, until: 130 s}
+    - {fault: scale, pressure: 1 %, from: 140 s, until: 150 s}
+    - {fault: late, by: 300 ms, from: 160 s, until: 170 s}
+    - {fault: silent, from: 180 s, until: 190 s}
+"""
+
+
+def extended(tmp_path, text):
+    """Scenario of text beside the default."""
+    path = tmp_path / "faulty.yaml"
+    path.write_text(f"extends: {DEFAULT}\n{text}", encoding="utf-8")
+    return load(path)
+
+
+def test_faults_of_an_instrument_are_read_in_si_and_go_to_another_process(tmp_path):
+    scenario = extended(tmp_path, BAROMETER + INSTRUMENTS)
+    wrong = aboard.wrong(scenario)["barometer"]
+    assert [fault.name for fault in wrong] == ["stuck", "bias", "drift", "scale", "late", "silent"]
+    assert [fault.words for fault in wrong[:4]] == [
+        "",
+        "pressure -500 Pa",
+        "pressure 1 Pa/s",
+        "pressure 0.01",
+    ]
+    assert (wrong[4].by, wrong[5].start, wrong[5].end) == (pytest.approx(0.3), 180.0, 190.0)
+    again = pickle.loads(pickle.dumps(scenario))
+    assert aboard.wrong(again)["barometer"] == wrong
+    assert aboard.wrong(load_text(scenario.source, "log"))["barometer"] == wrong
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "field", "words"),
+    [
+        ("barometer:\n    -", "@barometr:\n    -", "faults.barometr", "did you mean 'barometer'?"),
+        (
+            "faults:",
+            "faults:\n  sun_sensor: @[{fault: silent, from: 1 s, until: 2 s}]",
+            "faults.sun_sensor",
+            "there is none aboard; give section sun_sensor, or leave it out",
+        ),
+        ("fault: stuck", "fault: @stuk", "faults.barometer.0.fault", "did you mean 'stuck'?"),
+        ("{fault: bias, pressure", "{fault: bias, @presure", "faults.barometer.1.presure", "'pressure'?"),
+        ("-5 hPa", "@-5 m", "faults.barometer.1.pressure", "is a length, expected a pressure"),
+        ("60 Pa/min", "@60 Pa", "faults.barometer.2.pressure", "such as '60 Pa/s'"),
+        ("1 %", "@1 Pa", "faults.barometer.3.pressure", "expected a plain ratio"),
+        ("300 ms", "@-300 ms", "faults.barometer.4.by", "must be greater than zero"),
+        ("until: 190 s", "until: @170 s", "faults.barometer.5.until", "must be later than from, 180 s"),
+    ],
+)
+def test_nonsense_about_an_instrument_is_refused_in_one_line(tmp_path, good, bad, field, words):
+    text = f"extends: {DEFAULT}\n{BAROMETER}{INSTRUMENTS}"
+    check_one_message(tmp_path, good, bad, field, words, text=text)

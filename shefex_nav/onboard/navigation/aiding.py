@@ -4,11 +4,12 @@ Such an instrument says what it expects of a reading where the filter believes t
 reading tells of the errors (`aid.Seen`). The rest is the same for all of them: errors that last longer
 than from one reading to the next let one reading pass the gate with all of their variance, and readings that
 follow on each other count less together than each by itself (`measurements.lasting_factor`); readings that
-contradict the filter by the same amount again and again may be those of a new bias (`aid.Renewal`).
+contradict the filter by the same amount again and again may be those of a new bias (`aid.Renewal`); those of
+an instrument that repeats itself, while what it should say has changed by more than noise, are not used.
 """
 
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,24 +20,28 @@ from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 
 SIGMAS = 3.0  # of the noise, within which two readings agree
+MOTION = np.r_[X_R, X_V, X_Q]  # where position, velocity and attitude are packed
+REPEATED = 10  # [E] readings with the very same values in a row, which white noise does not give
+REPEATS = "not used: it repeats itself"
 
 
 class Here:
     """Where the filter believes the vehicle to be at an instant, and where the errors of its states stand.
 
     t_s : mission time
+    x : packed nominal values (X,)
     r_i, v_i : (3,) m, m/s, of the IMU, inertial axes
     """
 
     def __init__(self, layout, earth, t_s, x):
         """Layout, EarthRotation, s, packed nominal values (X,)"""
-        self._layout, self._earth, self._x = layout, earth, x
+        self._layout, self._earth, self.x = layout, earth, x
         self.t_s, self.r_i, self.v_i = t_s, x[X_R], x[X_V]
 
     @cached_property
     def C_ib(self):
         """Body axes to inertial axes: (3, 3)."""
-        return rotation.dcm_from_quat(self._x[X_Q])
+        return rotation.dcm_from_quat(self.x[X_Q])
 
     @cached_property
     def C_ie(self):
@@ -95,7 +100,7 @@ class Here:
 
     def value(self, block):
         """Estimate of a block that is no position, velocity or attitude: (size,); None: not estimated."""
-        return self._x[self._layout.values[block]] if self._layout.places.get(block) else None
+        return self.x[self._layout.values[block]] if self._layout.places.get(block) else None
 
 
 class Offset(NamedTuple):
@@ -104,6 +109,16 @@ class Offset(NamedTuple):
     t_valid_s: float
     z: np.ndarray  # (m,)
     variances: np.ndarray  # (m,) of the noise
+
+
+class Repeated(NamedTuple):
+    """Readings of an instrument, one after the other, whose values are the very same."""
+
+    reading: Any  # the first of them
+    t_s: float  # of the tick in which it lies
+    motion: np.ndarray  # packed position, velocity and attitude there
+    times: int = 1
+    is_stuck: bool = False
 
 
 def holds(aid, reading):
@@ -121,7 +136,7 @@ def sensor(aid):
         never if renewal is None else partial(_trial, aid),
         reset_note="" if renewal is None else renewal.note,
         counted=partial(_counted, aid),
-        unfit=None if aid.unfit is None else partial(_unfit, aid),
+        unfit=partial(_unfit, aid),
     )
 
 
@@ -142,7 +157,28 @@ def _counted(aid, nav, reading, R, gap_s):
 
 def _unfit(aid, nav, t_s, x, reading):
     """As `Sensor.unfit`."""
-    return aid.unfit(Here(nav.layout, nav.earth, t_s, x), reading)
+    here = Here(nav.layout, nav.earth, t_s, x)
+    repeats = _repeats(aid, nav, here, reading)
+    reason = "" if aid.unfit is None else aid.unfit(here, reading)
+    return reason or (REPEATS if repeats else "")
+
+
+def _repeats(aid, nav, here, reading):
+    """Whether an instrument repeats itself although what is expected has changed: it is stuck."""
+    run = nav.watch.repeated.get(aid.name)
+    if run is None or not all(map(np.array_equal, reading[2:], run.reading[2:])):
+        nav.watch.repeated[aid.name] = Repeated(reading, here.t_s, here.x[MOTION].copy())
+        return False
+    run = run._replace(times=run.times + 1)
+    if run.times >= REPEATED and not run.is_stuck:
+        x = here.x.copy()  # with the errors of the instrument that are believed now
+        x[MOTION] = run.motion
+        first = aid.expect(Here(nav.layout, nav.earth, run.t_s, x), run.reading)
+        now = aid.expect(here, reading)
+        moved = np.abs(now.z - first.z) > SIGMAS * np.sqrt(first.R.diagonal() + now.R.diagonal())
+        run = run._replace(is_stuck=bool(moved.any()))
+    nav.watch.repeated[aid.name] = run
+    return run.is_stuck
 
 
 def _trial(aid, nav, now, z, R, reading):

@@ -78,6 +78,7 @@ class Watch:
         self.level = integrity_protection.NO_FIX
         self.axes, self.axes_s = None, -np.inf  # of `level_axes`, and their time
         self.used_now = []  # (s, integrity_protection.Slope) of each fix used in this tick
+        self.repeated = {}  # name of an instrument -> aiding.Repeated
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
 
