@@ -16,6 +16,7 @@ import hashlib
 import os
 import shutil
 import sys
+import sysconfig
 import traceback
 import types
 from contextlib import contextmanager
@@ -62,6 +63,7 @@ class Plugin(NamedTuple):
 
 _LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
 _MODULES = {}  # sha256 -> module of software
+_INSTALLED = (*(sysconfig.get_path(kind) for kind in ("purelib", "platlib")), os.path.dirname(__file__))
 _EVERY = []  # not empty: within `trusting`
 
 
@@ -155,7 +157,14 @@ def _is_own_class(value, module):
 
 
 def _module_file(name):
-    """File of an installed module."""
+    """File of an installed module; PluginError for one that lies elsewhere, which needs consent as a file."""
+    top = name.partition(".")[0]
+    spec = util.find_spec(top)  # which runs nothing
+    place = os.path.dirname(spec.origin) if spec is not None and spec.origin else ""
+    if place and not place.startswith(_INSTALLED):
+        raise PluginError(
+            f"module '{top}' lies in {place}, it is not installed; name its file, which ends in .py"
+        )
     try:
         spec = util.find_spec(name)
     except (ImportError, ValueError):

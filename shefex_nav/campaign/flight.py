@@ -94,9 +94,10 @@ class Pilot:
         from shefex_nav import prepare
         from shefex_nav.campaign.series import series
         from shefex_nav.report import metrics
+        from shefex_nav.scenario import software
 
         scenario = self.scenario(job)
-        if job.log is None:
+        if job.log is None and not software.flown(scenario):
             scenario.keep_text("", {})  # its text goes into logs alone, and takes as long to make as all else
         world = prepare.build_world(scenario, job.seed, flight=self.flight, biases=True)
         data = _records(scenario, job.seed, world, job.log)

@@ -45,11 +45,12 @@ def campaign(
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
     from shefex_nav.campaign import running
-    from shefex_nav.scenario import load
+    from shefex_nav.scenario import load, software
 
     address = _told("--engine", running.address, cluster)
     kept = _told("--keep", running.kept, keep or ())
     loaded = load.load(scenario, overrides or ())
+    software.refuse_reached(loaded)
     request = running.checked(running.Request(loaded, runs, seed, workers, address, kept))
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     if dry_run:

@@ -9,16 +9,19 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from shefex_nav.clock import TICK_HZ
+from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import CodeError, SoftwareError
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
-from shefex_nav.onboard.startracker.tracker import NO_CONTEXT
+from shefex_nav.onboard.star_context import PREDICTION_FLOOR
+from shefex_nav.onboard.startracker.tracker import NO_CONTEXT, Context
 from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, NavHealth, NavSolution, row
 
 KEPT = int(TICK_HZ)  # ticks, for frames that come late
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 OUTPUTS = NavSolution, NavCovariance, GateResult, NavHealth
+LONGEST_S = 0.1  # over which the attitude of a tick is carried on to a picture
+SYMMETRIC = 1e-6  # of the product of two sigmas
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
@@ -56,9 +59,9 @@ class _Kept(NamedTuple):
 
     t_s: float
     imu: Any  # ImuBlock
-    r_i: np.ndarray | None
-    v_i: np.ndarray | None
-    q_ib: np.ndarray | None
+    r_i: np.ndarray
+    v_i: np.ndarray
+    q_ib: np.ndarray
     P_theta_b: np.ndarray | None
 
 
@@ -74,32 +77,33 @@ class OwnNavigation:
     def __init__(self, software, name, alignment, mission):
         self._software, self._name, self._mission = software, name, mission
         self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
-        self._kept = deque(maxlen=KEPT)
-        self._ask("start", alignment, mission)
+        self._kept, self._blocks = deque(maxlen=KEPT), deque(maxlen=KEPT)
+        self._ask("start", sealed(alignment), sealed(mission))
 
     def advance(self, blocks, first, last):
         """As of `driving.Software`: one tick."""
-        self._imu, self._ticks = row(blocks, first), self._ticks + 1
+        self._imu, self._ticks = sealed(row(blocks, first)), self._ticks + 1
         self.now_s = self._imu.t_valid_s
         return 1, []
 
     def update(self, arrived):
         """As of `driving.Software`."""
-        given = self._ask("step", self._imu, arrived)
+        given = self._ask("step", self._imu, [sealed(one) for one in arrived])
         given = [] if given is None else [given] if isinstance(given, tuple) else given
         if not isinstance(given, list):
             raise self._error(f"must give an Estimate, a list or None, got {given!r}")
-        outputs, latest = [], None
+        outputs = []
         for one in given:
             if isinstance(one, Estimate):
-                one = self._checked(one)
-                outputs += self._told(one)
+                outputs += self._told(self._checked(one))
             elif isinstance(one, OUTPUTS):
-                outputs.append(one)
+                outputs.append(self._checked_record(one))
             else:
                 raise self._error(f"gave {type(one).__name__}; it may give {_NAMES}")
-            latest = one if isinstance(one, Estimate | NavSolution) else latest
-        self._keep(latest)
+        solutions = [one for one in outputs if isinstance(one, NavSolution)]
+        if len(solutions) > 1:
+            raise self._error(f"gave {len(solutions)} solutions for one tick")
+        self._keep(*solutions)
         return outputs
 
     def context(self, frame, sky, predicts=True):
@@ -107,27 +111,30 @@ class OwnNavigation:
 
         sky : star_context.Sky; predicts : as of `Computer`
         """
-        if own := getattr(self._software, "context", None):
-            return own(frame, sky, predicts)
-        if not self._kept:
-            return NO_CONTEXT
-        near = min(self._kept, key=lambda one: abs(one.t_s - frame.t_valid_s))
+        if hasattr(self._software, "context"):
+            return self._checked_context(self._ask("context", sealed(frame), sky, predicts))
+        known = [one for one in self._kept if abs(one.t_s - frame.t_valid_s) < LONGEST_S]
+        if not known:
+            return self._with_rate(NO_CONTEXT, frame) if predicts else NO_CONTEXT
+        near = min(known, key=lambda one: abs(one.t_s - frame.t_valid_s))
         omega_b = near.imu.dtheta_b.sum(axis=0) / (near.imu.dt_s * len(near.imu.dtheta_b))
-        context = NO_CONTEXT._replace(rate=float(np.linalg.norm(omega_b)))
         C_bc = self._mission.C_bc
-        if near.v_i is not None:
-            turned = rotation.quat_from_rotvec(omega_b * (frame.t_valid_s - near.t_s))
-            C_ic = rotation.dcm_from_quat(rotation.quat_multiply(near.q_ib, turned)) @ C_bc
-            context = self._geometry(context, near, C_ic, sky)
-            if predicts and near.P_theta_b is not None:
-                P_c = C_bc.T @ near.P_theta_b @ C_bc + self._mission.sigma_mounting**2 * np.eye(3)
-                context = context._replace(q_ic=rotation.quat_from_dcm(C_ic), P_c=P_c)
-        return self._with_rate(context, frame, C_bc) if predicts else context
+        turned = rotation.quat_from_rotvec(omega_b * (frame.t_valid_s - near.t_s))
+        C_ic = rotation.dcm_from_quat(rotation.quat_multiply(near.q_ib, turned)) @ C_bc
+        rate = NO_CONTEXT._replace(rate=float(np.linalg.norm(omega_b)))
+        context = self._geometry(rate, near, C_ic, sky)
+        if not predicts:
+            return context
+        if near.P_theta_b is not None:
+            floor2 = self._mission.sigma_mounting**2 + PREDICTION_FLOOR**2
+            P_c = C_bc.T @ near.P_theta_b @ C_bc + floor2 * np.eye(3)
+            context = context._replace(q_ic=rotation.quat_from_dcm(C_ic), P_c=P_c)
+        return self._with_rate(context, frame)
 
     def close(self):
         """There are no more ticks."""
-        if end := getattr(self._software, "close", None):
-            end()
+        if hasattr(self._software, "close"):
+            self._ask("close")
 
     def _geometry(self, context, near, C_ic, sky):
         """A Context with velocity and angles of the boresight."""
@@ -139,31 +146,31 @@ class OwnNavigation:
             limb_angle=float(wgs84.limb_angle(C_ei @ near.r_i, C_ei @ boresight_i)),
         )
 
-    def _with_rate(self, context, frame, C_bc):
+    def _with_rate(self, context, frame):
         """A Context with the mean rate of the gyros over the exposure, as far as samples of it are kept."""
         times = shutter.row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
         begin_s, end_s = frame.t_start_s, frame.t_start_s + shutter.duration_s(times)
-        blocks = [one.imu for one in self._kept if begin_s < one.t_s < end_s + 1.0 / TICK_HZ]
-        if not blocks or not all(block.valid for block in blocks):
+        blocks = [one for one in self._blocks if begin_s < one.t_valid_s < end_s + 1.0 / TICK_HZ]
+        if not blocks or not all(block.valid and not block.saturated for block in blocks):
             return context
+        C_bc = self._mission.C_bc
         duration_s = sum(block.dt_s * len(block.dtheta_b) for block in blocks)
         omega_b = sum(block.dtheta_b.sum(axis=0) for block in blocks) / duration_s
         gyro = self._mission.sheets["imu"].gyro
         steady2 = gyro.bias**2 + gyro.in_run_bias**2 + gyro.random_walk**2 / duration_s
-        of_rate2 = (gyro.scale_factor**2 + 2.0 * gyro.misalignment**2) * (omega_b @ omega_b)
+        scale2 = max(gyro.scale_factor, gyro.scale_factor_roll) ** 2 + 2.0 * gyro.misalignment**2
+        of_rate2 = (scale2 + self._mission.sigma_mounting**2) * (omega_b @ omega_b)
         return context._replace(omega_c=C_bc.T @ omega_b, P_omega_c=(steady2 + of_rate2) * np.eye(3))
 
-    def _keep(self, latest):
-        """Remember the tick. latest : Estimate or NavSolution of it, or None"""
-        if latest is None:
-            self._kept.append(_Kept(self.now_s, self._imu, None, None, None, None))
+    def _keep(self, solution=None):
+        """Remember the tick; where it stood if the IMU answered and the software stands by its attitude."""
+        self._blocks.append(self._imu)
+        if solution is None or not self._imu.valid or solution.do_not_use_attitude:
             return
-        if isinstance(latest, Estimate):
-            P_theta_b = None if latest.P is None else latest.P[6:, 6:]
-        else:
-            P_theta_b = np.diag(latest.sigma_theta_b**2)
-        known = latest.r_i, latest.v_i, latest.q_ib
-        self._kept.append(_Kept(self.now_s, self._imu, *known, P_theta_b))
+        P_theta_b = np.diag(solution.sigma_theta_b**2)
+        known = solution.r_i, solution.v_i, solution.q_ib
+        has_P = bool(np.isfinite(P_theta_b).all())
+        self._kept.append(_Kept(self.now_s, self._imu, *known, P_theta_b if has_P else None))
 
     def _told(self, estimate):
         """NavSolution of an Estimate, and NavCovariance at every tenth tick."""
@@ -196,7 +203,31 @@ class OwnNavigation:
         arrays["q_ib"] /= norm
         if "P" in arrays and (arrays["P"].diagonal() < 0.0).any():
             raise self._error("P of its Estimate has a negative variance")
+        if "P" in arrays and not _is_symmetric(arrays["P"]):
+            raise self._error("P of its Estimate is not symmetric")
+        usable = estimate.usable
+        if not isinstance(usable, tuple | list) or len(usable) != len(QUANTITIES):
+            raise self._error(f"usable of its Estimate must be of {', '.join(QUANTITIES)}, got {usable!r}")
         return estimate._replace(**arrays)
+
+    def _checked_record(self, record):
+        """A whole record of the software's own: of this tick, and a NavSolution complete."""
+        if abs(record.t_s - self.now_s) > SAME_S:
+            raise self._error(f"gave a {type(record).__name__} of T{record.t_s:+.6f} s, of another tick")
+        if isinstance(record, NavSolution):
+            if missing := [name for name, value in record._asdict().items() if value is None]:
+                raise self._error(f"gave a NavSolution without {missing[0]}")
+            if not abs(float(np.linalg.norm(record.q_ib)) - 1.0) < UNIT:
+                raise self._error(f"q_ib of its NavSolution must be a unit quaternion, got {record.q_ib}")
+        return record
+
+    def _checked_context(self, context):
+        """What the software says of a picture itself."""
+        if not isinstance(context, Context):
+            raise self._error(f"context must give a Context, got {context!r}")
+        if context.q_ic is not None and not abs(float(np.linalg.norm(context.q_ic)) - 1.0) < UNIT:
+            raise self._error(f"q_ic of its Context must be a unit quaternion, got {context.q_ic}")
+        return context
 
     def _ask(self, function, *given):
         """Call the software; an exception becomes a SoftwareError with its frames."""
@@ -209,6 +240,22 @@ class OwnNavigation:
 
     def _error(self, words, cause=None):
         return SoftwareError(f"navigation software {self._name}, T{self.now_s:+.2f} s: {words}", cause)
+
+
+def sealed(record):
+    """The same record, with arrays that cannot be written: what flies must not change what is logged."""
+    if isinstance(record, np.ndarray):
+        view = record.view()
+        view.flags.writeable = False
+        return view
+    if isinstance(record, tuple) and hasattr(record, "_fields"):
+        return type(record)(*map(sealed, record))
+    return record
+
+
+def _is_symmetric(P):
+    sigma = np.sqrt(P.diagonal())
+    return bool((np.abs(P - P.T) <= SYMMETRIC * np.outer(sigma, sigma)).all())
 
 
 _NAMES = ", ".join(kind.__name__ for kind in (Estimate, *OUTPUTS))

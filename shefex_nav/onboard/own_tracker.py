@@ -8,6 +8,7 @@ from shefex_nav.errors import CodeError, SoftwareError
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
 
+MOST_DB = 60.0  # gain of the camera
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
@@ -59,19 +60,27 @@ class OwnTracker:
             words = f"asked for an exposure of {exposure_s:g} s; frames come every {1.0 / settings.rate:g} s"
             raise self._error(frame.t_available_s, words)
         if solved.gain_db is not None:
+            if not 0.0 <= solved.gain_db <= MOST_DB:
+                raise self._error(frame.t_available_s, f"asked for a gain of {solved.gain_db} dB; 0 to 60 dB")
             self._gain_db = float(solved.gain_db)
         gain_db = settings.exposure.gain if self._gain_db is None else self._gain_db
         return TrackerState(exposure_s), fix, CameraCommand(fix.t_available_s, exposure_s, gain_db)
 
     def _fix(self, solved, frame, t_available_s):
         """StarFix of a Solved."""
-        now_s, xy_px = frame.t_available_s, np.asarray(solved.xy_px, dtype=float).reshape(-1, 2)
-        n, reason = len(xy_px), Reason.NONE
+        now_s, n, reason = frame.t_available_s, len(solved.xy_px), Reason.NONE
+        xy_px = self._numbers(now_s, "xy_px", solved.xy_px, n, 2) if n else np.empty((0, 2))
+        flux_dn = np.full(n, np.nan)
+        if len(solved.flux_dn):
+            flux_dn = self._numbers(now_s, "flux_dn", solved.flux_dn, n)
+        hip = np.zeros(n) if solved.hip is None else self._numbers(now_s, "hip", solved.hip, n)
         q_ic, P_c = NO_ATTITUDE, NO_COVARIANCE
         if solved.q_ic is None:
-            reason = Reason(solved.reason)
-            if reason == Reason.NONE:
-                raise self._error(now_s, "gave no attitude and no reason")
+            if solved.reason not in list(Reason)[1:]:
+                raise self._error(
+                    now_s, f"gave no attitude and no reason of records.Reason: {solved.reason!r}"
+                )
+            reason = solved.reason
         else:
             q_ic, P_c = (
                 self._numbers(now_s, "q_ic", solved.q_ic, 4),
@@ -80,9 +89,8 @@ class OwnTracker:
             if abs(np.linalg.norm(q_ic) - 1.0) > UNIT:
                 raise self._error(now_s, f"q_ic must be a unit quaternion, got {q_ic}")
             q_ic = q_ic / np.linalg.norm(q_ic)
-            if (np.linalg.eigvalsh(P_c) <= 0.0).any():
+            if not np.allclose(P_c, P_c.T) or (np.linalg.eigvalsh(P_c) <= 0.0).any():
                 raise self._error(now_s, "P_c must be positive definite: how wrong may the attitude be?")
-        flux_dn = np.asarray(solved.flux_dn, dtype=float)
         return StarFix(
             number=frame.number,
             t_valid_s=frame.t_valid_s,
@@ -92,12 +100,12 @@ class OwnTracker:
             P_c=P_c,
             detections=Detections(
                 xy_px,
-                flux_dn if len(flux_dn) == n else np.full(n, np.nan),
+                flux_dn,
                 np.zeros(n, dtype=np.int64),
                 np.zeros(n, dtype=np.int64),
                 np.full((n, 2, 2), np.nan),
             ),
-            hip=np.zeros(n, dtype=np.int64) if solved.hip is None else np.asarray(solved.hip, dtype=np.int64),
+            hip=hip.astype(np.int64),
             residual_px=np.nan,
             background_dn=float(frame.image_dn.mean()),
             exposure_s=frame.exposure_s,

@@ -6,6 +6,8 @@ last bit on a machine of the same type; with another one, the solution which tha
 fixes are those of the log: which frames were solved, and how, is not decided again.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +48,7 @@ class Recording(NamedTuple):
     arrivals: Recorded  # GpsFix, GpsRanges, readings of instruments, StarFix, without an attitude too
     gravity: Any  # GravityModel of the field that the scenario names; None: external data name none
     software: tuple = ()  # as Mission.software, of what is run
-    own: Any = None  # own_navigation.OwnNavigation that is run in the place of the filter
+    own: Callable | None = None  # starts the OwnNavigation that is run in the place of the filter
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
 
@@ -131,7 +133,9 @@ def _configuration(data, name, overrides):
     scenario = prepare.settled(scenario)
     bodies = ephemeris.sky_bodies(scenario.mission.epoch)
     params = params_onboard.computer_params(scenario, bodies, np.empty((0, 2)))
-    own = flown.navigation(scenario, params, data.alignment, data.mission.earth)
+    own = None
+    if software.own(scenario.navigation) is not None:
+        own = partial(flown.navigation, scenario, params, data.alignment, data.mission.earth)
     return params.nav, scenario.source, known, own, software.flown(scenario)
 
 
@@ -174,7 +178,8 @@ def start(recording):
 
 def records(recording):
     """The records of `run`."""
-    data, flies = recording.data, recording.own or Navigator(start(recording))
+    data = recording.data
+    flies = Navigator(start(recording)) if recording.own is None else recording.own()
     yield data.alignment
     aside = not_seen_on_board(data)[::-1]
     for k, arrived, outputs in drive(flies, data.imu, recording.arrivals):

@@ -191,6 +191,14 @@ def refuse_own(scenario, what, section="navigation"):
         raise NotBuiltIn(scenario.line_about((section, "software"), f"{words}; {built_in}"))
 
 
+def refuse_reached(scenario):
+    """NotBuiltIn if a scenario flies a program that is running: it is one, and flights are many."""
+    for section, _ in PATHS:
+        if isinstance(found := own(getattr(scenario, section)), Reached):
+            words = f"{found.connect} is one program, which flies once; a campaign starts one for each run"
+            raise NotBuiltIn(scenario.line_about((section, "software"), f"{words}: give its command"))
+
+
 def flown(scenario):
     """Software of a user's own that a scenario flies: tuple of (section, name, SHA-256 or '')."""
     found = ((section, own(getattr(scenario, section))) for section, _ in PATHS)

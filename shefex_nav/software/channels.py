@@ -11,6 +11,7 @@ from shefex_nav.software.messages import HEAD, split
 
 LARGEST = 65507  # bytes of a datagram
 CHUNK = 1 << 16
+LONGEST = 1 << 26  # bytes of a message
 ASKED = 300  # times, some 300 us, before a process goes to sleep
 
 
@@ -25,7 +26,8 @@ class Pipe:
     """
 
     def __init__(self, words):
-        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+        how = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "bufsize": 0}
+        self._process = subprocess.Popen(words, start_new_session=True, **how)  # Ctrl-C is not for it
         self._in, self._out = self._process.stdin.fileno(), self._process.stdout.fileno()
         os.set_blocking(self._in, False)
         os.set_blocking(self._out, False)
@@ -216,7 +218,10 @@ class _Buffer:
         data = self._data + data if self._data else data
         at = 0
         while len(data) - at >= HEAD.size:
-            end = at + 4 + HEAD.unpack_from(data, at)[0]
+            length, n = HEAD.unpack_from(data, at)
+            if not n < length <= LONGEST:
+                raise Silent(f"it wrote something that is no message: {bytes(data[at : at + 40])!r}")
+            end = at + 4 + length
             if len(data) < end:
                 break
             self._messages.extend(split(data[at:end]))

@@ -23,6 +23,7 @@ import numpy as np
 
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.instruments import TABLE
 from shefex_nav.log import topics, wire
 from shefex_nav.log.fields import EQUAL, Topic, flag, integer, matrix, number, text, vector
 from shefex_nav.onboard import own_navigation
@@ -81,16 +82,16 @@ class Query(NamedTuple):
 
 
 class Context(NamedTuple):
-    """tracker.Context; None: not known."""
+    """tracker.Context; None or NaN: not known."""
 
-    velocity_i: np.ndarray
-    rate: float
-    sun_angle: float
-    limb_angle: float
-    q_ic: np.ndarray
-    P_c: np.ndarray
-    omega_c: np.ndarray
-    P_omega_c: np.ndarray
+    velocity_i: np.ndarray | None = None
+    rate: float = np.nan
+    sun_angle: float = np.nan
+    limb_angle: float = np.nan
+    q_ic: np.ndarray | None = None
+    P_c: np.ndarray | None = None
+    omega_c: np.ndarray | None = None
+    P_omega_c: np.ndarray | None = None
 
 
 class Done(NamedTuple):
@@ -198,9 +199,13 @@ OWN = (
 )  # fmt: skip
 
 
-@cache
 def _codecs():
-    """{type of record: (head without the length, Codec)}, and {name: Codec}."""
+    """{type of record: (head without the length, Codec)}, and {name: Codec}, of the instruments of now."""
+    return _codecs_with(tuple(one.record for one in TABLE.values()))
+
+
+@cache
+def _codecs_with(_records):
     made = [Codec(topic) for topic in (*OWN, *topics.topics())]
     heads = {one.topic.record: (one.topic.schema.encode("ascii"), one) for one in made}
     return heads, {one.topic.schema: one for one in made}

@@ -6,6 +6,7 @@ Lockstep: a tick is sent, and nothing happens until its answer has come.
 import time
 
 from shefex_nav import plugins
+from shefex_nav.clock import SAME_S
 from shefex_nav.errors import CodeError
 from shefex_nav.software import channels, messages
 from shefex_nav.software.messages import Begin, Done, End, Failed, Query, Ready, Tick
@@ -44,7 +45,11 @@ class Remote:
         except (OSError, channels.Silent) as error:
             raise CodeError(f"cannot be reached: {error}") from None
         told = [messages.start_of(mission), alignment, Begin(alignment.t_valid_s)]
-        ready = self._ask(told, Ready, until_s)
+        try:
+            ready = self._ask(told, Ready, until_s)
+        except CodeError:
+            self.close()
+            raise
         if not ready[0].gives_context:
             return
         self.context = self._context
@@ -53,6 +58,7 @@ class Remote:
         """As of `Navigation`."""
         self._ticks += 1
         found = self._ask([imu, *arrived, Tick(imu.t_valid_s, self._ticks)], Done)
+        _check_answer(found[-1], imu.t_valid_s)
         return [
             messages.estimate_received(one) if isinstance(one, messages.Estimate) else one
             for one in found[:-1]
@@ -62,6 +68,9 @@ class Remote:
         """What the software knows of a picture: tracker.Context."""
         query = Query(sky.sun_i, sky.earth_velocity_i, predicts, len(frame.image_dn))
         found = self._ask([frame, query], Done)
+        _check_answer(found[-1], frame.t_available_s)
+        if [type(one) for one in found] != [messages.Context, Done]:
+            raise CodeError("must answer a Query by one Context and Done")
         return messages.context_received(found[0])
 
     def close(self):
@@ -96,3 +105,9 @@ class Remote:
         if isinstance(record, Failed):
             raise CodeError(f"failed:\n{record.words}")
         return record
+
+
+def _check_answer(done, t_s):
+    """CodeError if a Done is not that of what was asked: later answers would be those of other ticks."""
+    if abs(done.t_s - t_s) > SAME_S:
+        raise CodeError(f"said Done of T{done.t_s:+.3f} s where that of T{t_s:+.3f} s was due")

@@ -6,8 +6,10 @@ import traceback
 
 import numpy as np
 
+from shefex_nav import plugins
 from shefex_nav.onboard.star_context import Sky
 from shefex_nav.records import Alignment, Frame, ImuBlock
+from shefex_nav.scenario import plugged
 from shefex_nav.software import channels, messages
 from shefex_nav.software.messages import FORMAT, Begin, Done, End, Failed, Query, Ready, Start, Tick
 
@@ -37,7 +39,10 @@ class _Session:
     def run(self):
         """Answer until there are no more ticks."""
         while True:
-            record = messages.unpack(*self._channel.receive())
+            name, body = self._channel.receive()
+            record = messages.unpack(name, body)
+            if record is None:
+                raise ValueError(f"there is no message '{name}' here")
             if isinstance(record, End):
                 return
             answer = _ANSWERS.get(type(record))
@@ -57,6 +62,8 @@ def _begin(software, heard, _begin):
     start = next(one for one in heard if isinstance(one, Start))
     if start.format != FORMAT:
         raise ValueError(f"messages of format {start.format}; this program knows {FORMAT}")
+    for plugin, sha256 in plugged.pinned_in(start.scenario, "the scenario"):
+        plugins.load(plugin, sha256)  # whose instruments have messages
     alignment = next(one for one in heard if isinstance(one, Alignment))
     software.start(alignment, messages.mission_of(start))
     return [Ready(hasattr(software, "context"))]

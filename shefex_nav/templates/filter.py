@@ -56,9 +56,9 @@ class MyFilter:
     def step(self, imu, arrived):
         self.predict(imu)
         for one in arrived:
-            if isinstance(one, GpsFix) and one.valid:
+            if isinstance(one, GpsFix) and one.valid and not one.horizontal and not self.is_too_old(one):
                 self.correct_by_gps(one)
-            if isinstance(one, StarFix) and one.reason == Reason.NONE:
+            if isinstance(one, StarFix) and one.reason == Reason.NONE and not self.is_too_old(one):
                 self.correct_by_stars(one)
         to_body = np.eye(9)
         to_body[ATT, ATT] = dcm_from_quat(self.q).T
@@ -110,21 +110,29 @@ class MyFilter:
         self.P[VEL, VEL] += dt * pushes * np.eye(3)
 
     def at(self, t_s):
-        """What was believed at the instant of a measurement, which comes late: r, v, C_ib, rate, pushed."""
+        """What is believed of the instant of a measurement, which comes late: r, v, C_ib, rate, pushed."""
         near_s, r, v, C, omega, pushed = min(self.past, key=lambda one: abs(one[0] - t_s))
         after_s = t_s - near_s  # at most half a tick, in which a spinning rocket turns by degrees
         return r + v * after_s, v, C @ dcm_from_rotvec(omega * after_s), omega, pushed
 
+    def is_too_old(self, fix):
+        """Whether the instant of a measurement is before all that is remembered."""
+        return fix.t_valid_s < self.past[0][0] - 0.01
+
     def correct_by_gps(self, fix):
-        r, v, C, omega, pushed = self.at(fix.t_valid_s)
         arm, C_ie = self.mission.l_ba_b, frames.dcm_ie(self.mission.earth, fix.t_valid_s)
         r_fix, v_fix = frames.inertial_from_ecef(self.mission.earth, fix.t_valid_s, fix.r_ea_e, fix.v_ea_e)
-        r_arm, v_arm = C @ arm, C @ np.cross(omega, arm)  # from the IMU to the antenna
         late_s = self.past[-1][0] - fix.t_valid_s
         # errors of then by those of now: dr - late dv, and dv + (what was felt since) x psi
+        r, _, C, _, _ = self.at(fix.t_valid_s)
+        r_arm = C @ arm  # from the IMU to the antenna
         H = np.zeros((3, 15))
         H[:, POS], H[:, VEL], H[:, ATT] = np.eye(3), -late_s * np.eye(3), -skew(r_arm)
         self.correct(r_fix - r - r_arm, H, C_ie @ fix.R_r_e @ C_ie.T)
+        if not np.isfinite(v_fix).all():
+            return  # a receiver that gives positions alone
+        _, v, C, omega, pushed = self.at(fix.t_valid_s)
+        v_arm = C @ np.cross(omega, arm)
         H = np.zeros((3, 15))
         H[:, VEL], H[:, ATT] = np.eye(3), skew(self.pushed - pushed - v_arm)
         self.correct(v_fix - v - v_arm, H, C_ie @ fix.R_v_e @ C_ie.T)
@@ -143,7 +151,7 @@ class MyFilter:
     def correct(self, residual, H, R):
         """Kalman update; a measurement that contradicts the filter is refused. -> whether it was used"""
         S = H @ self.P @ H.T + R
-        if residual @ np.linalg.solve(S, residual) > GATE:
+        if not residual @ np.linalg.solve(S, residual) <= GATE:
             return False
         K = np.linalg.solve(S, H @ self.P).T
         error, keep = K @ residual, np.eye(15) - K @ H
@@ -151,7 +159,15 @@ class MyFilter:
         self.r, self.v = self.r + error[POS], self.v + error[VEL]
         self.q = quat_normalise(quat_multiply(quat_from_rotvec(error[ATT]), self.q))
         self.gyro_bias, self.accel_bias = self.gyro_bias + error[GYRO], self.accel_bias + error[ACC]
+        self.correct_past(error[POS], error[VEL], error[ATT])
         return True
+
+    def correct_past(self, dr, dv, psi):
+        """The last ticks too: the next late measurement must not find the same error again."""
+        now_s, turn = self.past[-1][0], dcm_from_rotvec(psi)
+        for k, (t_s, r, v, C, omega, pushed) in enumerate(self.past):
+            dv_then = dv + np.cross(self.pushed - pushed, psi)
+            self.past[k] = (t_s, r + dr - dv * (now_s - t_s), v + dv_then, turn @ C, omega, pushed)
 
 
 def gravity(r_i):

@@ -9,6 +9,8 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.instruments.instrument import (
     Column,
     DataColumn,
+    Drawn,
+    Equation,
     Instrument,
     Measured,
     Plot,
@@ -74,6 +76,17 @@ def kilometres(read):
     return 1e-3 * read.height
 
 
+def equation(settings, truth):
+    """The world again, for the bound of the errors: a reading without noise, what is drawn, the noise."""
+
+    def read(place, errors):
+        r_e = frames.dcm_ie(truth.earth, place.t_s).T @ place.r_i
+        return wgs84.geodetic_from_ecef(r_e)[2] + errors["bias"]
+
+    bias = Drawn("bias", np.array([settings.bias]))
+    return Equation((bias,), read, np.array([[settings.noise**2]]), has_echo)
+
+
 PROVIDES = [
     Instrument(
         name="radar_altimeter",
@@ -82,6 +95,7 @@ PROVIDES = [
         measure=measure,
         aid=aid,
         use=Use,
+        equation=equation,
         states=(StateBlock("altimeter_bias", 1, "m", "a radar altimeter needs the state of its bias"),),
         told=("bias", "noise"),
         data=(DataColumn("height", "height", "m", "m", "column of the height above the ellipsoid"),),

@@ -31,15 +31,17 @@ struct shefex_message {
     size_t size, room;
 };
 
+#define SHEFEX_FORMAT 1 /* of the messages; Start says which */
+
 /* numbers of the fields that navigation wants */
 enum {
-    SHEFEX_START_START_S = 4, SHEFEX_START_C_IQ = 5, SHEFEX_START_C_RE = 6, SHEFEX_START_EARTH_ANGLE_0 = 7,
+    SHEFEX_START_FORMAT = 2, SHEFEX_START_START_S = 4, SHEFEX_START_C_IQ = 5, SHEFEX_START_C_RE = 6, SHEFEX_START_EARTH_ANGLE_0 = 7,
     SHEFEX_START_EARTH_RATE = 8, SHEFEX_START_C_BC = 16, SHEFEX_START_L_BA_B = 18,
     SHEFEX_ALIGNMENT_T_VALID_S = 2, SHEFEX_ALIGNMENT_R_I = 3, SHEFEX_ALIGNMENT_V_I = 4,
     SHEFEX_ALIGNMENT_Q_IB = 5,
     SHEFEX_IMU_T_VALID_S = 2, SHEFEX_IMU_DT_S = 4, SHEFEX_IMU_DTHETA_B = 5, SHEFEX_IMU_DV_B = 6,
     SHEFEX_IMU_VALID = 8,
-    SHEFEX_GPS_T_VALID_S = 2, SHEFEX_GPS_VALID = 4, SHEFEX_GPS_R_EA_E = 5, SHEFEX_GPS_V_EA_E = 6,
+    SHEFEX_GPS_T_VALID_S = 2, SHEFEX_GPS_VALID = 4, SHEFEX_GPS_R_EA_E = 5, SHEFEX_GPS_V_EA_E = 6, SHEFEX_GPS_HORIZONTAL = 12,
     SHEFEX_STAR_T_VALID_S = 3, SHEFEX_STAR_REASON = 5, SHEFEX_STAR_Q_IC = 6, SHEFEX_STAR_P_C = 7,
     SHEFEX_TICK_T_S = 2,
     SHEFEX_ESTIMATE_R_I = 2, SHEFEX_ESTIMATE_V_I = 3, SHEFEX_ESTIMATE_Q_IB = 4, SHEFEX_ESTIMATE_P = 5,
@@ -122,7 +124,7 @@ static uint64_t shefex_varint(const unsigned char *data, size_t size, size_t *at
     return value;
 }
 
-/* Where a field begins, and how many bytes it has; NULL without it. A varint is put into *value. */
+/* Where a field begins, and how many bytes it has; NULL without it. A whole number is put into *value. */
 static const unsigned char *shefex_field(const struct shefex_message *in, int number, size_t *bytes,
                                          uint64_t *value)
 {
@@ -134,7 +136,15 @@ static const unsigned char *shefex_field(const struct shefex_message *in, int nu
         switch (tag & 7) {
         case 0: begin = at; found = shefex_varint(in->body, in->size, &at); length = at - begin; break;
         case 1: begin = at; length = 8; at += 8; break;
-        case 5: begin = at; length = 4; at += 4; break;
+        case 5: {
+            uint32_t four = 0;
+            begin = at;
+            length = 4;
+            at += 4;
+            if (at <= in->size) memcpy(&four, in->body + begin, 4);
+            found = four;
+            break;
+        }
         case 2: length = shefex_varint(in->body, in->size, &at); begin = at; at += length; break;
         default: return NULL;
         }
@@ -156,7 +166,8 @@ static int shefex_doubles(const struct shefex_message *in, int number, double *i
     memset(into, 0, sizeof(double) * room);
     if (!from) return 0;
     int n = (int)(bytes / sizeof(double));
-    memcpy(into, from, sizeof(double) * (n < room ? n : room));
+    if (n > room) n = room;
+    memcpy(into, from, sizeof(double) * n);
     return n;
 }
 
@@ -167,7 +178,7 @@ static double shefex_double(const struct shefex_message *in, int number)
     return value;
 }
 
-/* A bool or an enumeration. */
+/* A bool, an enumeration or a whole number. */
 static int shefex_int(const struct shefex_message *in, int number)
 {
     size_t bytes;
@@ -226,7 +237,12 @@ static int shefex_send(void)
 {
     for (size_t done = 0; done < shefex_used;) {
         ssize_t n = write(1, shefex_out + done, shefex_used - done);
-        if (n < 0 && errno != EINTR) return 0;
+        if (n < 0 && errno == EAGAIN) {
+            struct pollfd wait = {1, POLLOUT, 0};
+            poll(&wait, 1, -1);
+        } else if (n < 0 && errno != EINTR) {
+            return 0;
+        }
         if (n > 0) done += (size_t)n;
     }
     shefex_used = 0;

@@ -84,6 +84,7 @@ static void earth_axes(double t, double *C_ie)
 
 static void start(const struct shefex_message *in)
 {
+    if (shefex_int(in, SHEFEX_START_FORMAT) != SHEFEX_FORMAT) exit(1);
     shefex_doubles(in, SHEFEX_START_C_IQ, C_iq, 9);
     shefex_doubles(in, SHEFEX_START_C_RE, C_re, 9);
     shefex_doubles(in, SHEFEX_START_C_BC, C_bc, 9);
@@ -141,12 +142,14 @@ static struct state at(double t)
 
 static void correct_by_gps(const struct shefex_message *in)
 {
-    if (!shefex_int(in, SHEFEX_GPS_VALID)) return;
-    double t = shefex_double(in, SHEFEX_GPS_T_VALID_S), r_e[3], v_e[3], C_ie[9], C[9];
+    double t = shefex_double(in, SHEFEX_GPS_T_VALID_S);
+    if (!shefex_int(in, SHEFEX_GPS_VALID) || shefex_int(in, SHEFEX_GPS_HORIZONTAL) || now.t - t > 1.0) return;
+    double r_e[3], v_e[3], C_ie[9], C[9];
     double r[3], v[3], turned[3], arm[3], arm_v[3], spin[3], axis[3] = {C_iq[2], C_iq[5], C_iq[8]};
     struct state then = at(t);
     shefex_doubles(in, SHEFEX_GPS_R_EA_E, r_e, 3);
     shefex_doubles(in, SHEFEX_GPS_V_EA_E, v_e, 3);
+    if (isnan(v_e[0])) return;  /* a receiver that gives positions alone */
     earth_axes(t, C_ie);
     turn(C_ie, r_e, r);
     turn(C_ie, v_e, v);
@@ -161,7 +164,7 @@ static void correct_by_gps(const struct shefex_message *in)
         double dv = GAIN_VELOCITY * (v[i] + turned[i] - arm_v[i] - then.v[i]);
         now.r[i] += dr + dv * (now.t - t);
         now.v[i] += dv;
-        for (int k = 0; k < KEPT; k++) past[k].r[i] += dr, past[k].v[i] += dv;
+        for (int k = 0; k < KEPT; k++) past[k].r[i] += dr + dv * (past[k].t - t), past[k].v[i] += dv;
     }
 }
 
@@ -176,15 +179,16 @@ static void correct_by_stars(const struct shefex_message *in)
         for (int j = 0; j < 3; j++) C_cb[3 * i + j] = C_bc[3 * j + i];
     multiply(C_ic, C_cb, seen);
     matrix_of(then.q, C);
-    /* of the small rotation seen C^T, in inertial axes, half of what is antisymmetric */
+    /* the rotation seen C^T, in inertial axes */
     double D[9], Ct[9];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) Ct[3 * i + j] = C[3 * j + i];
     multiply(seen, Ct, D);
+    double axis[3] = {0.5 * (D[7] - D[5]), 0.5 * (D[2] - D[6]), 0.5 * (D[3] - D[1])};
+    double sine = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    double angle = atan2(sine, 0.5 * (D[0] + D[4] + D[8] - 1.0));
     double gain = star_aided ? GAIN_ATTITUDE : 1.0;  /* the first one is believed */
-    phi[0] = gain * 0.5 * (D[7] - D[5]);
-    phi[1] = gain * 0.5 * (D[2] - D[6]);
-    phi[2] = gain * 0.5 * (D[3] - D[1]);
+    for (int i = 0; i < 3; i++) phi[i] = sine > 1e-9 ? gain * angle / sine * axis[i] : gain * axis[i];
     rotvec_quaternion(phi, dq);
     product(dq, now.q, q);
     memcpy(now.q, q, sizeof q);

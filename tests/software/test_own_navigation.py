@@ -15,6 +15,8 @@ from shefex_nav.onboard.own_navigation import Estimate
 from shefex_nav.records import Doubt, NavCovariance, NavSolution, StarFix
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.software import NotBuiltIn, refuse_own
+from shefex_nav.software.mission import mission_data
+from shefex_nav.world import imu
 
 
 @pytest.fixture(autouse=True)
@@ -99,6 +101,10 @@ WRONG = (
     ("if self.ticks == 50: self.r = self.r[:2]", r"r_i of its Estimate must be finite, shape \(3,\)"),
     ("if self.ticks == 50: self.v = self.v * float('nan')", r"v_i of its Estimate must be finite"),
     ("if self.ticks == 50: self.q = 2.0 * self.q", r"must be a unit quaternion, its norm is 2"),
+    (
+        "from shefex_nav.records import NavHealth; return [NavHealth(0.49, 'a', True, '')]",
+        r"gave a NavHealth of T\+0.490000 s, of another tick",
+    ),
 )
 
 
@@ -108,6 +114,49 @@ def test_mistakes_of_the_software_are_told_with_the_mission_time(tmp_path, here,
     with pytest.raises(SoftwareError, match=r"navigation software own\.py:Reckoning, ") as told:
         flown("night_sky", f"navigation.software={path}:Reckoning", until_s=1.0)
     assert re.search(words, str(told.value)), told.value
+
+
+def test_what_flies_cannot_change_what_is_logged(tmp_path):
+    for here in ("imu.dtheta_b[:] = 7.0", "self.r += 30.0", "self.mission.C_bc[0, 0] = 2.0"):
+        path = reckoning(tmp_path, f"{here}  # of this test")
+        with pytest.raises(SoftwareError, match="read-only"):
+            flown("night_sky", f"navigation.software={path}:Reckoning", until_s=0.1)
+
+
+def test_what_the_software_says_of_a_picture_is_checked(tmp_path):
+    path = reckoning(tmp_path)
+    path.write_text(path.read_text() + "\n    def context(self, frame, sky, predicts):\n        return 7\n")
+    with pytest.raises(SoftwareError, match="context must give a Context, got 7"):
+        flown("night_sky", f"navigation.software={path}:Reckoning", until_s=2.0)
+
+
+def test_a_module_that_is_not_installed_is_not_imported(tmp_path, monkeypatch):
+    (tmp_path / "evil_software.py").write_text("raise SystemExit('it ran')\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name in ("evil_software:F", "evil_software.more:F"):
+        with pytest.raises(ScenarioError, match=r"name its file, which ends in \.py"):
+            load("night_sky", [f"navigation.software={name}"])
+
+
+def test_late_measurements_are_counted_once(tmp_path):
+    """MyFilter, ten fixes a second that are 0.2 s old, begun 30 m off: it is as far off as it says."""
+    _, cls = plugins.software(f"{template('filter.py', tmp_path)}:MyFilter", trust=True)
+    scenario = prepare.settled(load("rexus_like", ["gps.rate=10 Hz", "gps.latency=0.2 s"]))
+    world = prepare.build_world(scenario, 1, brief=True)
+    mission = mission_data(scenario, world.computer, world.earth, {})
+    off = np.array([30.0, 0.0, 0.0])
+    alignment = world.alignment._replace(r_i=world.alignment.r_i + off, sigma_r=30.0)
+    software, errors = cls(), []
+    software.start(alignment, mission)
+    received = sorted(world.gps_fixes, key=lambda fix: fix.t_available_s)
+    blocks = imu.blocks(world.imu)
+    for k, block in zip(range(400), blocks, strict=False):
+        arrived = [fix for fix in received if 0.0 <= block.t_valid_s - fix.t_available_s < 0.01 - 1e-9]
+        estimate = software.step(block, arrived)
+        truth = world.flight.trajectory.r_i[4 * (k + 1)]
+        error = truth - estimate.r_i
+        errors.append(error @ np.linalg.solve(estimate.P[:3, :3], error))
+    assert max(errors[60:]) < 25.0, max(errors[60:])  # three components; counted twice: far beyond
 
 
 def test_a_failing_flight_ends_with_exit_code_3_and_a_log(tmp_path, command):
@@ -179,6 +228,27 @@ def test_a_log_is_replayed_with_other_software(tmp_path, command):
     assert errors("--set", f"navigation.software={CLASS}")[0] == errors()[0]
     own, name = errors("--set", f"navigation.software={path}:Reckoning")
     assert own != errors()[0] and name["navigation"].startswith("own.py:Reckoning, sha256 ")
+
+
+def test_the_built_in_filter_as_a_class_in_a_campaign(tmp_path, command):
+    """The same figures as without."""
+    tables = []
+    for software in ("built_in", CLASS):
+        how = ("--runs", "2", "--workers", "1", "--out", str(tmp_path / software[:5]), "--trust", "--json")
+        sets = ("mission.time_limit=3 s", "star_tracker.enabled=false", "star_tracker.off=3 s")
+        more = [word for one in (f"navigation.software={software}", *sets) for word in ("--set", one)]
+        run = command("campaign", "night_sky", *more, *how)
+        assert run.code == 0, run.err
+        tables.append(json.loads(run.out))
+    assert tables[0]["failed"] == tables[1]["failed"] == 0
+    differ = {key for key in tables[0] if tables[0][key] != tables[1][key]}
+    assert differ <= {"folder", "results_digest", "scenario_sha256", "timing", "wall_s"}, differ
+
+
+def test_a_program_that_is_running_flies_in_no_campaign(tmp_path, command):
+    how = ("--set", "navigation.software={connect: 'tcp://127.0.0.1:5005'}", "--runs", "2")
+    run = command("campaign", "night_sky", *how, "--out", str(tmp_path / "none"))
+    assert run.code == 2 and "is one program, which flies once" in run.err
 
 
 def test_a_campaign_flies_it_in_its_workers_and_keeps_failed_runs(tmp_path, command):
