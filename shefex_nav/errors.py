@@ -20,7 +20,7 @@ class CodeError(UserError):
         if cause is not None:
             frames = traceback.extract_tb(cause.__traceback__)[1:]  # the first is the program's call
             where = "".join(traceback.format_list(frames))
-            words = f"{words}\n{where}{type(cause).__name__}: {cause}"
+            words = f"{words}: {type(cause).__name__}: {cause}\n{where}".rstrip()
         super().__init__(words)
 
 

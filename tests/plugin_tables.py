@@ -13,6 +13,7 @@ def restored():
         instruments.TABLE,
         instruments.OWN_STATES,
         plugins._LOADED,
+        plugins._MODULES,
         *(step.ways() for step in STEPS.values()),
     )
     kept = [dict(one) for one in tables]

@@ -34,7 +34,8 @@ from shefex_nav.ending import end_quickly
 app = typer.Typer(
     name="shefex-nav",
     cls=PlainGroup,
-    help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites.",
+    help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites. "
+    "--trust, with any command, is consent to run the code that a scenario names.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,

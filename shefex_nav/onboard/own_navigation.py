@@ -4,7 +4,9 @@ The software gives an `Estimate`, of which the rest of NavSolution follows here,
 star tracker wants to know of a frame follows from the last estimates and from the gyros as they are.
 """
 
+import sys
 from collections import deque
+from contextlib import redirect_stdout
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -196,7 +198,8 @@ class OwnNavigation:
             except (TypeError, ValueError):
                 raise self._error(f"{field} of its Estimate must be numbers, got {value!r}") from None
             if arrays[field].shape != shape or not np.isfinite(arrays[field]).all():
-                raise self._error(f"{field} of its Estimate must be finite, shape {shape}, got {value!r}")
+                got = f"shape {arrays[field].shape}" if arrays[field].shape != shape else "NaN or infinity"
+                raise self._error(f"{field} of its Estimate must be finite, shape {shape}, got {got}")
         norm = float(np.linalg.norm(arrays["q_ib"]))
         if abs(norm - 1.0) > UNIT:
             raise self._error(f"q_ib of its Estimate must be a unit quaternion, its norm is {norm:.6g}")
@@ -232,10 +235,11 @@ class OwnNavigation:
     def _ask(self, function, *given):
         """Call the software; an exception becomes a SoftwareError with its frames."""
         try:
-            return getattr(self._software, function)(*given)
+            with redirect_stdout(sys.stderr):  # standard output is for results
+                return getattr(self._software, function)(*given)
         except CodeError as error:  # has its words already
             raise self._error(str(error)) from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._error(f"failed in {function}", error) from error
 
     def _error(self, words, cause=None):

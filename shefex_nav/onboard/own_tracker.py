@@ -1,5 +1,7 @@
 """Star tracker software of somebody's own in the place of the built-in chain: a frame in, a `Solved` out."""
 
+import sys
+from contextlib import redirect_stdout
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -119,16 +121,18 @@ class OwnTracker:
         except (TypeError, ValueError):
             raise self._error(now_s, f"{field} must be numbers, got {value!r}") from None
         if array.shape != shape or not np.isfinite(array).all():
-            raise self._error(now_s, f"{field} must be finite, shape {shape}, got {value!r}")
+            got = f"shape {array.shape}" if array.shape != shape else "NaN or infinity"
+            raise self._error(now_s, f"{field} must be finite, shape {shape}, got {got}")
         return array
 
     def _ask(self, now_s, function, *given):
         """Call the software; an exception becomes a SoftwareError with its frames."""
         try:
-            return getattr(self._software, function)(*given)
+            with redirect_stdout(sys.stderr):  # standard output is for results
+                return getattr(self._software, function)(*given)
         except CodeError as error:  # has its words already
             raise self._error(now_s, str(error)) from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._error(now_s, f"failed in {function}", error) from error
 
     def _error(self, now_s, words, cause=None):

@@ -89,6 +89,8 @@ def _given(tree):
         value = block.get(key) if isinstance(block, dict) else None
         if isinstance(value, str) and value and value != BUILT_IN:
             value = {PYTHON: value}
+        if isinstance(value, dict) and isinstance(words := value.get(COMMAND), list):
+            value = value | {COMMAND: shlex.join(map(str, words))}
         if isinstance(value, dict) and isinstance(_name(value), str):
             yield (section, key), block, value
 
@@ -144,7 +146,10 @@ def pin(tree, places, trust=False):
 def _pinned(given, trust):
     """What is to fly, with its content; PluginError."""
     if PYTHON in given:
-        plugin, _ = plugins.software(given[PYTHON], None, trust)
+        plugin, cls = plugins.software(given[PYTHON], None, trust)
+        for method in ("start", "step"):
+            if not callable(getattr(cls, method, None)):
+                raise plugins.PluginError(f"'{given[PYTHON]}' has no method {method}")
         return {PYTHON: plugin.path, HASH: plugin.sha256}
     if COMMAND in given:
         words, sha256 = plugins.program(_words(given[COMMAND]), None, trust)

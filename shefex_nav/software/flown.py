@@ -1,6 +1,7 @@
 """From a scenario to software of a user's own that flies."""
 
 from shefex_nav import plugins
+from shefex_nav.errors import SoftwareError
 from shefex_nav.onboard.own_navigation import OwnNavigation
 from shefex_nav.onboard.own_tracker import OwnTracker
 from shefex_nav.scenario import software
@@ -31,7 +32,10 @@ def _made(own):
     """The object that flies. scenario.software.Own, Program or Reached -> Navigation or StarTracker"""
     if isinstance(own, software.Own):
         _, cls = plugins.software(own.python, own.sha256)
-        return cls()
+        try:
+            return cls()
+        except Exception as error:
+            raise SoftwareError(f"{software.name(own)} cannot be made", error) from error
     from shefex_nav.software import remote
 
     if isinstance(own, software.Program):

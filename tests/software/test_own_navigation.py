@@ -19,14 +19,6 @@ from shefex_nav.software.mission import mission_data
 from shefex_nav.world import imu
 
 
-@pytest.fixture(autouse=True)
-def forgotten(monkeypatch, tmp_path):
-    """No consent of a test is there in the next one."""
-    (tmp_path / "config").mkdir()
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setenv(plugins.CONSENT, "")
-
-
 @pytest.mark.parametrize(
     ("name", "more", "until_s"),
     [("night_sky", (), 3.0), ("shefex2_andoya", (STATISTICAL,), 60.0), ("tight", (STATISTICAL,), 20.0)],
@@ -94,8 +86,9 @@ def test_the_star_tracker_is_told_what_the_software_knows(tmp_path):
 WRONG = (
     (
         "if self.ticks == 50: 1 / 0",
-        r"T\+0.50 s: failed in step\n(.|\n)*own.py.*line 15(.|\n)*ZeroDivision",
+        r"T\+0.50 s: failed in step: ZeroDivisionError: (.|\n)*own.py.*line 15",
     ),
+    ("if self.ticks == 50: raise SystemExit(0)", r"T\+0.50 s: failed in step: SystemExit: 0"),
     ("if self.ticks == 50: return 7", r"T\+0.50 s: must give an Estimate, a list or None, got 7"),
     ("if self.ticks == 50: return [7]", r"gave int; it may give Estimate, NavSolution"),
     ("if self.ticks == 50: self.r = self.r[:2]", r"r_i of its Estimate must be finite, shape \(3,\)"),
@@ -189,6 +182,7 @@ def test_software_is_run_with_consent_only_and_is_that_of_the_log(tmp_path):
     ("value", "words"),
     [
         ("own.py:Reckonin", "has no class Reckonin; it has: Reckoning"),
+        ("own.py:rotation", "has no class rotation"),
         ("own.py", "names no class; write such as my_navigation.py:MyFilter"),
         ("other.py:Reckoning", "cannot be read: No such file"),
         ("no.such.module:Filter", "there is no module 'no.such.module' installed"),

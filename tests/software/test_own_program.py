@@ -26,14 +26,6 @@ PROGRAM = f"{sys.executable} -m shefex_nav.software.built_in"
 UNTIL_S = 1.6  # of night_sky: two pictures have been used
 
 
-@pytest.fixture(autouse=True)
-def forgotten(monkeypatch, tmp_path):
-    """No consent of a test is there in the next one."""
-    (tmp_path / "config").mkdir()
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setenv(plugins.CONSENT, "")
-
-
 @pytest.fixture(scope="module")
 def built_in():
     """Records of the built-in filter."""

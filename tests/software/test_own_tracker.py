@@ -6,20 +6,11 @@ import numpy as np
 import pytest
 from own_flights import flown, template
 
-from shefex_nav import plugins
 from shefex_nav.commands.new import KINDS, TEMPLATES
 from shefex_nav.errors import SoftwareError
 from shefex_nav.geometry import rotation
 from shefex_nav.records import CameraCommand, FrameTruth, Reason, StarFix
 from shefex_nav.scenario.load import ScenarioError, load
-
-
-@pytest.fixture(autouse=True)
-def forgotten(monkeypatch, tmp_path):
-    """No consent of a test is there in the next one."""
-    (tmp_path / "config").mkdir()
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setenv(plugins.CONSENT, "")
 
 
 def test_the_tracker_to_start_from_finds_the_attitude_and_says_how_well(tmp_path):
