@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav.instruments.instrument import Column, Fault, FaultKind
 from shefex_nav.settings import choice, declared, quantity
-from shefex_nav.world.faults import within
+from shefex_nav.world.fault_settings import within
 
 RESERVED = frozenset(("fault", "from", "until", "start", "end", "words", "name"))  # keys of every fault
 

@@ -109,6 +109,7 @@ def surroundings(case):
         air=np.zeros((0, 4)),
         density_factor=1.0,
         wind=wind,
+        wind_times=np.zeros(1),
     )
 
 

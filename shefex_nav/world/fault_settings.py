@@ -6,6 +6,7 @@
 from math import degrees
 from typing import Literal
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.settings import Settings, choice, count, quantity, section, switch
 
 AXES = "xyz"
@@ -220,3 +221,8 @@ class Faults(Settings):
 
 def _three(numbers):
     return ", ".join(f"{number:g}" for number in numbers)
+
+
+def within(fault, t_s):
+    """Whether a fault acts at t_s; its end does not belong to it."""
+    return (t_s > fault.start - SAME_S) & (t_s < fault.end - SAME_S)

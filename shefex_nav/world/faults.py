@@ -30,6 +30,7 @@ from shefex_nav.world.fault_settings import (
     Outage,
     Repeat,
     Stuck,
+    within,
 )
 
 OF_CHANNELS = (
@@ -39,11 +40,6 @@ OF_CHANNELS = (
 
 FELT = GyroBias, GyroScale, AccelerometerBias, AccelerometerScale  # of a sensor, before range and quanta
 SENT = Stuck, Dead, Dropout, Repeat  # of what the unit sends
-
-
-def within(fault, t_s):
-    """Whether a fault acts at t_s; its end does not belong to it."""
-    return (t_s > fault.start - SAME_S) & (t_s < fault.end - SAME_S)
 
 
 def imu_felt(faults, t_s, dtheta_b, dv_b):

@@ -31,7 +31,7 @@ def test_repeat_says_whether_it_is_the_same(whole, tmp_path, scenario):
 
 def test_an_old_log_is_not_called_the_new_one(tmp_path):
     """A run that fails before its first record writes none; `--force` let the old file be there."""
-    (tmp_path / "step.csv").write_text("step_s\n0.06\n")
+    (tmp_path / "step.csv").write_text("step_s\n0.06\n0.04\n")
     more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
     fails = load.load(write(tmp_path, more), ["star_tracker.exposure.shortest=10 ms"])
     fly(fails, tmp_path / "campaign", 1)

@@ -90,9 +90,9 @@ def test_fixed_layouts_say_what_google_protobuf_says(topic, samples):
 
 def test_varints_have_the_published_encoding():
     # protobuf.dev, Encoding, Base 128 Varints: 150 is 96 01
-    assert wire._varint(150) == b"\x96\x01"
-    assert wire._varint(1) == b"\x01"
-    assert wire._varint(300) == b"\xac\x02"
+    assert wire.varint(150) == b"\x96\x01"
+    assert wire.varint(1) == b"\x01"
+    assert wire.varint(300) == b"\xac\x02"
 
 
 def test_comments_travel_with_the_schema():

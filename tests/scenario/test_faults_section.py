@@ -140,7 +140,7 @@ def test_faults_of_an_instrument_are_read_in_si_and_go_to_another_process(tmp_pa
         ("fault: stuck", "fault: @stuk", "faults.barometer.0.fault", "did you mean 'stuck'?"),
         ("{fault: bias, pressure", "{fault: bias, @presure", "faults.barometer.1.presure", "'pressure'?"),
         ("-5 hPa", "@-5 m", "faults.barometer.1.pressure", "is a length, expected a pressure"),
-        ("60 Pa/min", "@60 Pa", "faults.barometer.2.pressure", "such as '60 Pa/s'"),
+        ("60 Pa/min", "@60 Pa", "faults.barometer.2.pressure", "such as '1 Pa/s'"),
         ("1 %", "@1 Pa", "faults.barometer.3.pressure", "expected a plain ratio"),
         ("300 ms", "@-300 ms", "faults.barometer.4.by", "must be greater than zero"),
         ("until: 190 s", "until: @170 s", "faults.barometer.5.until", "must be later than from, 180 s"),
