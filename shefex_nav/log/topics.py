@@ -119,6 +119,20 @@ T_VALID = number("t_valid_s", "s", "mission time that is measured")
 T_AVAILABLE = number("t_available_s", "s", "mission time at which the on-board computer has it")
 Q_IB = vector("q_ib", "", "attitude, body to inertial axes, Hamilton, scalar first", 4, name="q_ib_wxyz")
 
+EARTH = (  # frames.EarthRotation
+    matrix("earth.C_iq", "", "celestial intermediate frame to inertial axes"),
+    matrix("earth.C_re", "", "Earth-fixed axes to terrestrial intermediate frame"),
+    number("earth.angle_0", "rad", "Earth rotation angle at t = 0", name="earth_angle_0_rad"),
+    number("earth.rate", "rad/s", "rotation rate of the Earth", name="earth_rate_rad_s"),
+)
+CAMERA = (  # pinhole.Pinhole
+    integer("camera.width_px", "detector [px]"),
+    integer("camera.height_px", "detector [px]"),
+    number("camera.focal_length_px", "px", "nominal"),
+    number("camera.cx_px", "px", "principal point"),
+    number("camera.cy_px", "px", "principal point"),
+)
+
 OWN = (
     Topic(TruthSample, "/truth/state", "Truth", 100, "t_s", "What happens, at every tick.", (
         T_S,
@@ -321,18 +335,11 @@ OWN = (
     )),
     Topic(Mission, "/mission", "Mission", None, "start_s", "Constants of this run.", (
         number("start_s", "s", "mission time of the first record"),
-        matrix("earth.C_iq", "", "celestial intermediate frame to inertial axes"),
-        matrix("earth.C_re", "", "Earth-fixed axes to terrestrial intermediate frame"),
-        number("earth.angle_0", "rad", "Earth rotation angle at t = 0", name="earth_angle_0_rad"),
-        number("earth.rate", "rad/s", "rotation rate of the Earth", name="earth_rate_rad_s"),
+        *EARTH,
         number("launch_latitude", "rad", "of the origin of the launch axes, geodetic"),
         number("launch_longitude", "rad", "likewise"),
         number("launch_height", "m", "likewise, above the ellipsoid"),
-        integer("camera.width_px", "detector [px]"),
-        integer("camera.height_px", "detector [px]"),
-        number("camera.focal_length_px", "px", "nominal"),
-        number("camera.cx_px", "px", "principal point"),
-        number("camera.cy_px", "px", "principal point"),
+        *CAMERA,
         matrix("C_bc", "", "nominal mounting, camera to body axes"),
         vector("sun_i", "", "direction of the Sun from the Earth at t = 0, inertial axes"),
         number("sun_exclusion", "rad", "that the camera must keep from the Sun"),

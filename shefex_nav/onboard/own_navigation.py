@@ -4,27 +4,23 @@ The software gives an `Estimate`, of which the rest of NavSolution follows here,
 star tracker wants to know of a frame follows from the last estimates and from the gyros as they are.
 """
 
-import sys
 from collections import deque
-from contextlib import redirect_stdout
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
-from shefex_nav.errors import CodeError, SoftwareError
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
+from shefex_nav.onboard.own_software import OwnSoftware, is_symmetric
 from shefex_nav.onboard.star_context import PREDICTION_FLOOR
 from shefex_nav.onboard.startracker.tracker import NO_CONTEXT, Context
+from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
 from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, NavHealth, NavSolution, row
 
 KEPT = int(TICK_HZ)  # ticks, for frames that come late
-COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 OUTPUTS = NavSolution, NavCovariance, GateResult, NavHealth
 LONGEST_S = 0.1  # over which the attitude of a tick is carried on to a picture
-SYMMETRIC = 1e-6  # of the product of two sigmas
-UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
 class Estimate(NamedTuple):
@@ -77,7 +73,7 @@ class OwnNavigation:
     """
 
     def __init__(self, software, name, alignment, mission):
-        self._software, self._name, self._mission = software, name, mission
+        self._own, self._mission = OwnSoftware(software, f"navigation software {name}"), mission
         self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
         self._kept, self._blocks = deque(maxlen=KEPT), deque(maxlen=KEPT)
         self._ask("start", sealed(alignment), sealed(mission))
@@ -113,7 +109,7 @@ class OwnNavigation:
 
         sky : star_context.Sky; predicts : as of `Computer`
         """
-        if hasattr(self._software, "context"):
+        if self._own.has("context"):
             return self._checked_context(self._ask("context", sealed(frame), sky, predicts))
         known = [one for one in self._kept if abs(one.t_s - frame.t_valid_s) < LONGEST_S]
         if not known:
@@ -135,7 +131,7 @@ class OwnNavigation:
 
     def close(self):
         """There are no more ticks."""
-        if hasattr(self._software, "close"):
+        if self._own.has("close"):
             self._ask("close")
 
     def _geometry(self, context, near, C_ic, sky):
@@ -186,27 +182,17 @@ class OwnNavigation:
 
     def _checked(self, estimate):
         """An Estimate with arrays of the right shape; SoftwareError says what is wrong with it."""
-        shapes = {"r_i": (3,), "v_i": (3,), "q_ib": (4,)}
+        shapes = {"r_i": (3,), "v_i": (3,)}
         shapes |= {"P": (9, 9), "omega_ib_b": (3,), "gyro_bias": (3,), "accel_bias": (3,)}
         arrays = {}
         for field, shape in shapes.items():
             value = getattr(estimate, field)
-            if value is None and field not in ("r_i", "v_i", "q_ib"):
-                continue
-            try:
-                arrays[field] = np.array(value, dtype=float)
-            except (TypeError, ValueError):
-                raise self._error(f"{field} of its Estimate must be numbers, got {value!r}") from None
-            if arrays[field].shape != shape or not np.isfinite(arrays[field]).all():
-                got = f"shape {arrays[field].shape}" if arrays[field].shape != shape else "NaN or infinity"
-                raise self._error(f"{field} of its Estimate must be finite, shape {shape}, got {got}")
-        norm = float(np.linalg.norm(arrays["q_ib"]))
-        if abs(norm - 1.0) > UNIT:
-            raise self._error(f"q_ib of its Estimate must be a unit quaternion, its norm is {norm:.6g}")
-        arrays["q_ib"] /= norm
+            if value is not None or field in ("r_i", "v_i"):
+                arrays[field] = self._own.numbers(self.now_s, f"{field} of its Estimate", value, *shape)
+        arrays["q_ib"] = self._own.quaternion(self.now_s, "q_ib of its Estimate", estimate.q_ib)
         if "P" in arrays and (arrays["P"].diagonal() < 0.0).any():
             raise self._error("P of its Estimate has a negative variance")
-        if "P" in arrays and not _is_symmetric(arrays["P"]):
+        if "P" in arrays and not is_symmetric(arrays["P"]):
             raise self._error("P of its Estimate is not symmetric")
         usable = estimate.usable
         if not isinstance(usable, tuple | list) or len(usable) != len(QUANTITIES):
@@ -220,30 +206,22 @@ class OwnNavigation:
         if isinstance(record, NavSolution):
             if missing := [name for name, value in record._asdict().items() if value is None]:
                 raise self._error(f"gave a NavSolution without {missing[0]}")
-            if not abs(float(np.linalg.norm(record.q_ib)) - 1.0) < UNIT:
-                raise self._error(f"q_ib of its NavSolution must be a unit quaternion, got {record.q_ib}")
+            self._own.quaternion(self.now_s, "q_ib of its NavSolution", record.q_ib)
         return record
 
     def _checked_context(self, context):
         """What the software says of a picture itself."""
         if not isinstance(context, Context):
             raise self._error(f"context must give a Context, got {context!r}")
-        if context.q_ic is not None and not abs(float(np.linalg.norm(context.q_ic)) - 1.0) < UNIT:
-            raise self._error(f"q_ic of its Context must be a unit quaternion, got {context.q_ic}")
+        if context.q_ic is not None:
+            self._own.quaternion(self.now_s, "q_ic of its Context", context.q_ic)
         return context
 
-    def _ask(self, function, *given):
-        """Call the software; an exception becomes a SoftwareError with its frames."""
-        try:
-            with redirect_stdout(sys.stderr):  # standard output is for results
-                return getattr(self._software, function)(*given)
-        except CodeError as error:  # has its words already
-            raise self._error(str(error)) from error
-        except (Exception, SystemExit) as error:
-            raise self._error(f"failed in {function}", error) from error
+    def _ask(self, method, *given):
+        return self._own.ask(self.now_s, method, *given)
 
-    def _error(self, words, cause=None):
-        return SoftwareError(f"navigation software {self._name}, T{self.now_s:+.2f} s: {words}", cause)
+    def _error(self, words):
+        return self._own.error(self.now_s, words)
 
 
 def sealed(record):
@@ -255,11 +233,6 @@ def sealed(record):
     if isinstance(record, tuple) and hasattr(record, "_fields"):
         return type(record)(*map(sealed, record))
     return record
-
-
-def _is_symmetric(P):
-    sigma = np.sqrt(P.diagonal())
-    return bool((np.abs(P - P.T) <= SYMMETRIC * np.outer(sigma, sigma)).all())
 
 
 _NAMES = ", ".join(kind.__name__ for kind in (Estimate, *OUTPUTS))

@@ -1,17 +1,14 @@
 """Star tracker software of somebody's own in the place of the built-in chain: a frame in, a `Solved` out."""
 
-import sys
-from contextlib import redirect_stdout
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from shefex_nav.errors import CodeError, SoftwareError
+from shefex_nav.onboard.own_software import OwnSoftware, is_symmetric
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
 
 MOST_DB = 60.0  # gain of the camera
-UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
 class Solved(NamedTuple):
@@ -46,24 +43,26 @@ class OwnTracker:
     """
 
     def __init__(self, software, name, mission):
-        self._software, self._name = software, name
+        self._own = OwnSoftware(software, f"star tracker software {name}")
         self._gain_db = None  # that was asked for last
-        self._ask(mission.start_s, "start", mission)
+        self._own.ask(mission.start_s, "start", mission)
 
     def step(self, tracker, state, frame, context):
         """As of `tracker.step`."""
-        solved = self._ask(frame.t_available_s, "step", frame, context)
+        solved = self._own.ask(frame.t_available_s, "step", frame, context)
         if not isinstance(solved, Solved):
-            raise self._error(frame.t_available_s, f"must give a Solved, got {solved!r}")
+            raise self._own.error(frame.t_available_s, f"must give a Solved, got {solved!r}")
         settings = tracker.params.settings
         fix = self._fix(solved, frame, frame.t_available_s + settings.latency)
         exposure_s = state.exposure_s if solved.exposure_s is None else float(solved.exposure_s)
         if not 0.0 < exposure_s < 1.0 / settings.rate:
             words = f"asked for an exposure of {exposure_s:g} s; frames come every {1.0 / settings.rate:g} s"
-            raise self._error(frame.t_available_s, words)
+            raise self._own.error(frame.t_available_s, words)
         if solved.gain_db is not None:
             if not 0.0 <= solved.gain_db <= MOST_DB:
-                raise self._error(frame.t_available_s, f"asked for a gain of {solved.gain_db} dB; 0 to 60 dB")
+                raise self._own.error(
+                    frame.t_available_s, f"asked for a gain of {solved.gain_db} dB; 0 to 60 dB"
+                )
             self._gain_db = float(solved.gain_db)
         gain_db = settings.exposure.gain if self._gain_db is None else self._gain_db
         return TrackerState(exposure_s), fix, CameraCommand(fix.t_available_s, exposure_s, gain_db)
@@ -71,28 +70,23 @@ class OwnTracker:
     def _fix(self, solved, frame, t_available_s):
         """StarFix of a Solved."""
         now_s, n, reason = frame.t_available_s, len(solved.xy_px), Reason.NONE
-        xy_px = self._numbers(now_s, "xy_px", solved.xy_px, n, 2) if n else np.empty((0, 2))
+        xy_px = self._own.numbers(now_s, "xy_px", solved.xy_px, n, 2) if n else np.empty((0, 2))
         flux_dn = np.full(n, np.nan)
         if len(solved.flux_dn):
-            flux_dn = self._numbers(now_s, "flux_dn", solved.flux_dn, n)
-        hip = np.zeros(n) if solved.hip is None else self._numbers(now_s, "hip", solved.hip, n)
+            flux_dn = self._own.numbers(now_s, "flux_dn", solved.flux_dn, n)
+        hip = np.zeros(n) if solved.hip is None else self._own.numbers(now_s, "hip", solved.hip, n)
         q_ic, P_c = NO_ATTITUDE, NO_COVARIANCE
         if solved.q_ic is None:
             if solved.reason not in list(Reason)[1:]:
-                raise self._error(
+                raise self._own.error(
                     now_s, f"gave no attitude and no reason of records.Reason: {solved.reason!r}"
                 )
             reason = solved.reason
         else:
-            q_ic, P_c = (
-                self._numbers(now_s, "q_ic", solved.q_ic, 4),
-                self._numbers(now_s, "P_c", solved.P_c, 3, 3),
-            )
-            if abs(np.linalg.norm(q_ic) - 1.0) > UNIT:
-                raise self._error(now_s, f"q_ic must be a unit quaternion, got {q_ic}")
-            q_ic = q_ic / np.linalg.norm(q_ic)
-            if not np.allclose(P_c, P_c.T) or (np.linalg.eigvalsh(P_c) <= 0.0).any():
-                raise self._error(now_s, "P_c must be positive definite: how wrong may the attitude be?")
+            q_ic = self._own.quaternion(now_s, "q_ic", solved.q_ic)
+            P_c = self._own.numbers(now_s, "P_c", solved.P_c, 3, 3)
+            if (P_c.diagonal() <= 0.0).any() or not is_symmetric(P_c) or np.linalg.eigvalsh(P_c)[0] <= 0.0:
+                raise self._own.error(now_s, "P_c must be positive definite: how wrong may the attitude be?")
         return StarFix(
             number=frame.number,
             t_valid_s=frame.t_valid_s,
@@ -114,26 +108,3 @@ class OwnTracker:
             flag_saturated=False,
             flag_no_stars=n == 0,
         )
-
-    def _numbers(self, now_s, field, value, *shape):
-        try:
-            array = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            raise self._error(now_s, f"{field} must be numbers, got {value!r}") from None
-        if array.shape != shape or not np.isfinite(array).all():
-            got = f"shape {array.shape}" if array.shape != shape else "NaN or infinity"
-            raise self._error(now_s, f"{field} must be finite, shape {shape}, got {got}")
-        return array
-
-    def _ask(self, now_s, function, *given):
-        """Call the software; an exception becomes a SoftwareError with its frames."""
-        try:
-            with redirect_stdout(sys.stderr):  # standard output is for results
-                return getattr(self._software, function)(*given)
-        except CodeError as error:  # has its words already
-            raise self._error(now_s, str(error)) from error
-        except (Exception, SystemExit) as error:
-            raise self._error(now_s, f"failed in {function}", error) from error
-
-    def _error(self, now_s, words, cause=None):
-        return SoftwareError(f"star tracker software {self._name}, T{now_s:+.2f} s: {words}", cause)

@@ -25,7 +25,7 @@ from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.instruments import TABLE
 from shefex_nav.log import topics, wire
-from shefex_nav.log.fields import EQUAL, Topic, flag, integer, matrix, number, text, vector
+from shefex_nav.log.fields import Topic, flag, integer, matrix, number, text, vector
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.startracker import tracker
 from shefex_nav.software.codec import Codec
@@ -133,24 +133,16 @@ def _message(record, comment, *fields):
     return Topic(record, "", record.__name__, None, time, comment, fields)
 
 
-T_S = number("t_s", "s", "mission time, from lift-off")
 OWN = (
     _message(
         Start, "What software is told before the flight.",
         integer("format", "of these messages"),
         text("epoch_utc", "ISO 8601, mission time 0"),
         number("start_s", "s", "mission time at which it is switched on"),
-        matrix("earth.C_iq", "", "celestial intermediate frame to inertial axes"),
-        matrix("earth.C_re", "", "Earth-fixed axes to terrestrial intermediate frame"),
-        number("earth.angle_0", "rad", "Earth rotation angle at t = 0", name="earth_angle_0_rad"),
-        number("earth.rate", "rad/s", "rotation rate of the Earth", name="earth_rate_rad_s"),
+        *topics.EARTH,
         vector("sun_i", "", "unit vector to the Sun, inertial axes"),
         vector("earth_velocity_i", "m/s", "of the Earth relative to the solar-system barycentre"),
-        integer("camera.width_px", "detector [px]"),
-        integer("camera.height_px", "detector [px]"),
-        number("camera.focal_length_px", "px", "nominal"),
-        number("camera.cx_px", "px", "principal point"),
-        number("camera.cy_px", "px", "principal point"),
+        *topics.CAMERA,
         matrix("C_bc", "", "nominal mounting, camera to body axes"),
         number("sigma_mounting", "rad", "of that, each axis"),
         vector("l_ba_b", "m", "IMU to GPS antenna, body axes"),
@@ -158,9 +150,9 @@ OWN = (
         text("settings_json", "what the scenario gives under software.settings"),
         text("scenario", "YAML text of all of it"),
     ),
-    _message(Begin, "All has been said that there is before the first tick.", T_S),
+    _message(Begin, "All has been said that there is before the first tick.", topics.T_S),
     _message(Ready, "The software has started.", flag("gives_context", "it answers a Query")),
-    _message(Tick, "All that belongs to a tick has been sent.", T_S, integer("number", "from 1 on")),
+    _message(Tick, "All that belongs to a tick has been sent.", topics.T_S, integer("number", "from 1 on")),
     _message(
         Query, "What is known of the picture whose FrameInfo came before?",
         vector("sun_i", "", "unit vector to the Sun"),
@@ -179,9 +171,9 @@ OWN = (
         vector("omega_c", "rad/s", "mean rate of the exposure, camera axes"),
         matrix("P_omega_c", "", "of that [rad^2/s^2]"),
     ),
-    _message(Done, "The answer is whole.", T_S),
+    _message(Done, "The answer is whole.", topics.T_S),
     _message(Failed, "The software has failed.", text("words", "why")),
-    _message(End, "There are no more ticks.", T_S),
+    _message(End, "There are no more ticks.", topics.T_S),
     _message(
         Estimate, "What navigation software knows at the end of a tick; None is not sent.",
         vector("r_i", "m", "position of the IMU, inertial axes"),
@@ -281,7 +273,7 @@ def proto():
 
     lines = ['syntax = "proto3";', f"package {wire.PACKAGE};"]
     for topic in (*OWN, *topics.topics()):
-        file = wire.file_descriptor(wire.with_rows(topic, EQUAL))
+        file = wire.file_descriptor(topic)
         lines += ["", *_proto_message(file, descriptor_pb2.FieldDescriptorProto)]
     return "\n".join(lines) + "\n"
 

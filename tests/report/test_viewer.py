@@ -164,6 +164,10 @@ def test_errors_beyond_the_scale_are_told(log):
     spike[5] += 1e4
     (_, words), *_ = pages._error_limits(data._replace(nav=data.nav._replace(r_i=spike)))
     assert words == "; peak 1e+04 is cut off"
+    P = np.full_like(data.covariance.P, np.nan)  # of software that says no sigmas
+    unsure = pages._error_limits(data._replace(covariance=data.covariance._replace(P=P)))
+    for (limit, _), most in zip(unsure, largest, strict=True):
+        assert 0.3 * most < limit < 30.0 * most, "by the errors alone"
 
 
 def test_names_of_states_are_whole_or_not_there(tmp_path):

@@ -55,6 +55,10 @@ def test_commands_of_the_tracker_reach_the_camera(tmp_path):
         ("1 / 0", "failed in step"),
         ("return None", "must give a Solved, got None"),
         ("return Solved((1, 0, 0, 0), 0.0 * frame.image_dn[:3, :3])", "P_c must be positive definite"),
+        (
+            "return Solved((1, 0, 0, 0), ((4e-9, 3e-9, 0), (0, 4e-9, 0), (0, 0, 4e-9)))",
+            "P_c must be positive definite",
+        ),
         ("return Solved((1, 0, 0, 1), frame.image_dn[:3, :3])", "q_ic must be a unit quaternion"),
         ("return Solved(exposure_s=3.0)", "asked for an exposure of 3 s; frames come every 0.1 s"),
         ("return Solved(reason=0)", "gave no attitude and no reason"),

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
-from shefex_nav.report import metrics, trust
+from shefex_nav.report import metrics, scale, trust
 from shefex_nav.report.viewer import counts, legend
 from shefex_nav.report.viewer.layout import (
     ERROR_PLOTS,
@@ -251,8 +251,10 @@ def _error_limits(data):
     t_s, _, sigma = metrics.normalised_errors(data, errors)
     if not np.any(t_s > 0.0):
         return [(None, "")] * len(ERROR_PLOTS)
-    limits = 2.5 * np.percentile(3.0 * sigma[t_s > 0.0], 60, axis=0)
-    largest = np.abs(np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b])).max(axis=0)
+    sizes = np.abs(np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b]))
+    limits, largest = 2.5 * np.percentile(3.0 * sigma[t_s > 0.0], 60, axis=0), sizes.max(axis=0)
+    unknown = np.isnan(limits)  # of software that says no sigmas
+    limits[unknown] = scale.ROOM * np.percentile(sizes[:, unknown], scale.BETTER_PART, axis=0)
     limits[6:], largest[6:] = np.degrees(limits[6:]), np.degrees(largest[6:])
     shown = [_readable(limit) for limit in limits]
     return [
