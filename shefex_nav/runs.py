@@ -26,6 +26,7 @@ import numpy as np
 from shefex_nav.log import pixels, reader, thinning
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import RunSummary, epoch_ns, log_time_ns
+from shefex_nav.pacing import Pace
 from shefex_nav.records import FrameTruth, StarFix
 
 FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
@@ -33,8 +34,10 @@ LOG_NAME = "run.mcap"
 MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
 
 
-def _check(scenario, seed, until_s):
+def _check(scenario, seed, until_s, pace):
     """TypeError or ValueError, in words, of what cannot be flown."""
+    if pace is not None and not 0.0 < pace < math.inf:
+        raise ValueError(f"pace {pace!r}: expected mission time over real time, above 0, such as 1.0")
     if not hasattr(scenario, "mission"):
         raise TypeError(f"a Scenario is flown, not {scenario!r}: load it with Scenario.load(path)")
     if not isinstance(seed, int | np.integer) or seed < 0:
@@ -65,6 +68,7 @@ def fly(
     until_s=math.inf,
     log=None,
     overwrite=False,
+    pace=None,
     watch=lambda records, *_: records,
     told=lambda warnings: None,
 ):
@@ -78,6 +82,7 @@ def fly(
         log says that it was not seen
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
+    pace : mission time over real time, 1.0 for a flight in real time, above 0; None: as fast as it goes
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
     told : function of what the scenario gets wrong of the flight, a tuple of report.programme.Warned, called
         before the sensors see it
@@ -89,7 +94,7 @@ def fly(
     Raises LogError if the log cannot be written, FlightError if the vehicle cannot be flown, TypeError or
     ValueError for what is no scenario, seed or time.
     """
-    _check(scenario, seed, until_s)
+    _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
     from shefex_nav.report import programme
 
@@ -103,17 +108,18 @@ def fly(
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
     setup_s = time.perf_counter() - began
-    records, cut_s = _seen(world, scenario, seed, until_s, watch)
+    clock = None if pace is None else Pace(pace)
+    records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
     data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s)
-    return Run(data, path, folder)
+    return Run(data, path, folder, clock and clock.real_time())
 
 
-def _seen(world, scenario, seed, until_s, watch):
+def _seen(world, scenario, seed, until_s, watch, pace):
     """Records of a flight as `watch` passes them on, and when it is looked at no more, as of `_record`."""
     from shefex_nav import simulate
 
     t_s = world.flight.trajectory.t_s
-    records = simulate.route(world, scenario, seed, until_s=until_s)
+    records = simulate.route(world, scenario, seed, until_s=until_s, pace=pace)
     cut_s = float(until_s) if until_s < t_s[-1] else math.nan
     return watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), cut_s
 
@@ -181,11 +187,13 @@ class Run:
     ----------
     data : RunData, every record of the log
     log : Path of the log
+    real_time : pacing.RealTime, how well it has kept its pace; None of one that had none
     """
 
-    def __init__(self, data, log, folder=None):
+    def __init__(self, data, log, folder=None, real_time=None):
         self.data = data
         self.log = log
+        self.real_time = real_time
         self._folder = folder  # a temporary log is deleted with it
 
     def __repr__(self):
@@ -231,7 +239,8 @@ class Run:
         """The object that `shefex-nav run --json` prints: dict of numbers, texts and None."""
         from shefex_nav.report import metrics
 
-        return metrics.summarise(self.data, log=self.log)
+        summary = metrics.summarise(self.data, log=self.log)
+        return summary if self.real_time is None else summary | {"real_time": self.real_time._asdict()}
 
     def table(self):
         """The closing table of `shefex-nav run`, a rich Table."""

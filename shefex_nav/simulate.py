@@ -42,19 +42,21 @@ def run(scenario, seed):
     yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
-def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, columns=None):
+def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, columns=None, pace=None):
     """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
     columns : telemetry.Columns, which takes all solutions and covariances; truth, control and IMU are not
         yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is yielded
+    pace : pacing.Pace, the clock that says when a tick begins; None: as fast as it goes
     """
     yield world.alignment
     read = imu.stacked(world.imu)
     schedule = Schedule(world, read.t_valid_s, until_s, columns is None)
     link, computer = _on_board(world, scenario, seed, step, schedule, RECORDS if columns is None else columns)
+    aboard = computer if pace is None else pace.around(computer)
     blocks = read if columns is None else None
-    for k, arrived, outputs in driving.drive(computer, read, link, schedule.ticks):
+    for k, arrived, outputs in driving.drive(aboard, read, link, schedule.ticks):
         n, now_s = k + 1, schedule.ends_s[k]
         yield from _outside(world, blocks, n, schedule, now_s)
         yield from link.seen(arrived)

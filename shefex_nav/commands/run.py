@@ -25,6 +25,10 @@ def run(
             metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
         ),
     ] = None,
+    pace: Annotated[
+        float | None,
+        typer.Option(help="Mission time over real time, e.g. 1: in real time. Default: as fast as it goes."),
+    ] = None,
     force: OverwriteOut = False,
     json: Json = False,
 ):
@@ -32,6 +36,9 @@ def run(
     from shefex_nav.scenario import load
 
     until_s = math.inf if until is None else mission_time(until, "--until", "240s")
+    if pace is not None and not 0.0 < pace < math.inf:
+        words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
+        raise typer.BadParameter(words, param_hint="--pace")
     loaded = load.load(scenario, overrides or ())
     from shefex_nav import runs
 
@@ -51,6 +58,7 @@ def run(
             until_s=until_s,
             log=path,
             overwrite=force,
+            pace=pace,
             watch=lambda records, start_s, end_s: _interruptible(_watched(records, start_s, end_s)),
             told=lambda warnings: warn(loaded, warnings),
         )

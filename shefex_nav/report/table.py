@@ -71,6 +71,8 @@ def rows(summary, judged=()):
         yield "clocks", start_rows.clocks(summary["clocks"])
     if summary.get("barometer"):
         yield "barometer", start_rows.barometer(summary["barometer"])
+    if summary.get("real_time"):
+        yield "real time", _real_time_rows(summary["real_time"])
     yield "run", _run_rows(summary)
 
 
@@ -278,6 +280,19 @@ def _level_rows(navigation):
         has_sigmas = over and None not in over[ratio]
         sigmas = ", ".join(f"{value:.2f}" for value in over[ratio]) if has_sigmas else "-"
         yield name, f"{values} {unit} {since}, {sigmas} times the sigmas"
+
+
+def _real_time_rows(kept):
+    yield (
+        "pace",
+        f"{kept['mission_s']:.1f} s of mission in {kept['elapsed_s']:.2f} s, {kept['pace']:g} wanted",
+    )
+    for name, key in (("ticks begin late by", "begin_late_s"), ("answer to a tick", "answer_s")):
+        ms = {word: number(1e3 * value, 2, "ms") for word, value in kept[key].items()}
+        yield name, f"{ms['median']} median, 99 % below {ms['p99']}, {ms['max']} at most"
+    late = kept["late_answers"]
+    share = f"{late} of {kept['ticks']}, longer than a tick"
+    yield "late answers", Text(share, style="bold red" if late else "")
 
 
 def _run_rows(summary):
