@@ -1,6 +1,9 @@
 """`shefex-nav run`: fly a scenario once."""
 
 import math
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +32,9 @@ def run(
         float | None,
         typer.Option(help="Mission time over real time, e.g. 1: in real time. Default: as fast as it goes."),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Open the viewer at once and show the flight while it goes on.")
+    ] = False,
     force: OverwriteOut = False,
     json: Json = False,
 ):
@@ -50,6 +56,8 @@ def run(
         raise typer.BadParameter(words, param_hint="--until")
     path = out or _free_name(loaded.mission.name, seed)
     check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
+    if live:
+        _open_viewer(path)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     with about(scenario):
         flown = runs.fly(
@@ -65,6 +73,12 @@ def run(
     if until is not None and flown.data.until_s is None:
         say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
     show_run(flown.summary(), json, flown.data)
+
+
+def _open_viewer(log):
+    """Start a viewer that shows a log while it is written; it stays when the flight is over."""
+    words = ["view", str(log), "--follow", "--since", str(time.time_ns())]
+    subprocess.Popen([sys.executable, "-m", "shefex_nav", *words], start_new_session=True)
 
 
 def _free_name(name, seed):

@@ -31,6 +31,10 @@ def view(
     screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
     at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Show one log while it is written, from its first second on.")
+    ] = False,
+    since: Annotated[int, typer.Option(hidden=True)] = 0,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite what --save and --screenshot name.")
     ] = False,
@@ -48,8 +52,16 @@ def view(
             check_file(path, option, force=force, given=logs)
             _check_ending(path, option, ending)
     chosen = _page(page)
+    if follow and (save or screenshot or len(logs) > 1):
+        words = (
+            "shows one log in a window or a browser; it does not go with --save, --screenshot or a second log"
+        )
+        raise typer.BadParameter(words, param_hint="--follow")
     from shefex_nav.report import viewer
 
+    if follow:
+        viewer.follow(logs[0], page=chosen, web=web, since_ns=since)
+        return
     runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=chosen, web=web)
     for log, data in zip(logs, runs, strict=True):
         tell_if_cut(log, data)

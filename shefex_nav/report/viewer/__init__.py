@@ -4,10 +4,10 @@ import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
-from shefex_nav.report.viewer import layout, program, recording
+from shefex_nav.report.viewer import layout, live, program, recording
 from shefex_nav.report.viewer.program import ViewerError
 
-__all__ = ["ViewerError", "view"]
+__all__ = ["ViewerError", "follow", "view"]
 
 
 def view(logs, *, save=None, screenshot=None, at_s=None, page=layout.OVERVIEW, web=False):
@@ -48,6 +48,31 @@ def view(logs, *, save=None, screenshot=None, at_s=None, page=layout.OVERVIEW, w
             with _temporary(logs, runs, page) as path:
                 show(path)
     return runs
+
+
+def follow(log, *, page=layout.OVERVIEW, web=False, since_ns=0):
+    """Show a log in the viewer while it is written, and wait until the viewer is closed.
+
+    Parameters
+    ----------
+    log : .mcap file, which need not be there yet
+    page : of `layout.PAGES`, open at first
+    web : serve it to a browser on this machine
+    since_ns : a file that was changed last before this time, since 1970, is an old one
+    """
+    with program.Window(web) as window:
+        program.quieten("off")  # a viewer that has been closed is no error
+        import rerun as rr
+
+        stream = rr.RecordingStream(recording.APPLICATION)
+        stream.connect_grpc(window.url)
+        try:
+            live.wait_for(log, stream)
+            live.follow(log, stream, page=page, since_ns=since_ns, is_wanted=window.is_open)
+        except RuntimeError:  # the SDK's, when nobody takes what it sends
+            if window.is_open(within_s=2.0):
+                raise
+        window.wait()
 
 
 @contextmanager

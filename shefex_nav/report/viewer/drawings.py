@@ -15,12 +15,13 @@ _TEXTS, _FRAMES = "/log", "/tf"
 _BETWEEN_POSES = int(1.5e9 / TICK_HZ * POSE_TICKS)  # ns
 
 
-def send(stream, log_path, data):
-    """Send them to a rerun RecordingStream."""
+def send(stream, log_path, data, grey=None):
+    """Send them to a rerun RecordingStream. grey : as of `grey_values`, which is asked where there is none"""
     import rerun as rr
     from rerun.chunk import McapReader
 
-    epoch, grey = epoch_ns(data.mission.epoch_utc), _grey(log_path, data)
+    grey = grey_values(log_path, data) if grey is None else grey
+    epoch = epoch_ns(data.mission.epoch_utc)
     start = int(log_time_ns(epoch, data.mission.start_s))
     source = McapReader(log_path, recover=True, include_topic_regex=[_DRAWN])
     rr.send_chunks(source.stream().map(lambda chunk: _timed(chunk, epoch, start, grey)), recording=stream)
@@ -65,7 +66,7 @@ def _timed(chunk, epoch, start, grey):
     return Chunk.from_record_batch(batch)[0]
 
 
-def _grey(log_path, data):
+def grey_values(log_path, data):
     """Table of the grey values shown for 16-bit pictures, by the first one as read out, else by the bits."""
     from rerun.chunk import McapReader
 

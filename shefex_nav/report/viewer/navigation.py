@@ -119,15 +119,10 @@ def trusted(sender, data):
         records = [record for record in data.health if record.source == source]
         states = ["good" if record.healthy else record.reason for record in records]
         colours = {"good": GREEN} | {state: ORANGE for state in states if state != "good"}
-        times = [record.t_s for record in records]
-        start = data.mission.start_s
-        sender.lane(
-            f"states/health/{source.replace(' ', '_')}",
-            [start, *times],
-            ["good", *states],
-            {**colours, "": GREY},
-            world.time_span(data),
-        )
+        times, entity = [record.t_s for record in records], f"states/health/{source.replace(' ', '_')}"
+        if not sender.has_lane(entity):
+            times, states = [data.mission.start_s, *times], ["good", *states]
+        sender.lane(entity, times, states, {**colours, "": GREY}, world.time_span(data))
 
 
 def _protection(sender, data, quantity, compared):

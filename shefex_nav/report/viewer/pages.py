@@ -23,6 +23,7 @@ from shefex_nav.report.viewer.sender import TIMELINE
 
 NEES_SHOWN = 40.0  # of 9 degrees of freedom
 STARS_MARGIN_S = 5.0  # shown before the first and after the last star fix
+WINDOW_S = 60.0  # of the curves of a log that grows
 COLUMNS = 3  # of plots: in narrower ones rerun writes no more than one time below the axis
 _ERRORS = "Errors (blue) against 3 sigma (red)"
 
@@ -44,6 +45,26 @@ def blueprint(data, seen, has, *, page=OVERVIEW):
         rrb.BlueprintPanel(state="collapsed"),
         collapse_panels=False,
     )
+
+
+def following(made):
+    """The blueprint of a log that grows: the time goes on with it, curves keep the last minute in sight."""
+    boundary = rrb.TimeRangeBoundary.cursor_relative
+    minute = rrb.TimeRange(start=boundary(seconds=-WINDOW_S), end=boundary(seconds=0.0))
+    titles = {plot.entity: plot.title for plot in ERROR_PLOTS}  # nothing is cut off
+    for view in _views(made.root_container):
+        if isinstance(view, rrb.TimeSeriesView | rrb.StateTimelineView):
+            view.properties = {**view.properties, "TimeAxis": rrb.TimeAxis(view_range=minute)}
+            view.properties.pop("ScalarAxis", None)  # nobody knows yet how much it will be
+            view.name = titles.get(view.origin, view.name)
+    made.time_panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following")
+    return made
+
+
+def _views(container):
+    """All views in a container."""
+    for one in container.contents:
+        yield from _views(one) if isinstance(one, rrb.Container) else [one]
 
 
 def _overview(data, seen, has):
@@ -175,6 +196,8 @@ def _time_axis(data, span=None):
 def _star_time(data):
     """(first, last) s in which the star tracker works."""
     t_s = [fix.t_valid_s for fix in data.star_fixes]
+    if not t_s:
+        return None
     return t_s[0] - STARS_MARGIN_S, t_s[-1] + STARS_MARGIN_S
 
 
@@ -289,7 +312,8 @@ def _flight_views(data, has):
 
 def _gas_shown(data):
     """Upper end of the scale of the gas, with room above: the viewer's own cuts the last of it."""
-    return 1.05 * float(np.nanmax(data.control.propellant_kg)) or None
+    used = data.control.propellant_kg
+    return 1.05 * float(np.nanmax(used)) or None if len(used) else None
 
 
 def _largest(values):

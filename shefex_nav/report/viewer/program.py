@@ -8,7 +8,7 @@ import sys
 import sysconfig
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shefex_nav.errors import UserError
@@ -43,11 +43,66 @@ def show(recording):
     command = [str(path()), str(recording), "--port", "auto"]
     done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode != 0:
-        reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise ViewerError(
-            f"the viewer could not open a window: {reason}\n"
+            f"the viewer could not open a window: {_reason(done.stderr, done.returncode)}\n"
             "On a machine without a screen, save a recording (--save) or a picture (--screenshot) instead."
         )
+
+
+class Window:
+    """A viewer that waits for what is sent to it. with Window() as window: stream.connect_grpc(window.url)
+
+    web : serve it to a browser on this machine, and say where
+    """
+
+    def __init__(self, web=False):
+        self._port = port = _free_port()
+        self.url = f"rerun+http://127.0.0.1:{port}/proxy"
+        self._web, self._said = web, tempfile.TemporaryFile("w+")
+        command = [str(path()), "--bind", "127.0.0.1", "--port", str(port)]
+        if web:
+            page = _free_port()
+            url = f"http://127.0.0.1:{page}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
+            print(f"open {url} in a browser; Ctrl-C ends it", file=sys.stderr)
+            command += ["--serve-web", "--web-viewer-port", str(page)]
+        else:
+            command += ["--hide-welcome-screen", "--expect-data-soon"]
+        environment = {"RUST_LOG": "error", **os.environ}
+        self._process = subprocess.Popen(command, env=environment, stderr=self._said)
+
+    def is_open(self, within_s=0.0):
+        """Whether it is still there after a while; ViewerError if it could not be opened."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(within_s)
+        code = self._process.poll()
+        if code:
+            self._said.seek(0)
+            words = "could not be served" if self._web else "could not open a window"
+            raise ViewerError(f"the viewer {words}: {_reason(self._said.read(), code)}")
+        return code is None
+
+    def wait(self):
+        """Until it is closed."""
+        self._process.wait()
+        self.is_open()
+
+    def __enter__(self):
+        try:
+            while self.is_open() and not self._listens():
+                time.sleep(0.02)
+        except ViewerError:
+            self.__exit__()
+            raise
+        return self
+
+    def _listens(self):
+        """Whether it takes what is sent to it."""
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", self._port)) == 0
+
+    def __exit__(self, *exc_info):
+        self._process.terminate()
+        self._said.close()
 
 
 def serve(recording):
@@ -60,8 +115,7 @@ def serve(recording):
     command += ["--web-viewer-port", str(web), str(recording)]
     done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode != 0:
-        reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        raise ViewerError(f"the viewer could not be served: {reason}")
+        raise ViewerError(f"the viewer could not be served: {_reason(done.stderr, done.returncode)}")
 
 
 def take_picture(recording, picture, at_s):
@@ -96,14 +150,14 @@ def take_picture(recording, picture, at_s):
     return [(view.name, [str(report) for report in view.reports]) for view in views]
 
 
-def quieten():
-    """Let rerun in this process tell errors alone: that a log was cut off is told by us, and once.
+def quieten(level="error"):
+    """Let rerun in this process tell errors alone, or nothing: that a log was cut off is told by us.
 
     Its reader takes up what RUST_LOG says when it is imported; whoever has set that gets what was asked for.
     """
     if "RUST_LOG" in os.environ or "rerun" in sys.modules:
         return
-    os.environ["RUST_LOG"] = "error"
+    os.environ["RUST_LOG"] = level
     try:
         import rerun  # noqa: F401
     finally:
@@ -148,6 +202,11 @@ def _save_settled(client, picture):
         if same >= SETTLE_PICTURES and time.monotonic() - since_s >= SETTLE_S:
             return
         time.sleep(PAUSE_S)
+
+
+def _reason(said, code):
+    """The last line of what a program said, or how it ended."""
+    return (said.strip().splitlines() or [f"exit code {code}"])[-1]
 
 
 def _free_port():

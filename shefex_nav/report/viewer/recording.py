@@ -140,7 +140,7 @@ def fill(stream, log_path, data):
     sensors.send(sender, data)
     stars.send(sender, data)
     navigation.send(sender, data)
-    _send_summary(sender, data)
+    send_summary(sender, data)
 
 
 def _estimate_stands_in(sender):
@@ -160,14 +160,18 @@ def overlay(sender, data, mission, name, colour):
     navigation.consistency(sender, data, name, colour)
 
 
-def _send_summary(sender, data):
+def send_summary(sender, data):
     """The figures of the run as a text."""
-    import rerun as rr
-
     from shefex_nav.report.table import rows
 
     parts = [f"| {data.mission.scenario}, seed {data.mission.seed} | |", "|---|---|"]
     for section, lines in rows(metrics.summarise(data)):
         parts += [f"| **{section}** | |", *(f"| {name} | {value} |" for name, value in lines)]
-    text = rr.TextDocument("\n".join(parts), media_type=rr.MediaType.MARKDOWN)
-    sender.static("summary", text)
+    send_text(sender, "\n".join(parts))
+
+
+def send_text(sender, words):
+    """A text, Markdown, in the place of the figures of the run."""
+    import rerun as rr
+
+    sender.static("summary", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))

@@ -23,6 +23,7 @@ class Sender:
 
     def __init__(self, stream, epoch_utc):
         self.stream = stream
+        self._states = {}  # of the lanes, the last ones
         self._epoch = epoch_ns(epoch_utc)
 
     def times(self, t_s):
@@ -87,16 +88,22 @@ class Sender:
         if len(t_s):
             self.columns(entity, t_s, rr.Scalars.columns(scalars=np.asarray(values, np.float64)))
 
+    def has_lane(self, entity):
+        """Whether a state of it has been sent."""
+        return entity in self._states
+
     def lane(self, entity, t_s, states, colours, span):
-        """A state timeline; only changes are sent. {state: colour}
+        """A state timeline; only changes are sent, after those of before. {state: colour}
 
         span : (first, last) s of the time axis; what is too short on it for its name goes without
         """
         import rerun as rr
 
-        changed = [k for k in range(len(states)) if k == 0 or states[k] != states[k - 1]]
+        before = [self._states.get(entity), *states[:-1]]
+        changed = [k for k in range(len(states)) if states[k] != before[k]]
         if not changed:
             return
+        self._states[entity] = states[-1]
         times = [t_s[k] for k in changed]
         ends = [*times[1:], span[1]]
         names = [

@@ -15,6 +15,9 @@ _MARK = 0.0106  # half a side, by the width of the picture
 # focal length away, and with some (6363.6 px) picture and lowest marks round to one depth: these are hidden.
 PLANE = "star_camera_picture"
 _SKY_MAGNITUDE = 5.0  # faintest star of the map
+_MARKS = tuple(f"stars/{name}" for name in ("identified", "names", "unidentified", "true_places"))
+_LANE = "states/star_tracker"
+_STATES = {reason.name.lower(): ORANGE for reason in Reason} | {"solved": GREEN, "off": GREY}
 SKY_RADIUS = math.radians(50.0)  # of the map
 
 
@@ -23,6 +26,8 @@ def send(sender, data):
     marks(sender, data)
     settings(sender, data)
     status(sender, data)
+    if data.star_fixes:
+        switched_off(sender, data.star_fixes[-1].t_valid_s, data)
     sky(sender, data)
 
 
@@ -35,8 +40,11 @@ def marks(sender, data):
         array=[0, 0, camera.width_px, camera.height_px], array_format=rr.Box2DFormat.XYWH, colors=[70, 70, 70]
     )
     plane = rr.CoordinateFrame(PLANE)
-    names = [f"stars/{name}" for name in ("outline", "identified", "names", "unidentified", "true_places")]
-    for entity in (*names, *PICTURES):  # static: the clearing at the end would take away those of the log
+    for entity in (
+        "stars/outline",
+        *_MARKS,
+        *PICTURES,
+    ):  # static: the clearing at the end would take away those of the log
         sender.static(entity, plane)
     sender.static("stars/outline", outline)
     fixes = data.star_fixes
@@ -51,8 +59,14 @@ def marks(sender, data):
     _true_places(sender, data.frame_truths)
     sender.curve("plots/stars/detected", t_s, [float(len(k)) for k in known], ORANGE, "detected")
     sender.curve("plots/stars/identified", t_s, [float(k.sum()) for k in known], GREEN, "identified")
-    for entity in (*names[1:], *PICTURES):
-        sender.clear(entity, t_s[-1] + layout.FRAME_SHOWN_S)
+
+
+def switched_off(sender, t_s, data):
+    """Picture and marks are gone a little after the last frame, which was at t_s."""
+    end_s = t_s + layout.FRAME_SHOWN_S
+    for entity in (*_MARKS, *PICTURES):
+        sender.clear(entity, end_s)
+    sender.lane(_LANE, [end_s], ["off"], _STATES, world.time_span(data))
 
 
 def _squares(sender, entity, t_s, fixes, chosen, colour, half_px):
@@ -116,36 +130,51 @@ def status(sender, data):
     fixes = data.star_fixes
     if not fixes:
         return
-    colours = {reason.name.lower(): ORANGE for reason in Reason} | {"solved": GREEN, "off": GREY}
     states = ["solved" if f.reason == Reason.NONE else Reason(f.reason).name.lower() for f in fixes]
-    t_s = [f.t_valid_s for f in fixes]
-    times, span = [*t_s, t_s[-1] + layout.FRAME_SHOWN_S], world.time_span(data)
-    sender.lane("states/star_tracker", times, [*states, "off"], colours, span)
+    sender.lane(_LANE, [f.t_valid_s for f in fixes], states, _STATES, world.time_span(data))
 
 
 def sky(sender, data):
     """The stars around the camera, and where it looks: degrees, north up, east left."""
     import rerun as rr
 
+    if not data.frame_truths:
+        return
+    looks_i = boresights(data.frame_truths)
+    C_ms = map_axes(looks_i.mean(axis=0))
+    star_map(sender, C_ms, data.mission)
+    path, seen = on_map(C_ms, looks_i)
+    sender.static("sky/path", rr.LineStrips2D([path[seen]], colors=[GREY], radii=[-1.0]))
+    field(sender, C_ms, data)
+
+
+def boresights(truths):
+    """Where the camera truly looks, inertial axes. list of FrameTruth -> (n, 3)"""
+    return np.array([dcm_from_quat(truth.q_ic)[:, 2] for truth in truths])
+
+
+def star_map(sender, C_ms, mission):
+    """The stars of the map. C_ms : as of `map_axes`"""
+    import rerun as rr
+
     from shefex_nav.environment import stars
 
-    truths = data.frame_truths
-    if not truths:
-        return
-    C_ic = np.array([dcm_from_quat(truth.q_ic) for truth in truths])
-    C_ms = map_axes(C_ic[:, :, 2].mean(axis=0))
     catalogue = stars.load_catalogue(_SKY_MAGNITUDE)
-    xy, near = on_map(C_ms, stars.at_epoch(catalogue, float(data.mission.epoch_utc[:4])).u_i)
+    xy, near = on_map(C_ms, stars.at_epoch(catalogue, float(mission.epoch_utc[:4])).u_i)
     size = 0.9 * (_SKY_MAGNITUDE + 0.6 - catalogue.vmag[near]) / _SKY_MAGNITUDE
     sender.static("sky/stars", rr.Points2D(xy[near], radii=size.clip(0.12), colors=[(220, 220, 255)]))
-    path, seen = on_map(C_ms, C_ic[:, :, 2])
-    sender.static("sky/path", rr.LineStrips2D([path[seen]], colors=[GREY], radii=[-1.0]))
-    camera = data.mission.camera
+
+
+def field(sender, C_ms, data):
+    """The field of the camera on the map. C_ms : as of `map_axes`"""
+    import rerun as rr
+
+    truths, camera = data.frame_truths, data.mission.camera
     half = np.array([camera.width_px, camera.height_px]) / (2.0 * camera.focal_length_px)
     corners = np.array(
         [(sx * half[0], sy * half[1], 1.0) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))]
     )
-    strips = [on_map(C_ms, (C @ corners.T).T)[0] for C in C_ic]
+    strips = [on_map(C_ms, (dcm_from_quat(truth.q_ic) @ corners.T).T)[0] for truth in truths]
     columns = rr.LineStrips2D.columns(strips=strips)
     sender.static("sky/field", rr.LineStrips2D.from_fields(colors=[GREEN], radii=[-1.5]))
     sender.columns("sky/field", [truth.t_valid_s for truth in truths], columns.partition([1] * len(strips)))

@@ -76,7 +76,8 @@ def follow(sender, data, t_s, r_l):
         parent_frame=["launch"] * len(t_s),
         child_frame=[LEVEL] * len(t_s),
     )
-    times = np.concatenate([np.minimum(t_s[:1], data.mission.start_s), t_s[1:]])  # there from the start on
+    start_s = data.mission.start_s
+    times = np.where(t_s < start_s + POSE_S, start_s, t_s)  # there from the start on
     sender.columns("world/level", times, columns)
 
 

@@ -55,6 +55,21 @@ def _in_launch_axes(mission, r_e):
 
 def send(sender, data):
     """Send the scene of one run."""
+    every, flown = scenery(sender, data)
+    move(sender, data, every.t_s, flown, layout.scene(flown).size)
+
+
+def move(sender, data, t_s, flown, size):
+    """Send what moves with the vehicle. (n,) s, (n, 3) m in launch axes, size of the scene [m]"""
+    step = max(1, round(vehicle.POSE_S / max(np.median(np.diff(t_s)), 1e-3))) if len(flown) > 1 else 1
+    vehicle.send(sender, data, (t_s[::step], flown[::step]), size)
+
+
+def scenery(sender, data):
+    """Send what stands in the scene; sent again, it takes the place of the former.
+
+    -> TruthSample of the path as drawn, and its points in launch axes, (n, 3) m
+    """
     import rerun as rr
 
     every = thinned(data.truth, _step(data))
@@ -78,8 +93,7 @@ def send(sender, data):
     pinhole = rr.Pinhole.from_fields(image_plane_distance=layout.FRUSTUM * size)
     sender.static("star_tracker/calibration", pinhole)
     sender.static("tf", rr.TransformAxes3D(layout.AXES * size))
-    step = max(1, round(vehicle.POSE_S / max(np.median(np.diff(every.t_s)), 1e-3))) if len(flown) > 1 else 1
-    vehicle.send(sender, data, (every.t_s[::step], flown[::step]), size)
+    return every, flown
 
 
 def send_path(sender, data, mission, name, colour):
