@@ -24,6 +24,7 @@ from shefex_nav.commands.reproduce import ListingCommand, reproduce
 from shefex_nav.commands.run import run
 from shefex_nav.commands.scenarios import scenarios
 from shefex_nav.commands.schema import schema
+from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
 from shefex_nav.commands.verify import app as verify_app
@@ -54,6 +55,7 @@ app.command()(warmup)
 app.command()(run)
 app.command()(report)
 app.command()(view)
+app.command()(show)
 app.command()(check)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")

@@ -34,11 +34,19 @@ def mission_time(text, option, example):
 
     example : a time as one may write it, for the message about one that cannot be read
     """
+    return quantity(text, "s", option, example)
+
+
+def quantity(text, unit, option, example, *, positive=False):
+    """A value in SI units from one with its unit that an option gives.
+
+    unit : SI;  example : as one may write it, for the message about one that cannot be read
+    """
     from pydantic_core import PydanticCustomError
 
     from shefex_nav.scenario.quantity import QuantitySpec
 
     try:
-        return QuantitySpec("s", example).read(text)
+        return QuantitySpec(unit, example, positive=positive).read(text)
     except PydanticCustomError as error:
         raise typer.BadParameter(error.message(), param_hint=option) from None

@@ -67,7 +67,7 @@ def run(
             log=path,
             overwrite=force,
             pace=pace,
-            watch=lambda records, start_s, end_s: _interruptible(_watched(records, start_s, end_s)),
+            watch=lambda records, start_s, end_s: _interruptible(watched(records, start_s, end_s)),
             told=lambda warnings: warn(loaded, warnings),
         )
     if until is not None and flown.data.until_s is None:
@@ -103,7 +103,7 @@ def _interruptible(records):
             yield record
 
 
-def _watched(records, start_s, end_s):
+def watched(records, start_s, end_s):
     """The same records; shows mission time, phase and speed on stderr while they pass.
 
     start_s, end_s: of the flight, for the bar.

@@ -33,7 +33,10 @@ def executable():
 
 
 def visit(page, profile, questions, width=1280, timeout_s=120.0):
-    """Open a file and ask about it. Path, Path of a profile, {name: JavaScript expression} -> Visit"""
+    """Open a page and ask about it.
+
+    Path or address, Path of a profile, {name: JavaScript expression} -> Visit
+    """
     to_browser, ours_out = os.pipe()
     ours_in, from_browser = os.pipe()
     command = [
@@ -52,7 +55,11 @@ def visit(page, profile, questions, width=1280, timeout_s=120.0):
     os.close(to_browser)
     os.close(from_browser)
     try:
-        return _talk(_Pipe(ours_out, ours_in, time.monotonic() + timeout_s), page.as_uri(), questions)
+        return _talk(
+            _Pipe(ours_out, ours_in, time.monotonic() + timeout_s),
+            page if isinstance(page, str) else page.as_uri(),
+            questions,
+        )
     finally:
         process.terminate()
         process.wait(20)
