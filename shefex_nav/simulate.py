@@ -99,15 +99,18 @@ def _on_board(world, scenario, seed, step, schedule, telemetry):
         rng=noise.generator(seed, "camera_noise"),
         take=take,
     )
-    if own := flown.tracker(scenario, params, world.earth):
-        step = own.step
+    if computer := flown.computer(scenario, params, world.alignment, world.earth):
+        return Link(schedule, shutter, line, Stopwatch(step), True, looks_ahead=False), computer
+    if searching := flown.tracker(scenario, params, world.earth):
+        step = searching.step
     clock = Stopwatch(step)
     navigation = flown.navigation(scenario, params, world.alignment, world.earth) or navigator.start(
         params.nav, world.alignment, world.earth, telemetry
     )
     # statistics find single stars by the prediction, and nothing else
     predicts = not is_statistical or params.tracker.vectors
-    computer = onboard.Computer(params, navigation, tracker, line.chain(clock.step), predicts)
+    end = searching.close if searching else lambda: None
+    computer = onboard.Computer(params, navigation, tracker, line.chain(clock.step), predicts, end)
     return Link(schedule, shutter, line, clock, not is_statistical), computer
 
 
@@ -118,15 +121,18 @@ class Link:
     shutter, line : Shutter of the star camera, and StarLine from there to the computer
     clock : Stopwatch of what searches the pictures
     has_pictures : False if their content is made by statistics
+    looks_ahead : False if the camera may be commanded at any tick, not only with a picture or while it is off
     """
 
-    def __init__(self, schedule, shutter, line, clock, has_pictures):
+    def __init__(self, schedule, shutter, line, clock, has_pictures, looks_ahead=True):
         self.schedule, self.shutter, self.line = schedule, shutter, line
-        self._clock, self._has_pictures = clock, has_pictures
+        self._clock, self._has_pictures, self._looks_ahead = clock, has_pictures, looks_ahead
         self._pictures = []  # (Frame as it came, FrameTruth) of the last tick that was asked for
 
     def next_tick(self, n):
         """As of Arrivals."""
+        if not self._looks_ahead:
+            return n + 1
         return self.shutter.ahead(n, self.schedule.next_tick(n), self.schedule.ends_s)
 
     def at(self, n):

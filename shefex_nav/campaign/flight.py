@@ -183,7 +183,7 @@ def _records(scenario, seed, world, log):
     mission, began = prepare.mission(scenario, seed, world.flight.trajectory), time.perf_counter()
     kept = RunDataBuilder(mission)
     every = thinning.ticks(thinning.LOWEST_HZ)
-    if log is None and software.own(scenario.navigation) is None:
+    if log is None and software.flying(scenario) is None:
         columns = Columns(every)
         for record in simulate.route(world, scenario, seed, columns=columns):
             kept.add(record)

@@ -15,7 +15,7 @@ class Field(NamedTuple):
 
     name: str
     source: str  # attribute of the record, dotted where nested
-    kind: str  # double, bool, sfixed32, string, or an IntEnum
+    kind: str  # double, bool, sfixed32, string, bytes (not in a log), or an IntEnum
     shape: (
         tuple  # of the array, row-major; () = scalar, -1 = any number of rows, EQUAL = any, the same in a log
     )
@@ -78,6 +78,11 @@ def flag(source, words):
 def text(source, words):
     """A text."""
     return field(source, "", words, "string")
+
+
+def data(source, words):
+    """Bytes."""
+    return field(source, "", words, "bytes")
 
 
 def member(source, enum, words):

@@ -26,6 +26,7 @@ _KINDS = {  # protobuf type number, wire type of a single value, NumPy type
     "bool": (8, 0, "?"),
     "enum": (14, 0, "u1"),  # one byte: values below 128
     "string": (9, 2, None),
+    "bytes": (12, 2, None),
 }
 _LENGTH_DELIMITED = 2
 
@@ -41,7 +42,7 @@ def all_fields(topic):
 
 def is_fixed(topic):
     """All fields have one length."""
-    return all(field.kind != "string" and -1 not in field.shape for field in topic.fields)
+    return all(field.kind not in ("string", "bytes") and -1 not in field.shape for field in topic.fields)
 
 
 def file_descriptor(topic):

@@ -32,11 +32,12 @@ class Computer:
     tracker : star_tracker.Tracker
     chain : `star_tracker.step`, or something that wraps it or stands for it
     predicts : False if the chain does not search by the predicted attitude
+    end : function that is called when there are no more ticks
     """
 
-    def __init__(self, params, navigation, tracker, chain=star_tracker.step, predicts=True):
+    def __init__(self, params, navigation, tracker, chain=star_tracker.step, predicts=True, end=lambda: None):
         self.params, self.navigation, self.tracker = params, navigation, tracker
-        self._chain, self._predicts = chain, predicts
+        self._chain, self._predicts, self._end = chain, predicts, end
         self._sky = Sky(params.sun_i, params.tracker.earth_velocity_i)
         self._tracker_state = None  # star_tracker.TrackerState while switched on
         self.waiting = ()  # StarFix that are not available yet
@@ -72,7 +73,10 @@ class Computer:
 
     def close(self):
         """There are no more ticks."""
-        self.navigation.close()
+        try:
+            self.navigation.close()
+        finally:
+            self._end()
 
     @property
     def _is_on(self):

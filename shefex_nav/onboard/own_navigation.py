@@ -72,8 +72,11 @@ class OwnNavigation:
     mission : software.MissionData
     """
 
+    WHAT = "navigation software"
+    GIVES = Estimate, *OUTPUTS
+
     def __init__(self, software, name, alignment, mission):
-        self._own, self._mission = OwnSoftware(software, f"navigation software {name}"), mission
+        self._own, self._mission = OwnSoftware(software, f"{self.WHAT} {name}"), mission
         self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
         self._kept, self._blocks = deque(maxlen=KEPT), deque(maxlen=KEPT)
         self._ask("start", sealed(alignment), sealed(mission))
@@ -90,19 +93,21 @@ class OwnNavigation:
         given = [] if given is None else [given] if isinstance(given, tuple) else given
         if not isinstance(given, list):
             raise self._error(f"must give an Estimate, a list or None, got {given!r}")
-        outputs = []
-        for one in given:
-            if isinstance(one, Estimate):
-                outputs += self._told(self._checked(one))
-            elif isinstance(one, OUTPUTS):
-                outputs.append(self._checked_record(one))
-            else:
-                raise self._error(f"gave {type(one).__name__}; it may give {_NAMES}")
+        outputs = [record for one in given for record in self._recorded(one)]
         solutions = [one for one in outputs if isinstance(one, NavSolution)]
         if len(solutions) > 1:
             raise self._error(f"gave {len(solutions)} solutions for one tick")
         self._keep(*solutions)
         return outputs
+
+    def _recorded(self, given):
+        """Records of one thing that the software has given."""
+        if isinstance(given, Estimate):
+            return self._told(self._checked(given))
+        if isinstance(given, OUTPUTS):
+            return [self._checked_record(given)]
+        names = ", ".join(kind.__name__ for kind in self.GIVES)
+        raise self._error(f"gave {type(given).__name__}; it may give {names}")
 
     def context(self, frame, sky, predicts=True):
         """What the navigation knows about a frame: `tracker.Context`, of the software if it says so itself.
@@ -233,9 +238,6 @@ def sealed(record):
     if isinstance(record, tuple) and hasattr(record, "_fields"):
         return type(record)(*map(sealed, record))
     return record
-
-
-_NAMES = ", ".join(kind.__name__ for kind in (Estimate, *OUTPUTS))
 
 
 def solution(estimate, t_s, omega_ib_b, earth):

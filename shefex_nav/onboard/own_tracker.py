@@ -24,6 +24,7 @@ class Solved(NamedTuple):
     xy_px: np.ndarray = np.empty((0, 2))  # (n, 2) objects found, at t_valid_s
     flux_dn: np.ndarray = np.empty(0)  # (n,) light above the background
     hip: np.ndarray | None = None  # (n,) Hipparcos numbers, 0 where unidentified
+    number: int | None = None  # of the frame; a star tracker need not say it, a whole computer must
 
 
 class StarTracker(Protocol):
@@ -44,7 +45,7 @@ class OwnTracker:
 
     def __init__(self, software, name, mission):
         self._own = OwnSoftware(software, f"star tracker software {name}")
-        self._gain_db = None  # that was asked for last
+        self._answers = Answers(self._own, mission.sheets["star_tracker"])
         self._own.ask(mission.start_s, "start", mission)
 
     def step(self, tracker, state, frame, context):
@@ -52,24 +53,47 @@ class OwnTracker:
         solved = self._own.ask(frame.t_available_s, "step", frame, context)
         if not isinstance(solved, Solved):
             raise self._own.error(frame.t_available_s, f"must give a Solved, got {solved!r}")
-        settings = tracker.params.settings
-        fix = self._fix(solved, frame, frame.t_available_s + settings.latency)
-        exposure_s = state.exposure_s if solved.exposure_s is None else float(solved.exposure_s)
-        if not 0.0 < exposure_s < 1.0 / settings.rate:
-            words = f"asked for an exposure of {exposure_s:g} s; frames come every {1.0 / settings.rate:g} s"
-            raise self._own.error(frame.t_available_s, words)
-        if solved.gain_db is not None:
-            if not 0.0 <= solved.gain_db <= MOST_DB:
-                raise self._own.error(
-                    frame.t_available_s, f"asked for a gain of {solved.gain_db} dB; 0 to 60 dB"
-                )
-            self._gain_db = float(solved.gain_db)
-        gain_db = settings.exposure.gain if self._gain_db is None else self._gain_db
-        return TrackerState(exposure_s), fix, CameraCommand(fix.t_available_s, exposure_s, gain_db)
+        available_s = frame.t_available_s + tracker.params.settings.latency
+        fix = self._answers.fix(solved, frame, frame.t_available_s, available_s)
+        command = self._answers.command(solved, state.exposure_s, frame.t_available_s, available_s)
+        return TrackerState(command.exposure_s), fix, command
 
-    def _fix(self, solved, frame, t_available_s):
-        """StarFix of a Solved."""
-        now_s, n, reason = frame.t_available_s, len(solved.xy_px), Reason.NONE
+    def close(self):
+        """There are no more frames."""
+        if self._own.has("close"):
+            self._own.ask(np.nan, "close")
+
+
+class Answers:
+    """What a `Solved` means; its values are looked at.
+
+    own : OwnSoftware, which gave it;  settings : of star_tracker
+    """
+
+    def __init__(self, own, settings):
+        self._own, self._settings = own, settings
+        self._gain_db = settings.exposure.gain  # that was asked for last
+
+    def command(self, solved, exposure_s, now_s, valid_s):
+        """CameraCommand. exposure_s : that was asked for before; valid_s : from when on"""
+        exposure_s = exposure_s if solved.exposure_s is None else float(solved.exposure_s)
+        gain_db = self._gain_db if solved.gain_db is None else float(solved.gain_db)
+        return self.checked(CameraCommand(valid_s, exposure_s, gain_db), now_s)
+
+    def checked(self, command, now_s):
+        """A CameraCommand that the camera can follow."""
+        period_s = 1.0 / self._settings.rate
+        if not 0.0 < command.exposure_s < period_s:
+            words = f"asked for an exposure of {command.exposure_s:g} s; frames come every {period_s:g} s"
+            raise self._own.error(now_s, words)
+        if not 0.0 <= command.gain_db <= MOST_DB:
+            raise self._own.error(now_s, f"asked for a gain of {command.gain_db} dB; 0 to 60 dB")
+        self._gain_db = command.gain_db
+        return command
+
+    def fix(self, solved, frame, now_s, available_s):
+        """StarFix of a frame. available_s : when the navigation may have it"""
+        n, reason = len(solved.xy_px), Reason.NONE
         xy_px = self._own.numbers(now_s, "xy_px", solved.xy_px, n, 2) if n else np.empty((0, 2))
         flux_dn = np.full(n, np.nan)
         if len(solved.flux_dn):
@@ -90,7 +114,7 @@ class OwnTracker:
         return StarFix(
             number=frame.number,
             t_valid_s=frame.t_valid_s,
-            t_available_s=t_available_s,
+            t_available_s=available_s,
             reason=int(reason),
             q_ic=q_ic,
             P_c=P_c,

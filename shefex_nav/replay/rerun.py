@@ -31,6 +31,7 @@ from shefex_nav.scenario import load, params_onboard, software, surroundings
 from shefex_nav.software import flown
 
 CHANGEABLE = (  # what of a scenario may be changed after the flight
+    "computer.software",
     "navigation.",
     *(f"requirements.{quantity}." for quantity in QUANTITIES),
     "requirements.integrity_risk",
@@ -133,8 +134,13 @@ def _configuration(data, name, overrides):
     scenario = prepare.settled(scenario)
     bodies = ephemeris.sky_bodies(scenario.mission.epoch)
     params = params_onboard.computer_params(scenario, bodies, np.empty((0, 2)))
-    own = None
-    if software.own(scenario.navigation) is not None:
+    own, flies = None, software.flying(scenario)
+    if flies == software.COMPUTER:
+        raise LogError(
+            f"{name}: computer.software: was flown by a computer of your own, which cannot be run again, for "
+            "logs do not hold its pictures; --set computer.software=built_in runs the built-in filter"
+        )
+    if flies is not None:
         own = partial(flown.navigation, scenario, params, data.alignment, data.mission.earth)
     return params.nav, scenario.source, known, own, software.flown(scenario)
 

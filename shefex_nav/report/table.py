@@ -57,7 +57,8 @@ def rows(summary, judged=()):
         yield "attitude control", _control_rows(summary["attitude_control"])
     own = summary["software"]
     yield "star tracker", [*_own_rows(own, "star_tracker"), *_star_rows(summary["star_tracker"])]
-    yield "navigation", [*_own_rows(own, "navigation"), *_navigation_rows(summary["navigation"])]
+    of = "computer" if "computer" in own else "navigation"
+    yield "navigation", [*_own_rows(own, of), *_navigation_rows(summary["navigation"])]
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
         yield "requirements", _requirement_rows(judged, is_part)
@@ -128,10 +129,9 @@ def _star_rows(star):
     yield "error across the boresight", number(error["cross_axis_rms"], 1, '" rms')
     yield "error about the boresight", number(error["boresight_rms"], 1, '" rms')
     chain = star["chain_ms"]
-    yield (
-        "time per frame",
-        f"{number(chain['median'], 2, 'ms')} median, 99 % below {number(chain['p99'], 2, 'ms')}",
-    )
+    if chain["median"] is not None:
+        median, p99 = (number(chain[key], 2, "ms") for key in ("median", "p99"))
+        yield "time per frame", f"{median} median, 99 % below {p99}"
 
 
 def _rate_rows(by_rate):

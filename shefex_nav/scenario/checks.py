@@ -13,6 +13,7 @@ from shefex_nav.scenario import (
     dispersions,
     faults,
     partial,
+    software,
     star_statistics,
     told,
 )
@@ -53,6 +54,7 @@ def _parts(scenario, rated):
         *checks_tracker.PARTS,
         star_statistics.contradictions,
         faults.contradictions,
+        software.contradictions,
         told.contradictions,
         _told,
         dispersions.contradictions,

@@ -34,6 +34,14 @@ class StarTracker(section(startracker.StarTracker)):
     )
 
 
+class Computer(Block):
+    """The computer on board, with star tracker and navigation."""
+
+    software: Software = Field(
+        BUILT_IN, description="built_in, which runs star_tracker and navigation; or a computer of your own"
+    )
+
+
 def _states_form(value):
     return f"<{AUTOMATIC}>" if isinstance(value, str) else "<names>"
 

@@ -14,7 +14,7 @@ from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
-from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
+from shefex_nav.scenario.onboard import Computer, Log, Navigation, StarTracker
 from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
@@ -48,6 +48,7 @@ class Sections(Block):
     star_camera: StarCamera
     star_tracker: StarTracker
     navigation: Navigation
+    computer: Computer = Field(default_factory=Computer, description="what runs both")
     log: Log
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
     requirements: Requirements = Field(

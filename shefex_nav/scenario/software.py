@@ -1,4 +1,4 @@
-"""Software of a user's own in a scenario: `navigation.software` and `star_tracker.software`.
+"""Software of a user's own in a scenario: the key `software` of navigation, star_tracker and computer.
 
     software: my_navigation.py:MyFilter      # a class in a file beside the scenario
     software: {python: my_navigation.py:MyFilter, settings: {gain: 0.2}}
@@ -22,7 +22,8 @@ from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import Quantity
 
 BUILT_IN = "built_in"
-PATHS = ("navigation", "software"), ("star_tracker", "software")
+COMPUTER, SOFTWARE = "computer", "software"
+PATHS = tuple((section, SOFTWARE) for section in ("navigation", "star_tracker", COMPUTER))
 PYTHON, COMMAND, CONNECT, HASH = "python", "command", "connect", "sha256"
 
 
@@ -159,8 +160,22 @@ def _pinned(given, trust):
 
 
 def own(block):
-    """What flies in a section `navigation` or `star_tracker`; None: the built-in software."""
+    """What flies in a section `navigation`, `star_tracker` or `computer`; None: the built-in software."""
     return block.software if isinstance(block.software, tuple(FORMS.values())) else None
+
+
+def contradictions(scenario):
+    """A computer of one's own beside what it stands for: pairs of a field's path and text for people."""
+    if own(scenario.computer) is None:
+        return
+    words = "a computer of your own stands for star tracker and navigation"
+    for section in ("navigation", "star_tracker"):
+        if own(getattr(scenario, section)) is not None:
+            yield (section, SOFTWARE), f"{words}: leave this out, or computer.software"
+    for k, fault in enumerate(scenario.faults.star_tracker):
+        if fault.fault != "blinded":
+            field = "faults", "star_tracker", k, "fault"
+            yield field, f"{words}: between them nothing can be {fault.fault}; blinded goes with it"
 
 
 def with_built_in(scenario):
@@ -188,12 +203,18 @@ class NotBuiltIn(UserError):
     """Something is about the built-in software, and other software flies."""
 
 
+def flying(scenario, section="navigation"):
+    """The section whose own software does what `section` is about; None: the built-in one does."""
+    sections = (COMPUTER, section)
+    return next((one for one in sections if own(getattr(scenario, one)) is not None), None)
+
+
 def refuse_own(scenario, what, section="navigation"):
     """NotBuiltIn if a scenario flies software of a user's own. what : that is about the built-in one"""
-    if (found := own(getattr(scenario, section))) is not None:
-        words = f"{what} is about the built-in software, not {name(found)}"
-        built_in = f"--set {section}.software={BUILT_IN} flies that"
-        raise NotBuiltIn(scenario.line_about((section, "software"), f"{words}; {built_in}"))
+    if (found := flying(scenario, section)) is not None:
+        words = f"{what} is about the built-in software, not {name(own(getattr(scenario, found)))}"
+        built_in = f"--set {found}.software={BUILT_IN} flies that"
+        raise NotBuiltIn(scenario.line_about((found, SOFTWARE), f"{words}; {built_in}"))
 
 
 def refuse_reached(scenario):

@@ -170,7 +170,7 @@ def fitness(scenario):
     if scenario.star_tracker.detection.scan == "run_length":
         words = "statistics of the star tracker do not know scan: run_length; fly with frames: rendered"
         yield path, words
-    if scenario.star_tracker.software != BUILT_IN:
+    if BUILT_IN != scenario.star_tracker.software or BUILT_IN != scenario.computer.software:
         yield path, "statistics are of the built-in star tracker; fly your own with frames: rendered"
 
 

@@ -18,18 +18,21 @@ remote      a program of its own, as the simulator sees it
 serve       the other end, in Python
 """
 
+from shefex_nav.onboard.own_computer import Computer as Computer
 from shefex_nav.onboard.own_navigation import Estimate as Estimate
 from shefex_nav.onboard.own_navigation import Navigation as Navigation
 from shefex_nav.onboard.own_tracker import Solved as Solved
 from shefex_nav.onboard.own_tracker import StarTracker as StarTracker
+from shefex_nav.records import CameraCommand as CameraCommand
 from shefex_nav.software.mission import MissionData as MissionData
 
 
 def serve(software, address=None):
     """Be the program that flies: answer a simulator until it has no more ticks.
 
-    software : Navigation;  address : 'tcp://127.0.0.1:5005', 'udp://127.0.0.1:5005' to listen at; None: the
-    simulator has started this program and talks by standard input and output
+    software : Navigation, Computer or StarTracker
+    address : 'tcp://127.0.0.1:5005', 'udp://127.0.0.1:5005' to listen at; None: the simulator has started
+        this program and talks by standard input and output
     """
     from shefex_nav.software.serve import serve
 

@@ -59,7 +59,7 @@ def _nothing(field):
     """What a field is that does not come."""
     if field.shape:
         return np.empty((0, *field.shape[1:])) if -1 in field.shape else None
-    return {"double": 0.0, "bool": False, "string": ""}.get(field.kind, 0)
+    return {"double": 0.0, "bool": False, "string": "", "bytes": b""}.get(field.kind, 0)
 
 
 def _writer(number, field):
@@ -73,7 +73,7 @@ def _writer(number, field):
             return b"".join((head, wire.varint(len(data)), data))
 
         return write_array
-    wire_type = {"double": _EIGHT, "sfixed32": _FOUR, "string": _LENGTH}.get(kind, _VARINT)
+    wire_type = {"double": _EIGHT, "sfixed32": _FOUR, "string": _LENGTH, "bytes": _LENGTH}.get(kind, _VARINT)
     head = wire.varint(number << 3 | wire_type)
     if kind == "double":
         return lambda value: head + _DOUBLE.pack(value)
@@ -81,6 +81,8 @@ def _writer(number, field):
         return lambda value: head + _INT32.pack(value)
     if kind == "string":
         return lambda value: b"".join((head, wire.varint(len(data := value.encode("utf-8"))), data))
+    if kind == "bytes":
+        return lambda value: b"".join((head, wire.varint(len(value)), value))
     return lambda value: head + wire.varint(int(value))
 
 
@@ -94,6 +96,7 @@ def _reader(field):
         "double": lambda data: _DOUBLE.unpack(data)[0],
         "sfixed32": lambda data: _INT32.unpack(data)[0],
         "string": lambda data: data.decode("utf-8"),
+        "bytes": bytes,
         "bool": bool,
     }
     return field.source, reads.get(kind, int)

@@ -2,22 +2,33 @@
 
 from shefex_nav import plugins
 from shefex_nav.errors import SoftwareError
+from shefex_nav.onboard.own_computer import OwnComputer
 from shefex_nav.onboard.own_navigation import OwnNavigation
 from shefex_nav.onboard.own_tracker import OwnTracker
 from shefex_nav.scenario import software
 from shefex_nav.software.mission import mission_data
 
 
-def navigation(scenario, params, alignment, earth):
-    """OwnNavigation of a Scenario at the alignment; None: the built-in filter navigates.
+def computer(scenario, params, alignment, earth):
+    """OwnComputer of a Scenario at the alignment; None: the built-in computer flies.
 
     params : onboard.computer.ComputerParams;  earth : EarthRotation
     """
-    own = software.own(scenario.navigation)
+    return _navigating(OwnComputer, scenario.computer, scenario, params, alignment, earth)
+
+
+def navigation(scenario, params, alignment, earth):
+    """OwnNavigation of a Scenario at the alignment, arguments as of `computer`; None: the built-in filter."""
+    return _navigating(OwnNavigation, scenario.navigation, scenario, params, alignment, earth)
+
+
+def _navigating(kind, block, scenario, params, alignment, earth):
+    """An OwnNavigation or OwnComputer (kind) of a section, started; None: it has no own software."""
+    own = software.own(block)
     if own is None:
         return None
     mission = mission_data(scenario, params, earth, own.settings)
-    return OwnNavigation(_made(own), software.name(own), alignment, mission)
+    return kind(_made(own), software.name(own), alignment, mission)
 
 
 def tracker(scenario, params, earth):
@@ -25,11 +36,16 @@ def tracker(scenario, params, earth):
     own = software.own(scenario.star_tracker)
     if own is None:
         return None
-    return OwnTracker(_made(own), software.name(own), mission_data(scenario, params, earth, own.settings))
+    mission = mission_data(scenario, params, earth, own.settings)
+    return OwnTracker(_made(own, searches=True), software.name(own), mission)
 
 
-def _made(own):
-    """The object that flies. scenario.software.Own, Program or Reached -> Navigation or StarTracker"""
+def _made(own, searches=False):
+    """The object that flies.
+
+    own : scenario.software.Own, Program or Reached
+    searches : it is a star tracker, not a navigation or a computer
+    """
     if isinstance(own, software.Own):
         _, cls = plugins.software(own.python, own.sha256)
         try:
@@ -38,6 +54,7 @@ def _made(own):
             raise SoftwareError(f"{software.name(own)} cannot be made", error) from error
     from shefex_nav.software import remote
 
+    kind = remote.RemoteTracker if searches else remote.Remote
     if isinstance(own, software.Program):
-        return remote.started(software.words_of(own), own.sha256, own.answer_within)
-    return remote.reached(own.connect, own.answer_within)
+        return kind(remote.started(software.words_of(own), own.sha256), own.answer_within)
+    return kind(remote.reached(own.connect), own.answer_within)

@@ -9,6 +9,10 @@ On the wire a message is: its length (4 bytes, little endian, of what follows), 
                                                   <-  Estimate or NavSolution ..., Done
     a picture   FrameInfo, Query                  ->      (if Ready says that it gives a context)
                                                   <-  Context, Done
+
+A computer gets pictures among what arrives, FrameInfo and Pixels. A star tracker gets no Alignment, and
+    a picture   FrameInfo, Pixels, Context, Solve ->
+                                                  <-  Solved, Done
     at the end  End                               ->
 """
 
@@ -25,9 +29,10 @@ from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.instruments import TABLE
 from shefex_nav.log import topics, wire
-from shefex_nav.log.fields import Topic, flag, integer, matrix, number, text, vector
-from shefex_nav.onboard import own_navigation
+from shefex_nav.log.fields import Topic, data, flag, integer, matrix, member, number, text, vector
+from shefex_nav.onboard import own_navigation, own_tracker
 from shefex_nav.onboard.startracker import tracker
+from shefex_nav.records import Reason
 from shefex_nav.software.codec import Codec
 from shefex_nav.software.mission import MissionData
 
@@ -92,6 +97,20 @@ class Context(NamedTuple):
     P_c: np.ndarray | None = None
     omega_c: np.ndarray | None = None
     P_omega_c: np.ndarray | None = None
+
+
+class Pixels(NamedTuple):
+    """The picture whose FrameInfo came before."""
+
+    rows: int
+    columns: int
+    grey_values: bytes
+
+
+class Solve(NamedTuple):
+    """The attitude of the picture that came before is wanted."""
+
+    t_s: float
 
 
 class Done(NamedTuple):
@@ -170,6 +189,25 @@ OWN = (
         matrix("P_c", "rad^2", "of that, camera axes"),
         vector("omega_c", "rad/s", "mean rate of the exposure, camera axes"),
         matrix("P_omega_c", "", "of that [rad^2/s^2]"),
+    ),
+    _message(
+        Pixels, "The picture whose FrameInfo came before.",
+        integer("rows", "of the picture"),
+        integer("columns", "of the picture"),
+        data("grey_values", "row by row, a byte each; two, little endian, of a camera with over 8 bits"),
+    ),
+    _message(Solve, "The attitude of the picture that came before is wanted.", topics.T_S),
+    _message(
+        own_tracker.Solved, "What came out of a picture; what is not sent is not known, or stays as it was.",
+        vector("q_ic", "", "attitude, camera to inertial axes, at the middle of the exposure", 4),
+        matrix("P_c", "rad^2", "covariance of its error, a rotation vector in camera axes"),
+        member("reason", Reason, "why there is no attitude"),
+        number("exposure_s", "s", "of the next picture"),
+        number("gain_db", "dB", "of the next picture"),
+        number("xy_px", "px", "objects found, x, y of each", (-1, 2)),
+        number("flux_dn", "DN", "their light above the background", (-1,)),
+        integer("hip", "their Hipparcos numbers, 0 where unidentified", (-1,)),
+        integer("number", "of the picture; a computer says it"),
     ),
     _message(Done, "The answer is whole.", topics.T_S),
     _message(Failed, "The software has failed.", text("words", "why")),
@@ -265,6 +303,21 @@ def context_to_send(context):
 def context_received(sent):
     """tracker.Context of a messages.Context."""
     return tracker.Context(*sent)
+
+
+def pixels_of(frame):
+    """Pixels of a Frame."""
+    image = frame.image_dn
+    little = image.astype(image.dtype.newbyteorder("<"), copy=False)
+    return Pixels(*image.shape, np.ascontiguousarray(little).tobytes())
+
+
+def with_pixels(frame, pixels):
+    """A Frame with the picture of its Pixels."""
+    dtype = np.dtype("u1" if frame.bits <= 8 else "<u2")
+    return frame._replace(
+        image_dn=np.frombuffer(pixels.grey_values, dtype).reshape(pixels.rows, pixels.columns)
+    )
 
 
 def proto():

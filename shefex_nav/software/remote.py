@@ -1,4 +1,4 @@
-"""A program of somebody's own that navigates, as the simulator sees it: a `Navigation` at the end of a wire.
+"""A program of somebody's own, as the simulator sees it: navigation, computer or star tracker.
 
 Lockstep: a tick is sent, and nothing happens until its answer has come.
 """
@@ -8,26 +8,28 @@ import time
 from shefex_nav import plugins
 from shefex_nav.clock import SAME_S
 from shefex_nav.errors import CodeError
+from shefex_nav.onboard.own_tracker import Solved
+from shefex_nav.records import Frame
 from shefex_nav.software import channels, messages
-from shefex_nav.software.messages import Begin, Done, End, Failed, Query, Ready, Tick
+from shefex_nav.software.messages import Begin, Done, End, Failed, Query, Ready, Solve, Tick
 
 START_WITHIN_S = 120.0  # for a program to load what it needs
 
 
-def started(words, sha256, answer_within_s):
-    """Remote of a program that is started. words : of its command; sha256 : it must have"""
+def started(words, sha256):
+    """Function that starts a program and opens the channel to it. words : of its command; sha256 : its own"""
     words, _ = plugins.program(words, sha256)
-    return Remote(lambda _: channels.Pipe(words), answer_within_s)
+    return lambda _: channels.Pipe(words)
 
 
-def reached(address, answer_within_s):
-    """Remote of a program that listens at an address, 'tcp://127.0.0.1:5005'."""
+def reached(address):
+    """Function that opens the channel to a program that listens at an address, 'tcp://127.0.0.1:5005'."""
     plugins.address(address)
-    return Remote(lambda until_s: channels.connected(address, until_s), answer_within_s)
+    return lambda until_s: channels.connected(address, until_s)
 
 
-class Remote:
-    """A program that navigates, a `Navigation`.
+class _Wire:
+    """What a program is asked, and what it answers.
 
     open_channel : function of the time by which it must be open, time.monotonic()
     answer_within_s : an answer that comes later is a failure
@@ -35,43 +37,20 @@ class Remote:
 
     def __init__(self, open_channel, answer_within_s):
         self._open, self._within_s = open_channel, answer_within_s
-        self._channel, self._ticks = None, 0
+        self._channel = None
 
-    def start(self, alignment, mission):
-        """As of `Navigation`."""
+    def _start(self, told):
+        """Open the channel and tell the program everything that there is beforehand. -> Ready"""
         until_s = time.monotonic() + START_WITHIN_S
         try:
             self._channel = self._open(until_s)
         except (OSError, channels.Silent) as error:
             raise CodeError(f"cannot be reached: {error}") from None
-        told = [messages.start_of(mission), alignment, Begin(alignment.t_valid_s)]
         try:
-            ready = self._ask(told, Ready, until_s)
+            return self._ask(told, Ready, until_s)[0]
         except CodeError:
             self.close()
             raise
-        if not ready[0].gives_context:
-            return
-        self.context = self._context
-
-    def step(self, imu, arrived):
-        """As of `Navigation`."""
-        self._ticks += 1
-        found = self._ask([imu, *arrived, Tick(imu.t_valid_s, self._ticks)], Done)
-        _check_answer(found[-1], imu.t_valid_s)
-        return [
-            messages.estimate_received(one) if isinstance(one, messages.Estimate) else one
-            for one in found[:-1]
-        ]
-
-    def _context(self, frame, sky, predicts):
-        """What the software knows of a picture: tracker.Context."""
-        query = Query(sky.sun_i, sky.earth_velocity_i, predicts, len(frame.image_dn))
-        found = self._ask([frame, query], Done)
-        _check_answer(found[-1], frame.t_available_s)
-        if [type(one) for one in found] != [messages.Context, Done]:
-            raise CodeError("must answer a Query by one Context and Done")
-        return messages.context_received(found[0])
 
     def close(self):
         """Say that there are no more ticks, and let the program end."""
@@ -95,6 +74,14 @@ class Remote:
             raise CodeError(str(error)) from None
         return found
 
+    def _one(self, records, kind, t_s):
+        """The one record of a type that is the answer to records about a time."""
+        found = self._ask(records, Done)
+        _check_answer(found[-1], t_s)
+        if [type(one) for one in found] != [kind, Done]:
+            raise CodeError(f"must answer a {type(records[-1]).__name__} by one {kind.__name__} and Done")
+        return found[0]
+
     def _record(self, name, body):
         try:
             record = messages.unpack(name, body)
@@ -105,6 +92,51 @@ class Remote:
         if isinstance(record, Failed):
             raise CodeError(f"failed:\n{record.words}")
         return record
+
+
+class Remote(_Wire):
+    """A program that navigates, a `Navigation`, or a whole `Computer`."""
+
+    _ticks = 0
+
+    def start(self, alignment, mission):
+        """As of `Navigation`."""
+        if self._start([messages.start_of(mission), alignment, Begin(alignment.t_valid_s)]).gives_context:
+            self.context = self._context
+
+    def step(self, imu, arrived):
+        """As of `Navigation` and `Computer`."""
+        self._ticks += 1
+        come = [part for one in arrived for part in _sent(one)]
+        found = self._ask([imu, *come, Tick(imu.t_valid_s, self._ticks)], Done)
+        _check_answer(found[-1], imu.t_valid_s)
+        return [
+            messages.estimate_received(one) if isinstance(one, messages.Estimate) else one
+            for one in found[:-1]
+        ]
+
+    def _context(self, frame, sky, predicts):
+        """What the software knows of a picture: tracker.Context."""
+        query = Query(sky.sun_i, sky.earth_velocity_i, predicts, len(frame.image_dn))
+        return messages.context_received(self._one([frame, query], messages.Context, frame.t_available_s))
+
+
+class RemoteTracker(_Wire):
+    """A program that searches pictures, a `StarTracker`."""
+
+    def start(self, mission):
+        """As of `StarTracker`."""
+        self._start([messages.start_of(mission), Begin(mission.start_s)])
+
+    def step(self, frame, context):
+        """As of `StarTracker`."""
+        told = [*_sent(frame), messages.context_to_send(context), Solve(frame.t_available_s)]
+        return self._one(told, Solved, frame.t_available_s)
+
+
+def _sent(record):
+    """A record as it is sent: a picture in two."""
+    return [record, messages.pixels_of(record)] if isinstance(record, Frame) else [record]
 
 
 def _check_answer(done, t_s):

@@ -11,7 +11,20 @@ from shefex_nav.onboard.star_context import Sky
 from shefex_nav.records import Alignment, Frame, ImuBlock
 from shefex_nav.scenario import plugged
 from shefex_nav.software import channels, messages
-from shefex_nav.software.messages import FORMAT, Begin, Done, End, Failed, Query, Ready, Start, Tick
+from shefex_nav.software.messages import (
+    FORMAT,
+    Begin,
+    Context,
+    Done,
+    End,
+    Failed,
+    Pixels,
+    Query,
+    Ready,
+    Solve,
+    Start,
+    Tick,
+)
 
 
 def serve(software, address):
@@ -47,6 +60,8 @@ class _Session:
                 return
             answer = _ANSWERS.get(type(record))
             if answer is None:
+                if isinstance(record, Pixels):
+                    record = messages.with_pixels(self._heard.pop(), record)
                 self._heard.append(record)
                 continue
             heard, self._heard = self._heard, []
@@ -64,8 +79,8 @@ def _begin(software, heard, _begin):
         raise ValueError(f"messages of format {start.format}; this program knows {FORMAT}")
     for plugin, sha256 in plugged.pinned_in(start.scenario, "the scenario"):
         plugins.load(plugin, sha256)  # whose instruments have messages
-    alignment = next(one for one in heard if isinstance(one, Alignment))
-    software.start(alignment, messages.mission_of(start))
+    alignment = [one for one in heard if isinstance(one, Alignment)]  # a star tracker gets none
+    software.start(*alignment, messages.mission_of(start))
     return [Ready(hasattr(software, "context"))]
 
 
@@ -77,6 +92,12 @@ def _tick(software, heard, tick):
     return [*sent, Done(tick.t_s)]
 
 
+def _solve(software, heard, solve):
+    frame = next(one for one in heard if isinstance(one, Frame))
+    context = next(one for one in heard if isinstance(one, Context))
+    return [software.step(frame, messages.context_received(context)), Done(solve.t_s)]
+
+
 def _query(software, heard, query):
     frame = next(one for one in heard if isinstance(one, Frame))
     frame = frame._replace(image_dn=np.empty((query.rows, 0), np.uint8))
@@ -84,4 +105,4 @@ def _query(software, heard, query):
     return [messages.context_to_send(context), Done(frame.t_available_s)]
 
 
-_ANSWERS = {Begin: _begin, Tick: _tick, Query: _query}
+_ANSWERS = {Begin: _begin, Tick: _tick, Query: _query, Solve: _solve}
