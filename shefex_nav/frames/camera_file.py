@@ -11,7 +11,7 @@ from pydantic import Field
 from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.tracker import TrackerParams
-from shefex_nav.scenario import checks_tracker, layers, load, params_onboard
+from shefex_nav.scenario import checks_tracker, kind, layers, load, params_onboard
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
@@ -20,7 +20,7 @@ from shefex_nav.scenario.told import as_told
 from shefex_nav.solve.told import StarCamera
 from shefex_nav.world import camera_settings
 
-FLIGHT = ("vehicle", "mission")  # sections that only a scenario has
+FLIGHT = ("vehicle", "programme")  # sections that only a scenario of a flight has
 HEAD = "# Star camera of pictures, for `shefex-nav solve --camera`; keys and units are those of scenarios.\n"
 WORLD_ONLY = ("frames", "model", "software")  # keys of star_tracker that are not of the star tracker itself
 
@@ -63,7 +63,10 @@ def read(path):
     if any(key in tree for key in FLIGHT):
         return of_scenario(load.load(path))
     given, _, _ = load.load_as(
-        lambda provided: CameraFile, path, parts=(_bad_pixels, *checks_tracker.OF_CAMERA)
+        lambda provided: CameraFile,
+        path,
+        parts=(_bad_pixels, *checks_tracker.OF_CAMERA),
+        instead=kind.instead_of_camera,
     )
     sensor = given.star_camera
     hole = params_onboard.pinhole_of(sensor)

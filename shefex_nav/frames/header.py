@@ -15,12 +15,18 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.log.topics import epoch_ns, log_time_ns
 from shefex_nav.solve import pointing
 
+MJD_1970 = 40587  # modified Julian date of 1970-01-01
+
 
 def utc(epoch_utc, t_s):
     """ISO 8601 text in UTC, to the microsecond, of a mission time [s]."""
-    ns = int(log_time_ns(epoch_ns(epoch_utc), np.array([t_s]))[0])
-    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(ns / 1000))
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=round(_ns(epoch_utc, t_s) / 1000))
     return moment.replace(tzinfo=None).isoformat(timespec="microseconds")
+
+
+def _ns(epoch_utc, t_s):
+    """Nanoseconds since 1970 of a mission time [s]."""
+    return int(log_time_ns(epoch_ns(epoch_utc), np.array([t_s]))[0])
 
 
 def keywords(shot, mission, seed):
@@ -36,6 +42,7 @@ def keywords(shot, mission, seed):
         "FRAME": (frame.number, "number of the frame"),
         "MISSTIME": (frame.t_valid_s, "[s] since lift-off, middle of the exposure"),
         "DATE-OBS": (utc(mission.epoch, frame.t_valid_s), "UTC, middle of the exposure"),
+        "MJD-OBS": (MJD_1970 + _ns(mission.epoch, frame.t_valid_s) / 86400e9, "UTC, the same"),
         "EXPTIME": (frame.exposure_s, "[s] of every row"),
         "GAIN": (frame.gain_db, "[dB] of the amplifier"),
         "BITS": (frame.bits, "of a grey value, DN as read"),

@@ -1,6 +1,7 @@
 """What was found in a picture: as an object for other programs, as tables for people."""
 
 from math import isnan
+from pathlib import Path
 
 import numpy as np
 from rich.table import Table
@@ -13,7 +14,7 @@ WHY = {
     "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
     "--camera its field of view is found as well",
     "focal_length": "the stars contradict the focal length of the camera that is told",
-    "residuals": "the identified stars do not fit one attitude of the camera that is told",
+    "residuals": "the identified stars do not fit one attitude; is the focal length of the camera right?",
     "rolling": "rows are exposed one after the other; without the rate of the camera there is no attitude",
     "saturated": "the picture is too bright for the star tracker of the camera that is told",
     "smeared": "the camera turned faster than star_tracker.highest_rate: the stars are streaks",
@@ -72,14 +73,17 @@ def brief(found):
     """rich Table with a row for each picture. found : list of (name, ImageSolution)"""
     table = Table()
     for title in ("picture", "RA [deg]", "Dec [deg]", "roll [deg]", "stars", "sigma x, y, roll [arcsec]"):
-        table.add_column(title, justify="left" if title == "picture" else "right")
-    for name, one in found:
+        table.add_column(title, justify="left" if title == "picture" else "right", overflow="fold")
+    names = [Path(name).name for name, _ in found]
+    if len(set(names)) < len(names):
+        names = [str(name) for name, _ in found]
+    for name, (_, one) in zip(names, found, strict=True):
         if one.status != "ok":
-            table.add_row(str(name), *["-"] * 3, str(len(one.matched)), f"not solved: {one.reason}")
+            table.add_row(name, *["-"] * 3, str(len(one.matched)), f"not solved: {one.reason}")
             continue
         sigma = "" if one.covariance is None else ", ".join(f"{v:.1f}" for v in sigmas(one.covariance))
         angles = f"{one.ra_deg:.5f}", f"{one.dec_deg:+.5f}", f"{one.roll_deg:.4f}"
-        table.add_row(str(name), *angles, str(len(one.matched)), sigma)
+        table.add_row(name, *angles, str(len(one.matched)), sigma)
     return table
 
 

@@ -108,7 +108,8 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
         return refused(_why(exposed, detections, context, reason, statistics.mean_dn))
     q_ic, noise, residual_px = solution
     hip = np.where(found.star >= 0, tracker.pairs.stars.hip[found.star], 0)
-    rows = np.flatnonzero(np.isin(hip, used.hip))
+    makes_it = set(used.hip.tolist())
+    rows = [k for k, one in enumerate(hip.tolist()) if one in makes_it]
     P_px = best_attitude.centroid_covariance(tracker.params, detections)[rows]
     constant, focal = _calibration(camera, detections.xy_px[rows], P_px, used.u_i, q_ic)
     if abs(focal) > FOCAL_SIGMA:
@@ -116,9 +117,12 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     known = np.flatnonzero(hip)
     stars, q_ci = tracker.pairs.stars, quat_conjugate(q_ic)
     matched = [
-        Match(int(stars.hip[s]), float(x), float(y), float(stars.vmag[s]))
-        for s, (x, y) in zip(found.star[known], detections.xy_px[known], strict=True)
-    ]
+        Match(*values)
+        for values in zip(
+            hip[known].tolist(), *detections.xy_px[known].T.tolist(), stars.vmag[found.star[known]].tolist(),
+            strict=True,
+        )
+    ]  # fmt: skip
     hole = model.pinhole
     size_px = hole.width_px, hole.height_px
     seen = unit_vectors(hole, pointing.marks(size_px)) @ dcm_from_quat(q_ci)
@@ -146,7 +150,7 @@ def checked(image, camera):
         return np.ascontiguousarray(image)
     if deep and image.dtype.itemsize == 1:
         raise PictureError(f"image: has 8 bits a pixel, the camera's grey values {camera.bits}")
-    low, high = int(image.min()), int(image.max())
+    low, high = 0 if image.dtype.kind == "u" else int(image.min()), int(image.max())
     if low < 0 or high >= 2**camera.bits:
         raise PictureError(
             f"image: has grey values from {low} to {high}; those of the camera have {camera.bits} bits, "
@@ -213,12 +217,11 @@ def _calibration(camera, xy_px, P_px, seen_i, q_ic):
             G[:, row, axis] = f * slopes[axis]
     G[:, 0, 3], G[:, 1, 3] = f * x, f * y
     G[:, 0, 4], G[:, 1, 5] = 1.0, 1.0
-    W = np.linalg.inv(P_px)
-    M = np.einsum("kai,kab,kbj->ij", G, W, G)
     rest = xy_px - np.column_stack([hole.cx_px + f * x, hole.cy_px + f * y])
+    G_flat, WG = G.reshape(-1, 6), (np.linalg.inv(P_px) @ G).reshape(-1, 6)
+    M = G_flat.T @ WG
     free = np.linalg.inv(M[:4, :4])
-    off = free[3] @ np.einsum("kai,kab,kb->i", G[:, :, :4], W, rest)
-    focal = off / np.sqrt(free[3, 3] + sigma**2)
+    focal = free[3] @ (WG[:, :4].T @ rest.ravel()) / np.sqrt(free[3, 3] + sigma**2)
     answer, by_focal = np.zeros((4, 4)), np.zeros(3)
     if sigma > 0.0:
         M[3, 3] += sigma**-2
