@@ -9,7 +9,8 @@ from shefex_nav.frames import export, flown
 from shefex_nav.scenario import load
 
 SEED = 5
-DEEP = (  # 12 bits, with the charge of the full well in them
+DEEP = (  # 12 bits, with the charge of the full well in them; no margin for centroids
+    "star_tracker.centroid_floor=0 pix",
     "star_camera.detector.bits=12",
     "star_camera.detector.conversion=7.5 electron/DN",
     "star_camera.detector.black_level=60 DN",
