@@ -11,11 +11,9 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
-from shefex_nav.commands.options import Json, mission_time
+from shefex_nav.commands.options import Json, is_log, mission_time
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, stdout
-
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def replay(
@@ -36,7 +34,7 @@ def replay(
         raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
     if log is not None:
         check_place(log, "--log")
-    summarise = _of_log if _is_log(Path(source)) else _of_data
+    summarise = _of_log if is_log(Path(source)) else _of_data
     summary = summarise(source, data, overrides or (), from_s, log)
     if json:
         print_json(summary)
@@ -79,12 +77,3 @@ def _under_its_option():
         yield
     except NothingLeft as error:
         raise typer.BadParameter(str(error), param_hint="--from") from None
-
-
-def _is_log(path):
-    """Whether a file is an MCAP file, or is called one; whoever reads it says what is wrong."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC or path.suffix == ".mcap"
-    except OSError:
-        return path.suffix == ".mcap"

@@ -1,6 +1,6 @@
-"""`shefex-nav solve`: attitude, field of view and stars of a picture of the night sky.
+"""`shefex-nav solve`: attitude, field of view and stars of pictures of the night sky.
 
-Exit codes: 0 done, also when the picture could not be solved (the result says why), 2 a file that cannot be
+Exit codes: 0 done, also when a picture could not be solved (the result says why), 2 a file that cannot be
 read or bad input.
 """
 
@@ -19,43 +19,85 @@ DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "a
 
 
 def solve(
-    image: Annotated[Path, typer.Argument(help="Picture of the night sky: PNG, JPEG or TIFF, 8 or 16 bits.")],
+    images: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IMAGE...",
+            help="Pictures of the night sky: PNG, JPEG, TIFF, FITS; with --camera .raw and .bin.",
+        ),
+    ],
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Camera file (`export --frames` writes one) or scenario: the star tracker that flies solves "
+            "the pictures, with covariance.",
+        ),
+    ] = None,
     fov: Annotated[
         str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")
     ] = None,
     epoch: Annotated[
         float | None,
-        typer.Option(help="Julian year for proper motions; default EXIF date, else today. Pixels as stored."),
+        typer.Option(
+            help="Julian year of the sky; default the date of the file, else today. Pixels as stored."
+        ),
     ] = None,
     overlay: Annotated[
         Path | None, typer.Option(help="Draw detections and names into a new .png file.")
     ] = None,
     json: Json = False,
 ):
-    """Find where a picture of the night sky looks, without being told anything."""
+    """Find where pictures of the night sky look, without being told anything, or with a camera told.
+
+    Several pictures give one row each, with --json one object a line.
+    """
     fov_deg = None if fov is None else _field_of_view(fov)
+    if fov is not None and camera is not None:
+        raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
     if epoch is not None and not 1900.0 < epoch < 2200.0:
         raise typer.BadParameter(
             f"expected a Julian year between 1900 and 2200, got {epoch}", param_hint="--epoch"
         )
     if overlay is not None:
         check_picture(overlay, "--overlay", endings=(".png",))
-    from shefex_nav.solve import picture
+        if len(images) > 1:
+            raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
+    solve_one = _told(camera, epoch) if camera else _blind(fov_deg, epoch)
+    found = []
+    for image in images:
+        solution = solve_one(image)
+        found.append((image, solution))
+        if json:
+            from shefex_nav.solve import table
 
-    seen = picture.read(image)
-    from shefex_nav.solve import table
-    from shefex_nav.solve.image import solve_picture
-
-    solution = solve_picture(seen, fov_deg=fov_deg, epoch=epoch)
-    if json:
-        print_json(table.as_numbers(solution))
-    else:
-        _show(solution, image)
+            name = {"file": str(image)} if len(images) > 1 else {}
+            print_json(name | table.as_numbers(solution))
+    if not json:
+        _show(found, told=camera is not None)
     if overlay is not None:
         from shefex_nav.solve import overlay as drawing
+        from shefex_nav.solve import picture
 
-        drawing.draw(seen.grey, solution, overlay)
+        drawing.draw(picture.read(images[0]).grey, found[0][1], overlay)
         say(f"wrote {overlay}")
+
+
+def _blind(fov_deg, epoch):
+    """Function of a path that gives its ImageSolution, of any camera."""
+    from shefex_nav.solve import picture
+    from shefex_nav.solve.image import solve_picture
+
+    return lambda path: solve_picture(picture.read(path), fov_deg=fov_deg, epoch=epoch)
+
+
+def _told(camera, epoch):
+    """The same of a camera that is told."""
+    from shefex_nav.frames import camera_file
+    from shefex_nav.solve.image import solve_image
+
+    told = camera_file.read(camera)
+    return lambda path: solve_image(path, camera=told, epoch=epoch)
 
 
 def _field_of_view(text):
@@ -72,15 +114,18 @@ def _field_of_view(text):
     return fov_deg
 
 
-def _show(solution, name):
-    """The result as people read it."""
+def _show(found, *, told):
+    """The results as people read them. found : list of (path, ImageSolution)"""
     from shefex_nav.solve import table
 
     console = stdout(100, highlight=False)
-    if solution.status != "ok":
-        why = f"{solution.reason}: {table.WHY[solution.reason]}"
-        console.print(f"{name}: not solved, {why}", markup=False)
-        console.print(f"{len(solution.xy_px)} objects, {solution.wall_ms:.0f} ms")
-        return
-    console.print(table.field(solution, name))
-    console.print(table.stars(solution))
+    if len(found) > 1:
+        console.print(table.brief(found))
+    for name, solution in found:
+        if solution.status != "ok":
+            console.print(f"{name}: not solved, {table.why(solution, told)}", markup=False)
+            if len(found) == 1:
+                console.print(f"{len(solution.xy_px)} objects, {solution.wall_ms:.3g} ms")
+        elif len(found) == 1:
+            console.print(table.field(solution, name))
+            console.print(table.stars(solution))

@@ -5,6 +5,7 @@ import os
 MAGIC = (  # first bytes of a file, what it is
     (b"\x89MCAP0\r\n", "is a log; `shefex-nav report`, `view` and `replay` read it"),
     (b"\x89PNG", "is a picture; `shefex-nav solve` finds where one of the night sky looks"),
+    (b"SIMPLE  ", "is a picture (FITS); `shefex-nav solve` finds where one of the night sky looks"),
     (b"\xff\xd8\xff", "is a picture; `shefex-nav solve` finds where one of the night sky looks"),
     (b"PAR1", "is a table (Parquet)"),
     (b"PK\x03\x04", "is an archive (zip, npz)"),
@@ -18,6 +19,7 @@ OF_FLIGHTS = (  # sections that replays do not have
     "atmosphere", "wind", "launch", "orbit", "ground", "vehicle", "attitude", "programme", "gps",
     "pad_alignment", "star_camera", "star_tracker", "log", "faults", "campaign", "dispersions",
 )  # fmt: skip
+CAMERA = ("bad_pixels", "principal_point")  # sections that only the camera of pictures has
 INSTRUMENT = ("instrument", "unit", "source")
 CAMPAIGN, STATISTICS = ("digest", "source", "sampling"), ("digest", "sightings", "identification")
 
@@ -49,6 +51,11 @@ def is_flight(tree):
     return "data" not in tree and sum(key in tree for key in FLIGHT) > 1
 
 
+def is_camera(tree):
+    """Whether a tree describes the camera of pictures."""
+    return "star_camera" in tree and any(key in tree for key in CAMERA)
+
+
 def _is_instrument(tree, path):
     """Words about the file of an instrument, '' if a tree is none."""
     if not all(key in tree for key in INSTRUMENT):
@@ -65,6 +72,8 @@ def instead_of_flight(tree, path):
             "is a replay scenario, about data that were recorded (it has 'data', no 'vehicle'); "
             f"`shefex-nav replay {path}` runs the navigation over them"
         )
+    if is_camera(tree):
+        return f"is the camera of pictures; `shefex-nav solve IMAGE --camera {path}` takes it"
     if all(key in tree for key in CAMPAIGN):
         folder = os.path.dirname(path) or "."
         return f"is the head of a campaign; `shefex-nav report {folder}` reads the campaign"
@@ -97,4 +106,13 @@ def of_the_other(key, known):
         return "is a section of replay scenarios (`shefex-nav replay`), this is one of a flight"
     if key in OF_FLIGHTS and "data" in known:
         return "is a section of scenarios of flights (`shefex-nav run`), this is one of a replay"
+    return ""
+
+
+def instead_of_camera(tree, path):
+    """The same of what is no camera of pictures."""
+    if words := _is_instrument(tree, path):
+        return words
+    if is_replay(tree):
+        return "is a replay scenario, which has no star camera; give a camera file or a scenario of a flight"
     return ""

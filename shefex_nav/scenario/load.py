@@ -147,7 +147,7 @@ def _validated_as(model, tree, places, files, overrides, parts, trust=False):
         found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
     if found:
         raise layers.sorted_error(found) from None
-    return loaded, places, _normalised(tree)
+    return loaded, places, normalised(tree)
 
 
 def load_text(text, name, overrides=()):
@@ -218,7 +218,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
     found += [about(where, words) for where, words in more]
     if found:
         raise layers.sorted_error(found) from None
-    scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
+    scenario.keep_text(partial(normalised, tree), files)  # which takes longer than all the rest
     scenario.keep_places(partial(_line_about, about), partial(_place, places))
     return scenario
 
@@ -276,10 +276,10 @@ def with_states(scenario, names):
 def _source_with_states(scenario, names):
     tree = layers.parsed(scenario.source, scenario.mission.name).tree
     tree["navigation"]["states"] = names
-    return _normalised(tree)
+    return normalised(tree)
 
 
-def _normalised(tree):
+def normalised(tree):
     """YAML text of the merged tree, without comments, that loads to the same scenario."""
     import io
 

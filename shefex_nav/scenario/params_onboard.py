@@ -21,9 +21,14 @@ SLANT_TROPOSPHERE = 5.0  # m
 
 def nominal_camera(scenario):
     """Pinhole of the star camera as calibrated."""
+    return pinhole_of(scenario.star_camera)
+
+
+def pinhole_of(star_camera):
+    """The same of the section alone, which needs optics and detector."""
     from shefex_nav.geometry.pinhole import pinhole
 
-    optics, detector = scenario.star_camera.optics, scenario.star_camera.detector
+    optics, detector = star_camera.optics, star_camera.detector
     return pinhole(detector.columns, detector.rows, optics.focal_length / detector.pixel_size)
 
 

@@ -1,8 +1,9 @@
 """Attitudes from what a camera saw: lists of centroids, pictures of the night sky.
 
-picture, field, deep             a picture; its objects
+picture, header, field, deep     a picture; what its file tells of it; its objects
 patterns, triangles              attitudes and scales that it may have
 lens, proof                      the camera, adjusted; the odds of the result
 centroids, camera, given         for lists of centroids, with a known camera
-image, overlay, table            a picture from beginning to end; drawn; printed
+told                             a picture of a star camera that is known, by the star tracker that flies
+image, solution, pointing, overlay, table    a picture from beginning to end; drawn; printed
 """

@@ -9,6 +9,7 @@ than once in 10^7 pictures.
 from dataclasses import replace
 from functools import lru_cache
 from math import isfinite
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
@@ -18,8 +19,10 @@ from shefex_nav import warmup
 from shefex_nav.environment.stars import select
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve import field, lens, patterns, picture, proof, triangles
+from shefex_nav.solve import field, lens, patterns, picture, pointing, proof, told, triangles
 from shefex_nav.solve.camera import Camera, undistorted
+from shefex_nav.solve.header import Taken, of_header, this_year
+from shefex_nav.solve.solution import ImageSolution, Match, failed
 
 FOV_DEG = (6.5, 32.0)  # horizontal, when nothing is said about it
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
@@ -32,33 +35,6 @@ BLEND_PX = 2.5  # closer stars are one point of light
 FAINT_NEIGHBOUR = 1.5  # mag, a star may be fainter than the faintest and still pull a brighter one
 DEEPER, DEEPER_BY = 1.5, 15  # stars for so many detections: the sky is uneven, and some are hidden
 BRIGHTNESS = 1.2  # mag, between a detection and its star: band, saturation, noise
-
-
-class Match(NamedTuple):
-    """A star of the catalogue in the picture."""
-
-    hip: int  # Hipparcos number
-    x_px: float  # where it was detected
-    y_px: float
-    vmag: float
-
-
-class ImageSolution(NamedTuple):
-    """What `solve_image` found; NaN and None without a solution."""
-
-    status: str  # 'ok' or 'failed'
-    reason: str  # empty, or why: too_few_stars, no_match, ambiguous, mirrored
-    ra_deg: float  # of the middle of the picture, ICRS
-    dec_deg: float
-    roll_deg: float  # position angle of image up, from north through east, 0 to 360
-    fov_x_deg: float
-    fov_y_deg: float
-    matched: list  # of Match, brightest first
-    false_probability: float  # bound of the probability that chance made this; 1 without a solution
-    wall_ms: float  # from the grey values to the solution; tables are not counted when they are made
-    q_ci: np.ndarray  # (4,) ICRS to camera
-    camera: Camera | None  # focal length and distortion as they were found
-    xy_px: np.ndarray  # (n, 2) all detections, brightest first
 
 
 class _Clock:
@@ -111,18 +87,22 @@ class _Search(NamedTuple):
     may_distort: bool
 
 
-def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
+def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None):
     """Attitude, field of view and stars of a picture of the night sky.
 
     The lens may have a radial distortion of a few per cent. Mirrored pictures are refused. The tables for a
     range of fields of view are made when they are first needed, 0.1 to 0.4 s each, and kept.
 
+    With a StarCamera the picture goes through the star tracker that flies, and the solution has covariances.
+
     Parameters
     ----------
     image : path of a picture file, or an array (rows, columns[, channels]) of grey values, row 0 at the top
-    camera : None, or a Camera whose focal length is right to two per cent
+    camera : None, a Camera whose focal length is right to two per cent, or a StarCamera
     fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 7 to 30
-    epoch : None or a Julian year, for proper motions only; by default the EXIF date of the file, else today
+    epoch : None or a Julian year, for proper motions, with a StarCamera for the velocity of the Earth as
+        well; by default the date of the file, else today
+    taken : None or a Taken, of an array and with a StarCamera only; a file says it itself
 
     Returns
     -------
@@ -130,14 +110,37 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
 
     Raises
     ------
-    PictureError : a file that cannot be read, or an array that is no picture
+    PictureError : a file that cannot be read, or an array that is no picture, or none of the StarCamera
     ValueError : any other argument
     """
-    if isinstance(image, np.ndarray):
-        seen = picture.Picture(picture.grey(image), None)
-    else:
-        seen = picture.read(image)
+    is_array = isinstance(image, np.ndarray)
+    if taken is not None and not (is_array and isinstance(camera, told.StarCamera)):
+        raise ValueError("taken: goes with an array and a StarCamera; the file of a picture says it itself")
+    if isinstance(camera, told.StarCamera):
+        if fov_deg is not None:
+            raise ValueError("fov_deg: not together with a camera, which has its own")
+        image_dn, taken = (image, taken or Taken()) if is_array else _as_stored(image, camera)
+        if epoch is not None:
+            taken = taken._replace(julian_year=_year(epoch, None))
+        warmup.get_ready({"command=solve"})
+        return told.solve(image_dn, camera, taken)
+    seen = picture.Picture(picture.grey(image), None) if is_array else picture.read(image)
     return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch)
+
+
+def _as_stored(path, camera):
+    """Grey values of a file of a StarCamera, and Taken; PictureError names the file."""
+    path, hole = Path(path), camera.params.camera.pinhole
+    if path.suffix.lower() in picture.RAW:
+        return picture.raw(path, (hole.width_px, hole.height_px), camera.bits), Taken()
+    found = picture.stored(path)
+    try:
+        taken = of_header(found.header)
+        if taken.julian_year is None:
+            taken = taken._replace(julian_year=found.julian_year)
+        return told.checked(found.values, camera), taken
+    except ValueError as error:
+        raise picture.PictureError(f"{path}: {str(error).removeprefix('image: ')}") from None
 
 
 def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
@@ -161,10 +164,7 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
         if _solve(turned, found.flux[found.in_sky], search, clock)[0] is not None:
             reason = "mirrored"
     if solved is None:
-        nan = float("nan")
-        return ImageSolution(
-            "failed", reason, nan, nan, nan, nan, nan, [], 1.0, clock.ms(), np.full(4, nan), None, found.xy_px
-        )
+        return failed(reason, clock.ms(), found.xy_px)
     return _described(solved, found, xy_px, size_px, year, camera, clock)
 
 
@@ -190,13 +190,10 @@ def _focal_range(size_px, camera, fov_deg):
     return tuple(0.5 * width / np.tan(0.5 * np.radians(fov)) for fov in (wide, narrow))
 
 
-def _year(epoch, taken):
+def _year(epoch, seen_year):
     """Epoch of the star positions."""
     if epoch is None:
-        from datetime import UTC, datetime
-
-        now = datetime.now(UTC).replace(tzinfo=None)
-        return taken if taken is not None else picture.julian_year(now)
+        return seen_year if seen_year is not None else this_year()
     if not (np.isscalar(epoch) and isfinite(epoch) and 1900.0 < epoch < 2200.0):
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
     return float(epoch)
@@ -313,16 +310,7 @@ def _all_stars(fit, flux, xy_px, size_px, year):
 
 def _pointing(at, size_px, camera):
     """RA and Dec of the middle of the picture, position angle of up, fields of view: degrees."""
-    (cx, cy), right, bottom = lens.middle(size_px), size_px[0] - 0.5, size_px[1] - 0.5
-    marks = np.array([[cx, cy], [cx, cy - 1.0], [-0.5, cy], [right, cy], [cx, -0.5], [cx, bottom]])
+    marks = pointing.marks(size_px)
     if camera is not None:
         marks = _centred(camera, marks)
-    optics = proof.camera_of(at, size_px)
-    u_i = lens.directions(optics, marks) @ at.C_ci
-    centre, up = u_i[0], u_i[1]
-    ra, dec = np.arctan2(centre[1], centre[0]), np.arcsin(np.clip(centre[2], -1.0, 1.0))
-    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
-    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    roll = np.arctan2(up @ east, up @ north)
-    fov = [2.0 * np.arcsin(0.5 * np.linalg.norm(u_i[k] - u_i[k + 1])) for k in (2, 4)]
-    return tuple(float(np.degrees(v)) for v in (ra % (2.0 * np.pi), dec, roll % (2.0 * np.pi), *fov))
+    return pointing.angles(lens.directions(proof.camera_of(at, size_px), marks) @ at.C_ci)

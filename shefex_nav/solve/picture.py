@@ -1,7 +1,8 @@
 """Picture files: grey values as they are, and when they were taken.
 
-In: PNG, JPEG, TIFF or what else Pillow reads, 8 or 16 bits, grey or colour. Out: grey values as float32. A
-file that is no single still picture of a usable size is refused with a PictureError.
+In: FITS, PNG, JPEG, TIFF or what else Pillow reads, 8 or 16 bits, grey or colour. Out: the numbers of the
+file (`stored`), or grey values as float32 (`read`). A file that is no single still picture of a usable size
+is refused with a PictureError.
 """
 
 from typing import NamedTuple
@@ -10,9 +11,12 @@ import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.solve import deep
+from shefex_nav.solve.header import julian_year, year_of
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
+FITS_MAGIC = b"SIMPLE  ="
+RAW = (".raw", ".bin")  # endings of files that hold grey values alone
 EXIF_TAKEN, EXIF_CHANGED, EXIF_BLOCK = 36867, 306, 34665  # DateTimeOriginal, DateTime, the block of the first
 
 
@@ -27,29 +31,43 @@ class Picture(NamedTuple):
     julian_year: float | None  # when it was taken, if the file says so
 
 
+class Stored(NamedTuple):
+    """A picture as a file holds it."""
+
+    values: np.ndarray  # (rows, columns[, channels]), row 0 at the top
+    header: dict  # keyword -> text or number
+    julian_year: float | None  # as of Picture
+
+
 def read(path):
     """Picture of a file."""
+    found = stored(path)
+    return Picture(grey(found.values, str(path)), found.julian_year)
+
+
+def stored(path):
+    """Stored of a file."""
     from pathlib import Path
     from warnings import catch_warnings, simplefilter
 
     from PIL import Image, UnidentifiedImageError
 
     path = Path(path)
-    if not path.exists():
-        raise PictureError(f"{path}: there is no such file")
-    if path.is_dir():
-        raise PictureError(f"{path}: is a folder; expected a picture")
+    check_file(path)
     try:
-        if path.stat().st_size == 0:
-            raise PictureError(f"{path}: is empty")
         with catch_warnings():
             simplefilter("ignore")  # of odd metadata and of large pictures, which are bounded here
+            with path.open("rb") as file:
+                if file.read(len(FITS_MAGIC)) == FITS_MAGIC:
+                    return _of_fits(path)
             with Image.open(path) as image:
                 return _decoded(path, image)
     except PictureError:
         raise
     except UnidentifiedImageError:
-        raise PictureError(f"{path}: is not a picture that can be read; expected PNG, JPEG or TIFF") from None
+        raise PictureError(
+            f"{path}: is not a picture that can be read; expected PNG, JPEG, TIFF or FITS"
+        ) from None
     except Image.DecompressionBombError:
         raise PictureError(
             f"{path}: has too many pixels; at most {MOST_PIXELS // 1_000_000} million"
@@ -60,8 +78,57 @@ def read(path):
         ) from None
 
 
+def check_file(path):
+    """Refuse what is no file with something in it. pathlib.Path"""
+    if not path.exists():
+        raise PictureError(f"{path}: there is no such file")
+    if path.is_dir():
+        raise PictureError(f"{path}: is a folder; expected a picture")
+    if path.stat().st_size == 0:
+        raise PictureError(f"{path}: is empty")
+
+
+def raw(path, size_px, bits):
+    """Grey values of a file without a header: row by row, 1 byte, or 2 of more bits, the low one first.
+
+    size_px : (width, height) of the camera;  bits : of a grey value -> (rows, columns) uint8 or uint16
+    """
+    check_file(path)
+    width, height = size_px
+    kind = np.dtype("u1" if bits == 8 else "<u2")
+    wanted, has = width * height * kind.itemsize, path.stat().st_size
+    if has != wanted:
+        raise PictureError(
+            f"{path}: has {has} bytes; {width} x {height} pixels of {kind.itemsize} bytes, "
+            f"as the camera has, are {wanted}"
+        )
+    return np.fromfile(path, kind).astype(kind.newbyteorder("="), copy=False).reshape(height, width)
+
+
+def _of_fits(path):
+    """Stored of a FITS file: its first image of two axes, whose first row is row 0, with the head of it."""
+    from astropy.io import fits
+
+    with fits.open(path, memmap=False) as parts:
+        plane = next((one for one in parts if one.is_image and one.header.get("NAXIS") == 2), None)
+        if plane is None:
+            raise PictureError(f"{path}: holds no image of two axes")
+        _check_size(path, plane.header["NAXIS1"], plane.header["NAXIS2"])
+        values, header = plane.data, dict(plane.header)
+    values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
+    return Stored(values, header, _year(header))
+
+
+def _year(header):
+    """Julian year of a header, None if it says none that can be read."""
+    try:
+        return year_of(header)
+    except ValueError:
+        return None
+
+
 def _decoded(path, image):
-    """Picture of an opened file."""
+    """Stored of an opened file."""
     frames = getattr(image, "n_frames", 1)
     if frames > 1:
         raise PictureError(f"{path}: holds {frames} pictures; expected one")
@@ -70,7 +137,8 @@ def _decoded(path, image):
     if values is None:
         image.load()
         values = np.asarray(_without_palette(image))
-    return Picture(grey(values, str(path)), _julian_year(image))
+    header = {key: text for key, text in image.info.items() if isinstance(text, str)}
+    return Stored(values, header, _julian_year(image) or _year(header))
 
 
 def _check_size(name, width, height):
@@ -116,15 +184,8 @@ def _julian_year(image):
     exif = image.getexif()
     text = exif.get_ifd(EXIF_BLOCK).get(EXIF_TAKEN) or exif.get(EXIF_CHANGED)
     try:
-        taken = datetime.strptime(str(text).strip("\0 "), "%Y:%m:%d %H:%M:%S")
+        when = datetime.strptime(str(text).strip("\0 "), "%Y:%m:%d %H:%M:%S")
     except ValueError:
         return None
-    year = julian_year(taken)
+    year = julian_year(when)
     return year if 1900.0 < year < 2200.0 else None
-
-
-def julian_year(moment):
-    """Decimal Julian year of a datetime without time zone: 2000.0 is 2000-01-01 12:00."""
-    from datetime import datetime
-
-    return 2000.0 + (moment - datetime(2000, 1, 1, 12)).total_seconds() / (365.25 * 86400.0)

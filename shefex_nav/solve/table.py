@@ -1,12 +1,23 @@
 """What was found in a picture: as an object for other programs, as tables for people."""
 
 from math import isnan
+from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
+ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
     "too_few_stars": "fewer than five point-like objects were found",
+    "too_few_stars_told": "fewer objects were found than an attitude needs",
     "no_match": "the objects found fit no stars of the catalogue, for any field of view that was looked for",
+    "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
+    "--camera its field of view is found as well",
+    "focal_length": "the stars contradict the focal length of the camera that is told",
+    "residuals": "the identified stars do not fit one attitude; is the focal length of the camera right?",
+    "rolling": "rows are exposed one after the other; without the rate of the camera there is no attitude",
+    "saturated": "the picture is too bright for the star tracker of the camera that is told",
+    "smeared": "the camera turned faster than star_tracker.highest_rate: the stars are streaks",
     "ambiguous": "more than one identification of the stars fits",
     "mirrored": "the stars fit only when the picture is mirrored; undo the mirroring",
 }
@@ -22,7 +33,58 @@ def as_numbers(solution):
     numbers["matched"] = [match._asdict() for match in solution.matched]
     numbers["false_probability"] = solution.false_probability
     numbers["wall_ms"] = solution.wall_ms
+    if solution.covariance is not None:
+        x, y, z = sigmas(solution.covariance)
+        numbers["q_ic"] = (solution.q_ci * [1.0, -1.0, -1.0, -1.0]).tolist()
+        numbers["sigma_arcsec"] = {"about_x": x, "about_y": y, "about_boresight": z}
+        numbers["covariance_rad2"] = solution.covariance.tolist()
+        numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
+        numbers["residual_px"] = solution.residual_px
     return numbers
+
+
+def sigmas(P):
+    """Standard deviations of a covariance (3, 3) [rad^2] about the axes of the camera: 3 floats, arcsec."""
+    return tuple((ARCSEC * np.sqrt(np.diag(P))).tolist())
+
+
+def why(solution, told):
+    """Words for a picture without solution. told : with a StarCamera"""
+    text = WHY.get(f"{solution.reason}_told") if told else None
+    return f"{solution.reason}: {text or WHY[solution.reason]}"
+
+
+def _accuracy(solution):
+    """Rows of the table about the covariance."""
+    if solution.covariance is None:
+        return ()
+    whole, noise = sigmas(solution.covariance), sigmas(solution.noise_covariance)
+    return (
+        (
+            "1 sigma about x, y, boresight",
+            f"{whole[0]:.1f}, {whole[1]:.1f}, {whole[2]:.1f} arcsec",
+        ),
+        ("of it noise of the picture", f"{noise[0]:.1f}, {noise[1]:.1f}, {noise[2]:.1f} arcsec"),
+        ("stars off the attitude", f"{solution.residual_px:.2f} px rms"),
+    )
+
+
+def brief(found):
+    """rich Table with a row for each picture. found : list of (name, ImageSolution)"""
+    table = Table()
+    for title in ("picture", "RA [deg]", "Dec [deg]", "roll [deg]", "stars", "sigma x, y, roll [arcsec]"):
+        table.add_column(title, justify="left" if title == "picture" else "right", overflow="fold")
+    names = [Path(name).name for name, _ in found]
+    if len(set(names)) < len(names):
+        names = [str(name) for name, _ in found]
+    for name, (_, one) in zip(names, found, strict=True):
+        if one.status != "ok":
+            table.add_row(name, *["-"] * 3, str(len(one.matched)), f"not solved: {one.reason}")
+            continue
+        sigma = "" if one.covariance is None else ", ".join(f"{v:.1f}" for v in sigmas(one.covariance))
+        angles = f"{one.ra_deg:.5f}", f"{one.dec_deg:+.5f}", f"{one.roll_deg:.4f}"
+        table.add_row(name, *angles, str(len(one.matched)), sigma)
+    return table
 
 
 def field(solution, name):
@@ -32,10 +94,11 @@ def field(solution, name):
         ("right ascension", f"{solution.ra_deg:.4f} deg"),
         ("declination", f"{solution.dec_deg:+.4f} deg"),
         ("roll (up, from north through east)", f"{solution.roll_deg:.3f} deg"),
+        *_accuracy(solution),
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),
         ("stars identified", f"{len(solution.matched)} of {len(solution.xy_px)} objects"),
         ("probability of chance, below", f"{max(solution.false_probability, 1e-99):.0e}"),
-        ("time", f"{solution.wall_ms:.0f} ms"),
+        ("time", f"{solution.wall_ms:.3g} ms"),
     )
     for row in rows:
         table.add_row(*row)

@@ -9,7 +9,12 @@ from star_fields import DETECT, MODEL, digitise, signal, spot
 from test_fit import KNOWN, SETTINGS, SHAPE, errors
 
 from shefex_nav.onboard.startracker import scan
-from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
+from shefex_nav.onboard.startracker.background import (
+    QUANTISATION_SIGMA,
+    SIGMA_QUANTILE,
+    block_sums,
+    tile_statistics,
+)
 from shefex_nav.onboard.startracker.detect import detect, rules
 
 
@@ -107,3 +112,30 @@ def test_interpolation_of_a_spot_without_noise():
         settings = replace(SETTINGS, centroid="gaussian_interpolation", saturation=65535.0, tile=60)
         found, _ = detect(settings, KNOWN, image)
         np.testing.assert_allclose(found.xy_px[0], [30.0 + offset, 30.0], atol=0.035)
+
+
+@pytest.mark.parametrize(
+    "level, scatter, spoilt",
+    [(60, 3.0, False), (500, 40.0, True), (20000, 1200.0, True), (60, 0.2, False), (0, 0.0, True)],
+)
+def test_background_of_deep_frames_is_the_quantile(level, scatter, spoilt):
+    """Counted near the least value of a tile or selected beyond: the same quantiles, of any spread."""
+    rng, tile = np.random.default_rng(3), 48
+    image = np.clip(rng.normal(level, scatter, (300, 333)), 0, 65535).round().astype(np.uint16)
+    if spoilt:
+        image[::37, ::41], image[::29, ::31] = 0, 65535
+    blocks = block_sums(image)
+    background, sigma, _ = tile_statistics(blocks, tile)
+    for i, j in np.ndindex(background.shape):
+        rows = slice(i * tile + 1, min((i + 1) * tile, 299), 3)
+        columns = slice(j * tile + 1, min((j + 1) * tile, 332), 3)
+        values = np.sort(blocks[rows, columns].ravel())
+        if not len(values):
+            continue
+        quantiles = []
+        for share in (0.5, SIGMA_QUANTILE):
+            k = values[int(np.ceil(share * len(values))) - 1]
+            below, equal = (values < k).sum(), (values == k).sum()
+            quantiles.append(k - 0.5 + (share * len(values) - below) / equal)
+        assert background[i, j] == quantiles[0]
+        assert sigma[i, j] == max(quantiles[0] - quantiles[1], QUANTISATION_SIGMA)

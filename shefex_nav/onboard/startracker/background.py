@@ -12,6 +12,7 @@ from shefex_nav.compiled import inner, kernel
 BLOCK = 3  # pixels, side of the blocks that are summed
 N_BLOCK = BLOCK * BLOCK
 SIGMA_QUANTILE = 0.158655  # a normal variable is below its mean minus one sigma with this probability
+NARROW = 4096  # block sums: the sky of a tile is seldom wider
 # One grey value of quantisation in each pixel of a block: noise that no quantile of a flat frame shows.
 QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
 
@@ -125,11 +126,15 @@ def _tiles_by_count(blocks, tile_px):
 
 @kernel
 def _tiles_by_order(blocks, tile_px):
-    """As `tile_statistics`, of 16-bit frames: half a million possible values, so a tile's are selected."""
+    """As `tile_statistics`, of 16-bit frames: half a million possible values.
+
+    Those within NARROW of the least of a tile are counted; a quantile beyond them is selected.
+    """
     rows, columns = blocks.shape
     n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
     background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
     values = np.empty((tile_px // BLOCK + 1) ** 2, dtype=np.int32)
+    counts = np.empty(NARROW, dtype=np.int32)
     total, n_total = 0, 0
     for i in range(n_r):
         for j in range(n_c):
@@ -143,10 +148,35 @@ def _tiles_by_order(blocks, tile_px):
             if n == 0:  # a sliver of one pixel along the border
                 background[i, j], sigma[i, j] = background[max(i - 1, 0), max(j - 1, 0)], np.inf
                 continue
-            background[i, j] = _quantile(values[:n], 0.5)
-            below = _quantile(values[:n], SIGMA_QUANTILE)
+            least = _count(values[:n], counts)
+            background[i, j] = _counted(values[:n], counts, least, 0.5)
+            below = _counted(values[:n], counts, least, SIGMA_QUANTILE)
             sigma[i, j] = max(background[i, j] - below, QUANTISATION_SIGMA)
     return background, sigma, total / (N_BLOCK * n_total)
+
+
+@inner
+def _count(values, counts):
+    """Write how often each of the values from the least on occurs; returns the least."""
+    least = values[0]
+    for value in values:
+        least = min(least, value)
+    counts[:] = 0
+    for value in values:
+        if value - least < len(counts):
+            counts[value - least] += 1
+    return least
+
+
+@inner
+def _counted(values, counts, least, fraction):
+    """As `_quantile`, of values that `_count` has counted."""
+    target, below = fraction * len(values), 0
+    for k in range(len(counts)):
+        if below + counts[k] >= target:
+            return least + k - 0.5 + (target - below) / counts[k]
+        below += counts[k]
+    return _quantile(values, fraction)
 
 
 @inner

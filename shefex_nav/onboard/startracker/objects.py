@@ -66,10 +66,14 @@ def searches(params, stars, memory, frame, context):
 
 def as_spots(params, stars, memory, frame, context):
     """By a scan, the sequential one if another search is set. As `searches`."""
-    settings = params.settings.detection
-    spots = settings if settings.scan in STEPS["scan"].ways() else replace(settings, scan="sequential")
+    spots = of_spots(params.settings.detection)
     detections, statistics = detect(spots, params.camera, frame.image_dn)
     yield Found(detections, statistics, int(SPOTS.get(spots.scan, Scan.OTHER)), frame.line_s == 0.0)
+
+
+def of_spots(settings):
+    """Settings of Detection with a scan of single frames: their own, else the sequential one."""
+    return settings if settings.scan in STEPS["scan"].ways() else replace(settings, scan="sequential")
 
 
 def along_streaks(params, stars, memory, frame, context):

@@ -18,7 +18,7 @@ from math import erf
 
 import numpy as np
 
-from shefex_nav.compiled import inner
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.attitude import inverse3
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
@@ -89,6 +89,13 @@ def measure(picture, table, default_sigma_px):
     if not is_found:
         return _shape(first), _doubted(first)
     return _shape(S), P_S
+
+
+@kernel
+def streak_px(picture, table, default_sigma_px):
+    """Length of the streak that the motion of the camera has made of the stars; arguments as of `measure`."""
+    shape, _ = measure(picture, table, default_sigma_px)
+    return np.hypot(shape.streak_x, shape.streak_y)
 
 
 @inner

@@ -141,7 +141,7 @@ def step(tracker, state, frame, context):
     """
     params, exposed = tracker.params, of_exposure(tracker, frame.exposure_s)
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
-        found, reason, solution, stars = _attitude(exposed, seen.detections, context, seen.rate)
+        found, reason, solution, stars = attitude_with_stars(exposed, seen.detections, context, seen.rate)
         if reason == Reason.NONE:
             break
     return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
@@ -221,10 +221,10 @@ def attitude(tracker, detections, context, rate=None):
     Reason; NONE when there is an attitude
     (q_ic, P_c, residual_px), NO_SOLUTION without one
     """
-    return _attitude(tracker, detections, context, rate)[:3]
+    return attitude_with_stars(tracker, detections, context, rate)[:3]
 
 
-def _attitude(tracker, detections, context, rate):
+def attitude_with_stars(tracker, detections, context, rate=None):
     """`attitude`, and the StarVectors of the stars that make it."""
     params = tracker.params
     u_c = unit_vectors(params.camera.pinhole, detections.xy_px)

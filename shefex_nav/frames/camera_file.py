@@ -1,0 +1,148 @@
+"""The star camera in a file: what `solve --camera` takes, and what an export of frames writes.
+
+The sections have the keys and units of a scenario. A scenario may stand in the place of such a file.
+"""
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from shefex_nav.onboard.startracker import settings as startracker
+from shefex_nav.onboard.startracker.camera import CameraModel
+from shefex_nav.onboard.startracker.tracker import TrackerParams
+from shefex_nav.scenario import checks_tracker, kind, layers, load, params_onboard
+from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.mission import Epoch
+from shefex_nav.scenario.of_settings import section, settings
+from shefex_nav.scenario.quantity import Quantity
+from shefex_nav.scenario.told import as_told
+from shefex_nav.solve.told import StarCamera
+from shefex_nav.world import camera_settings
+
+FLIGHT = ("vehicle", "programme")  # sections that only a scenario of a flight has
+HEAD = "# Star camera of pictures, for `shefex-nav solve --camera`; keys and units are those of scenarios.\n"
+WORLD_ONLY = ("frames", "model", "software")  # keys of star_tracker that are not of the star tracker itself
+
+
+class Sensor(Block):
+    """The star camera as it is known."""
+
+    optics: section(camera_settings.Optics)
+    detector: section(camera_settings.Detector)
+
+
+class CameraFile(Block):
+    """A star camera and its star tracker."""
+
+    NAME: ClassVar[str] = "Camera"
+    EXAMPLE: ClassVar[str] = "camera.yaml"
+
+    description: str = Field(default="", description="for people")
+    epoch: Epoch | None = Field(
+        default=None, description="UTC of pictures that do not say it themselves; today if it is left out"
+    )
+    star_camera: Sensor
+    principal_point: (
+        tuple[Quantity("pix", "328.7 pix", "column, the first is 0"), Quantity("pix", "246.2 pix", "row")]
+        | None
+    ) = Field(default=None, description="of the optical axis; the middle of the detector if it is left out")
+    bad_pixels: list[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]] = Field(
+        default=[], description="row and column of each, the first is 0; they are not looked at"
+    )
+    star_tracker: section(startracker.StarTracker)
+
+
+def read(path):
+    """StarCamera of a camera file or of a scenario, a path or the name of a shipped one.
+
+    Raises ScenarioError, which lists every error with its place.
+    """
+    path = layers.file_of(path)
+    tree, _ = layers.extended(path, layers.Texts())
+    if any(key in tree for key in FLIGHT):
+        return of_scenario(load.load(path))
+    given, _, _ = load.load_as(
+        lambda provided: CameraFile,
+        path,
+        parts=(_bad_pixels, *checks_tracker.OF_CAMERA),
+        instead=kind.instead_of_camera,
+    )
+    sensor = given.star_camera
+    hole = params_onboard.pinhole_of(sensor)
+    if given.principal_point is not None:
+        cx, cy = given.principal_point
+        hole = hole._replace(cx_px=cx, cy_px=cy)
+    bad = np.array(given.bad_pixels, dtype=np.int64).reshape(-1, 2)
+    return _star_camera(sensor, settings(given.star_tracker), hole, bad, given.epoch)
+
+
+def of_scenario(scenario, bad_pixels=()):
+    """StarCamera of a Scenario, as its flight software is told it; bad pixels differ from run to run."""
+    told = as_told(scenario)
+    bad = np.array(bad_pixels, dtype=np.int64).reshape(-1, 2)
+    hole = params_onboard.nominal_camera(told)
+    return _star_camera(told.star_camera, settings(told.star_tracker), hole, bad, scenario.mission.epoch)
+
+
+def _star_camera(sensor, tracker, hole, bad_pixels, epoch):
+    """StarCamera of sections that have been read."""
+    from shefex_nav.environment.ephemeris import julian_year
+
+    optics, detector, exposure = sensor.optics, sensor.detector, tracker.exposure
+    per_dn = detector.conversion / 10.0 ** (exposure.gain / 20.0)
+    model = CameraModel(
+        pinhole=hole,
+        bad_pixels=bad_pixels,
+        electrons_per_dn=per_dn,
+        psf_sigma=optics.psf_sigma,
+        zero_flux=optics.zero_magnitude_flux * exposure.longest / per_dn,
+        focal_length_error=optics.focal_length_error,
+    )
+    line_s = detector.line_time if detector.shutter == "rolling" and detector.line_time else 0.0
+    return StarCamera(
+        params=TrackerParams(tracker, model, np.zeros(3)),
+        principal_point_error=optics.principal_point_error,
+        bits=detector.bits,
+        line_s=line_s,
+        julian_year=None if epoch is None else julian_year(epoch),
+    )
+
+
+def _bad_pixels(given):
+    """(path of the field, words) of bad pixels that are not on the detector."""
+    detector = given.star_camera.detector
+    for k, (row, column) in enumerate(given.bad_pixels):
+        if row >= detector.rows or column >= detector.columns:
+            place = f"[{row}, {column}] is not on a detector"
+            yield ("bad_pixels", k), f"{place} of {detector.rows} rows and {detector.columns} columns"
+
+
+def written(scenario, world, *, true=False):
+    """Text of the camera file of a run.
+
+    scenario, world : Scenario, prepare.World
+    true : with focal length and principal point as they are in this run and no error of them; otherwise as
+        the flight software is told them
+    """
+    tree = layers.parsed(scenario.source, scenario.mission.name).tree
+    optics, told = tree["star_camera"]["optics"], tree.get("navigation", {}).get("told", {}) or {}
+    out = {
+        "description": f"{scenario.mission.name}, {'true in this run' if true else 'as calibrated'}",
+        "epoch": tree["mission"]["epoch"],
+        "star_camera": {
+            "optics": {**optics, **(told.get("star_camera") or {}).get("optics", {})},
+            "detector": tree["star_camera"]["detector"],
+        },
+    }
+    if true:
+        hole, pixel_m = world.camera.pinhole, scenario.star_camera.detector.pixel_size
+        out["star_camera"]["optics"] |= {
+            "focal_length": f"{hole.focal_length_px * pixel_m * 1e3!r} mm",
+            "focal_length_error": "0 %",
+            "principal_point_error": "0 pix",
+        }
+        out["principal_point"] = [f"{float(hole.cx_px)!r} pix", f"{float(hole.cy_px)!r} pix"]
+    out["bad_pixels"] = world.camera.bad_pixel_map.tolist()
+    out["star_tracker"] = {key: value for key, value in tree["star_tracker"].items() if key not in WORLD_ONLY}
+    return HEAD + load.normalised(out)

@@ -1,0 +1,36 @@
+"""A folder of frames: pictures, their truth, the camera.
+
+PICTURES frame_000001.png or .fits, in the order of their numbers; `truth.csv`; `camera.yaml`, the camera as
+the flight software knows it; `camera_true.yaml`, as it is in this run.
+"""
+
+from shefex_nav.frames import camera_file, header, picture_files, truth
+from shefex_nav.scenario import params_onboard
+from shefex_nav.scenario.told import as_told
+
+TRUTH, TOLD, TRUE = "truth.csv", "camera.yaml", "camera_true.yaml"
+
+
+def write(folder, flight, shots, kind="png"):
+    """Write Shots of a Flight into a folder, which is there, one after the other.
+
+    kind : of picture_files.FORMATS
+
+    Yields
+    ------
+    Shot, each when its file is written; truth and cameras are written at the end
+    """
+    scenario, mission = flight.scenario, flight.scenario.mission
+    hole, rows = params_onboard.nominal_camera(as_told(scenario)), []
+    for shot in shots:
+        name = f"frame_{shot.frame.number:06d}.{kind}"
+        told = header.keywords(shot, mission, flight.seed) | header.angles(shot.truth.q_ic, hole)
+        if kind == "fits":
+            told |= header.wcs(shot.truth.q_ic, hole)
+        picture_files.write(folder / name, shot.frame.image_dn, told)
+        rows.append(truth.row(name, shot, mission.epoch))
+        yield shot
+    truth.write(folder / TRUTH, rows)
+    for name, true in ((TOLD, False), (TRUE, True)):
+        text = camera_file.written(scenario, flight.world, true=true)
+        (folder / name).write_text(text, encoding="utf-8")

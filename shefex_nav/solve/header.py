@@ -1,0 +1,75 @@
+"""When and how a picture was taken, as its file says: keywords of a FITS header or texts of a PNG.
+
+DATE-OBS (UTC, middle of the exposure), EXPTIME (s) and VELX, VELY, VELZ (m/s, of the camera relative to the
+centre of the Earth, axes of the ICRS) are read; what else a file says, such as its true attitude, is not.
+"""
+
+from datetime import UTC, datetime
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
+
+
+class Taken(NamedTuple):
+    """What is known of a picture beside its grey values; None where it is not."""
+
+    julian_year: float | None = None  # middle of the exposure
+    exposure_s: float | None = None
+    velocity_i: np.ndarray | None = None  # (3,) m/s, relative to the centre of the Earth
+
+
+def of_header(header):
+    """Taken of a dict of keywords; ValueError with the keyword, its value and what would be right."""
+    exposure_s = _number(header, EXPOSURE)
+    if exposure_s is not None and exposure_s <= 0.0:
+        raise ValueError(f"{EXPOSURE}: expected a positive number of seconds, got {header[EXPOSURE]!r}")
+    velocity = [_number(header, key) for key in VELOCITY]
+    given = [value is not None for value in velocity]
+    if any(given) and not all(given):
+        missing = VELOCITY[given.index(False)]
+        raise ValueError(f"{missing}: is missing; expected all of {', '.join(VELOCITY)}, in m/s, or none")
+    return Taken(year_of(header), exposure_s, np.array(velocity) if all(given) else None)
+
+
+def year_of(header):
+    """Julian year of the keyword DATE-OBS, None without it; ValueError if it cannot be read."""
+    text = header.get(DATE)
+    if text is None:
+        return None
+    try:
+        when = datetime.fromisoformat(str(text).strip())
+    except ValueError:
+        raise ValueError(
+            f"{DATE}: expected UTC in ISO 8601, such as 2012-06-22T19:22:00.5, got {text!r}"
+        ) from None
+    year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
+    if not 1900.0 < year < 2200.0:
+        raise ValueError(f"{DATE}: expected a year between 1900 and 2200, got {text!r}")
+    return year
+
+
+def julian_year(moment):
+    """Decimal Julian year of a datetime without time zone: 2000.0 is 2000-01-01 12:00."""
+    return 2000.0 + (moment - datetime(2000, 1, 1, 12)).total_seconds() / (365.25 * 86400.0)
+
+
+def this_year():
+    """Julian year of now."""
+    return julian_year(datetime.now(UTC).replace(tzinfo=None))
+
+
+def _number(header, key):
+    """Number of a keyword, None without it."""
+    value = header.get(key)
+    if value is None:
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not isfinite(number):
+        raise ValueError(f"{key}: expected a number, got {value!r}")
+    return number

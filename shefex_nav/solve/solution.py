@@ -1,0 +1,44 @@
+"""What was found in a picture."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.solve.camera import Camera
+
+
+class Match(NamedTuple):
+    """A star of the catalogue in the picture."""
+
+    hip: int  # Hipparcos number
+    x_px: float  # where it was detected
+    y_px: float
+    vmag: float
+
+
+class ImageSolution(NamedTuple):
+    """What `solve_image` found; NaN and None without a solution."""
+
+    status: str  # 'ok' or 'failed'
+    reason: str  # empty, or why: a key of `table.WHY`
+    ra_deg: float  # of the middle of the picture, ICRS
+    dec_deg: float
+    roll_deg: float  # position angle of image up, from north through east, 0 to 360
+    fov_x_deg: float
+    fov_y_deg: float
+    matched: list  # of Match, brightest first
+    false_probability: float  # bound of the probability that chance made this; 1 without a solution
+    wall_ms: float  # from the grey values to the solution; tables are not counted when they are made
+    q_ci: np.ndarray  # (4,) ICRS to camera
+    camera: Camera | None  # focal length and distortion as they were found, or as they were told
+    xy_px: np.ndarray  # (n, 2) all detections, brightest first
+    # of a StarCamera that is told; None otherwise, or without a solution
+    covariance: np.ndarray | None = None  # (3, 3) rad^2, error of q_ic = conjugate of q_ci, camera axes
+    noise_covariance: np.ndarray | None = None  # (3, 3) rad^2, the part that differs between pictures
+    residual_px: float | None = None  # RMS of the stars used against the attitude
+
+
+def failed(reason, ms, xy_px):
+    """ImageSolution of a picture without an attitude."""
+    nan = float("nan")
+    return ImageSolution("failed", reason, nan, nan, nan, nan, nan, [], 1.0, ms, np.full(4, nan), None, xy_px)
