@@ -7,7 +7,7 @@ from shefex_nav.scenario import surroundings, thrust
 from shefex_nav.scenario.mission import WindTable
 
 STARTS = ("launch", "orbit", "ground", "trajectory")
-ONE_OF = "launch, orbit and ground, or follows a trajectory"
+ONE_OF = "a flight starts from exactly one of launch, orbit and ground"
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
 DEVICES = ("spin_motors", "yo_yo", "cold_gas", "parachute")
 PART = "run --until shows a part of this one"
@@ -17,9 +17,11 @@ def start(scenario):
     """Complaint about a flight that starts from nowhere or from several places."""
     given = [name for name in STARTS if getattr(scenario, name) is not None]
     if not given:
-        yield ("launch",), f"is missing; a flight starts from exactly one of {ONE_OF}"
+        yield ("launch",), f"is missing; {ONE_OF}, or follows a trajectory"
     elif len(given) > 1:
-        words = f"a flight starts from exactly one of {ONE_OF}, here are {' and '.join(given)}"
+        words = f"{ONE_OF}, here are {' and '.join(given)}"
+        if given[-1] == STARTS[-1]:
+            words = f"a flight along a trajectory starts as its file says, not from {given[0]}"
         yield (given[-1],), f"{words}; {given[0]}: null takes away what an extended file gives"
 
 

@@ -61,7 +61,8 @@ def _flown(same, numbers):
     told = scenario.trajectory
     rows = reading.rows(told, earth, Epoch(scenario.mission.epoch, scenario.earth.ut1_minus_utc))
     plausible.refuse(rows, earth)
-    curve = track.Track(rows.t_s, rows.r_i, rows.v_i, rows.a_i, rows.rounding_m, rows.rounding_m_s)
+    told_by_rows = rows.t_s, rows.r_i, rows.v_i, rows.a_i, rows.rounding_m, rows.rounding_m_s
+    curve = track.Track(*told_by_rows, plausible.at_rest(rows, earth))
     turning, last_s = _turning(told, rows, curve, earth)
     span = _span(scenario, rows, last_s, earth)
     motion = track.Given(curve, turning, earth, rows.t_s[0])
@@ -73,7 +74,7 @@ def _flown(same, numbers):
         len(scenario.imu.vibration.boost), tuple(told.separations), rows.told,
     )  # fmt: skip
     flown = given.fly(motion, params, earth)
-    return flown, plausible.found(rows, curve, flown, earth)
+    return flown, plausible.found(rows, flown, earth)
 
 
 def _turning(told, rows, curve, earth):

@@ -67,14 +67,26 @@ def refuse_turns(attitudes):
 
 def refuse_moving(rows, earth):
     """DataError unless the first row stands on the Earth."""
-    speed = float(np.linalg.norm(rows.v_i[0] - np.cross(frames.omega_ie_i(earth), rows.r_i[0])))
+    speed = _first_speed(rows, earth)
     if speed > STILL:
         words = f"moves with {speed:.3g} m/s; a pad is for a vehicle that stands there"
         raise DataError(f"{rows.table.place(0)}: the first row {words}")
 
 
-def found(rows, curve, flight, earth):
-    """list of Oddity. curve : track.Track of the rows; flight : Flight along it"""
+def at_rest(rows, earth):
+    """Inertial acceleration (3,) m/s^2 at the first row of what stands there; None if it moves."""
+    omega_i = frames.omega_ie_i(earth)
+    still = _first_speed(rows, earth) <= STILL
+    return np.cross(omega_i, np.cross(omega_i, rows.r_i[0])) if still else None
+
+
+def _first_speed(rows, earth):
+    """Speed of the first row relative to the Earth, m/s."""
+    return float(np.linalg.norm(rows.v_i[0] - np.cross(frames.omega_ie_i(earth), rows.r_i[0])))
+
+
+def found(rows, flight, earth):
+    """list of Oddity. flight : Flight along the rows"""
     out = [*_disagree(rows, earth), *_steps(rows, earth), *_coarse(rows)]
     if rows.attitudes is not None:
         out += _turns(rows.attitudes)

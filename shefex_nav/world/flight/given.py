@@ -81,8 +81,8 @@ def _sampled(given, t_s, model, earth):
         parts.append({name: column[first - begin :] for name, column in part.items()})
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     q = columns["q_ib"]
-    signs = np.cumprod(np.where(np.einsum("ki,ki->k", q[1:], q[:-1]) < 0.0, -1.0, 1.0))
-    q[1:] *= signs[:, None]
+    turns = np.where(np.einsum("ki,ki->k", q[1:], q[:-1]) < 0.0, -1.0, 1.0)
+    q *= np.cumprod(np.append(-1.0 if q[0, 0] < 0.0 else 1.0, turns))[:, None]  # no jumps of sign
     return {name: np.ascontiguousarray(column) for name, column in columns.items()}
 
 

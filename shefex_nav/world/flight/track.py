@@ -2,7 +2,8 @@
 
 Velocity is a curve through its rows: a cubic spline, or, where the rows have accelerations, the cubic through
 velocity and acceleration at both ends. Its integral is the position but for what the rows say otherwise; that
-rest is a cubic spline of its own. So position, velocity and acceleration at any instant are one motion.
+rest is a curve of its own, of the fifth degree, with no slope at the rows. So both go through their rows, and
+position, velocity and acceleration at any instant are one motion.
 
 Numbers of a file are rounded. Rows that are so close together that their rounding would be an acceleration,
 or a rate, of some size are passed by (`spread`).
@@ -11,7 +12,8 @@ or a rate, of some size are passed by (`spread`).
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly, make_interp_spline
+from scipy.linalg import solve_banded
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from shefex_nav.geometry import frames
@@ -61,25 +63,51 @@ class Track:
     """Position through rows: t_s (N,) s, r_i (N, 3) m, v_i (N, 3) m/s and, if known, a_i (N, 3) m/s^2.
 
     rounding_m, rounding_m_s : of positions and velocities
+    first_a_i : (3,) m/s^2 at the first row, if that much is known
     """
 
-    def __init__(self, t_s, r_i, v_i, a_i, rounding_m, rounding_m_s):
+    def __init__(self, t_s, r_i, v_i, a_i, rounding_m, rounding_m_s, first_a_i=None):
         rows = spread(t_s, rounding_m_s / NOISE_BY_VELOCITY)
         if a_i is None:
-            self._v = CubicSpline(t_s[rows], v_i[rows])
+            begin = "not-a-knot" if first_a_i is None else (1, first_a_i)
+            self._v = CubicSpline(t_s[rows], v_i[rows], bc_type=(begin, "not-a-knot"))
         else:
             self._v = CubicHermiteSpline(t_s[rows], v_i[rows], a_i[rows])
         self._way, self._r_0 = self._v.antiderivative(), r_i[0]
         rows = spread(t_s, np.sqrt(CURVED * rounding_m / NOISE_BY_POSITION))
         rest = r_i[rows] - self._r_0 - self._way(t_s[rows])
-        self._rest = CubicSpline(t_s[rows], rest) if len(rows) > 3 else None
+        self._rest = _steps(t_s[rows], rest)
 
     def at(self, t_s):
         """r_i, v_i, a_i at times (n,) s: three (n, 3)."""
-        r, v, a = self._r_0 + self._way(t_s), self._v(t_s), self._v(t_s, 1)
-        if self._rest is not None:
-            r, v, a = r + self._rest(t_s), v + self._rest(t_s, 1), a + self._rest(t_s, 2)
-        return r, v, a
+        rest = [self._rest(t_s, order) for order in range(3)]
+        return self._r_0 + self._way(t_s) + rest[0], self._v(t_s) + rest[1], self._v(t_s, 1) + rest[2]
+
+
+def _steps(t_s, values):
+    """Curve of the fifth degree through values (N, 3) at times (N,), without slope there: scipy PPoly.
+
+    Its second derivatives at the rows are those by which the third has no jumps; at both ends zero.
+    """
+    h, step = np.diff(t_s)[:, None], np.diff(values, axis=0)
+    bent = np.zeros_like(values)
+    if len(t_s) > 2:
+        band = np.zeros((3, len(t_s) - 2))
+        band[0, 1:] = band[2, :-1] = -3.0 / h[1:-1, 0]
+        band[1] = 9.0 / h[:-1, 0] + 9.0 / h[1:, 0]
+        bent[1:-1] = solve_banded((1, 1), band, 60.0 * np.diff(step / h**3, axis=0))
+    a_0, a_1 = bent[:-1], bent[1:]
+    return PPoly(
+        [
+            (6.0 * step / h**2 - 0.5 * a_0 + 0.5 * a_1) / h**3,
+            (-15.0 * step / h**2 + 1.5 * a_0 - a_1) / h**2,
+            (10.0 * step / h**2 - 1.5 * a_0 + 0.5 * a_1) / h,
+            0.5 * a_0,
+            np.zeros_like(step),
+            values[:-1],
+        ],
+        t_s,
+    )
 
 
 class Turning:
