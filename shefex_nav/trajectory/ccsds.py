@@ -109,7 +109,7 @@ def _read(path, version):
 def _numbers(message, letter, widths):
     """Table of the numbers of all segments, named by `letter`, their epochs, and the metadata.
 
-    widths : least and most numbers in a row
+    widths : how many numbers a row may have; the first is how many are read
     """
     first, found, lines, when = message.segments[0][0], [], [], []
     for meta, rows in message.segments:
@@ -129,8 +129,9 @@ def _numbers(message, letter, widths):
 
 def _row(path, n, words, widths):
     """Numbers of a row after its epoch: list."""
-    if not widths[0] <= len(words) - 1 <= widths[1]:
-        raise DataError(f"{path}:{n}: expected an epoch and {widths[0]} numbers, got {len(words)} words")
+    if len(words) - 1 not in widths:
+        many = " or ".join(map(str, widths))
+        raise DataError(f"{path}:{n}: expected an epoch and {many} numbers, got {len(words)} words")
     try:
         row = [float(word) for word in words[1:]]
     except ValueError:

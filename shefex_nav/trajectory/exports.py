@@ -71,9 +71,10 @@ class _Columns:
         return self.table.columns[name] * self._unit[name]
 
     def stack(self, *names):
-        """(N, k) in SI, and their rounding."""
-        digits = [rounding(self.table.columns[name][:, None]) * self._unit[name] for name in names]
-        return np.column_stack([self[name] for name in names]), max(digits)
+        """(N, k) in SI, and their rounding. They have one unit."""
+        return np.column_stack([self[name] for name in names]), self._unit[names[0]] * rounding(
+            self.table.stack(names)
+        )
 
     def time(self, given):
         """Mission times (N,) s."""

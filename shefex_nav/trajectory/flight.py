@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from shefex_nav.clock import IMU_HZ, SAME_S
+from shefex_nav.clock import IMU_HZ, SAME_S, TICK_HZ
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.scenario import surroundings
 from shefex_nav.scenario.data_table import DataError
@@ -104,4 +104,7 @@ def _span(scenario, rows, last_s, earth):
         raise DataError(f"{rows.table.file}: {words}; is lift_off or the epoch right?")
     if mission.start < first_s - SAME_S:
         plausible.refuse_moving(rows, earth)
+    if rows.told is not None:  # a log ends with a tick, the flight in it with its impact
+        impact_s = rows.told.instants.get("impact", -np.inf)
+        last_s = impact_s if last_s < impact_s < last_s + 1.0 / TICK_HZ else last_s
     return float(mission.start), float(min(mission.time_limit, last_s))

@@ -49,10 +49,10 @@ def ascending(table, t_s):
 def rounding(values):
     """Half of the last digit with which numbers are written, 0 if they are written in full.
 
-    (N, k) -> that of the column written least finely; one that is zero throughout says nothing
+    (N, k) -> that of the column written most finely: the others may have come out even
     """
-    found = [_half_a_digit(column[:CHECKED]) for column in np.atleast_2d(values.T) if np.any(column)]
-    return max(found, default=0.0)
+    found = [_half_a_digit(column[:CHECKED]) for column in values.T if np.any(column)]
+    return min(found, default=0.0)
 
 
 def _half_a_digit(column):
