@@ -18,7 +18,7 @@ MOST_ERRORS = 5  # of one file; a file of the wrong kind is wrong in every line
 
 
 class DataError(UserError):
-    """Data that cannot be replayed; the message has one line for each thing, `file:line: column: what`."""
+    """Data that cannot be used; the message has one line for each thing, `file:line: column: what`."""
 
 
 class Table(NamedTuple):

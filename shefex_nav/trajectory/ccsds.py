@@ -5,6 +5,7 @@ ICRF and GCRF do not. ITRF and TEME are turned by the orientation of the Earth t
 the Greenwich mean sidereal time of 1982. A quaternion from A to B turns the axes of A into those of B.
 """
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from shefex_nav.trajectory.rows import Attitudes, Rows, ascending, rounding, uni
 KM = 1e3
 EME2000, GCRS, EARTH_FIXED, TEME = "EME2000", "GCRF", "ITRF", "TEME"
 ALIASES = {"EME2000": EME2000, "J2000": EME2000, "ICRF": GCRS, "GCRF": GCRS, "GCRS": GCRS, "TEME": TEME}
-SCALES = {"UTC": "utc", "TAI": "tai", "TT": "tt", "TDB": "tdb", "UT1": "ut1", "GPS": "tai"}
+SCALES = {"UTC": "utc", "TAI": "tai", "TT": "tt", "TDB": "tdb", "GPS": "tai"}
 GPS_BEHIND_TAI_S = 19.0
 BEGINS = {"META_START": "META_STOP", "COVARIANCE_START": "COVARIANCE_STOP"}
 
@@ -162,6 +163,7 @@ def _same(path, meta, key, wanted):
 def _mission_times(message, when, meta, epoch):
     """Mission times (N,) s of epochs in the time system of the message."""
     from astropy.time import Time
+    from erfa import ErfaWarning
 
     n, system = meta.get("TIME_SYSTEM", (1, "UTC"))
     if system not in SCALES:
@@ -170,12 +172,14 @@ def _mission_times(message, when, meta, epoch):
         )
     texts = [one.rstrip("Z").replace("T", ":", 1) if _is_of_day(one) else one.rstrip("Z") for one in when]
     kind = "yday" if _is_of_day(when[0]) else "isot"
-    try:
-        told = Time(texts, format=kind, scale=SCALES[system])
-    except ValueError as error:
-        line = message.segments[0][1][0][0]
-        raise DataError(f"{message.file}:{line}: an epoch cannot be read: {str(error)[:80]}") from None
-    since = (told - Time(epoch.utc, format="isot", scale="utc")).to_value("s")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ErfaWarning)  # leap seconds of years to come are not known
+        try:
+            told = Time(texts, format=kind, scale=SCALES[system])
+        except ValueError as error:
+            line = message.segments[0][1][0][0]
+            raise DataError(f"{message.file}:{line}: an epoch cannot be read: {str(error)[:80]}") from None
+        since = (told - Time(epoch.utc, format="isot", scale="utc")).to_value("s")
     return np.atleast_1d(since) + (GPS_BEHIND_TAI_S if system == "GPS" else 0.0)
 
 
