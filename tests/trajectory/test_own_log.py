@@ -5,6 +5,7 @@ import pytest
 
 from shefex_nav import prepare, runs
 from shefex_nav.geometry import rotation
+from shefex_nav.records import Phase
 from shefex_nav.scenario import load
 
 
@@ -32,11 +33,11 @@ def test_truth_is_that_of_the_log(again, default_data):
     tilt = rotation.rotvec_between(was.q_ib, now.q_ib)
     assert np.linalg.norm(tilt, axis=1).max() < 1e-9
     forces = np.linalg.norm(was.f_b - now.f_b, axis=1)
-    assert (
-        np.quantile(forces, 0.99) < 1e-3 and forces.max() < 2.0
-    )  # the rail's end, valves: jumps within a row
     rates = np.linalg.norm(was.omega_ib_b - now.omega_ib_b, axis=1)
-    assert np.quantile(rates, 0.99) < 1e-4 and rates.max() < 0.05
+    smooth = np.isin(was.phase, (Phase.BOOST, Phase.DESCENT))  # no valves, which jump between two rows
+    assert np.quantile(forces[smooth], 0.99) < 2e-4 and np.quantile(rates[smooth], 0.99) < 1e-6
+    assert np.quantile(forces, 0.99) < 0.1 and np.quantile(rates, 0.99) < 1e-3
+    assert forces.max() < 2.0 and rates.max() < 0.05  # the end of the rail, a yo-yo
     assert np.array_equal(was.phase, now.phase)
 
 
