@@ -12,7 +12,7 @@ from shefex_nav.instruments import faults as instrument_faults
 from shefex_nav.instruments.instrument import Truth
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
-from shefex_nav.records import Alignment
+from shefex_nav.records import Alignment, Phase
 from shefex_nav.scenario import (
     aboard,
     load,
@@ -27,6 +27,7 @@ from shefex_nav.scenario import (
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
+from shefex_nav.trajectory import flight as given_flight
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.fault_settings import Faults
 from shefex_nav.world.flight import fly
@@ -165,11 +166,14 @@ def measured_by_instruments(scenario, seed, trajectory, earth, wrong):
 def truth(scenario, trajectory, earth):
     """What instruments may look at. -> instrument.Truth"""
     sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
-    return Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario))
+    at = None if scenario.trajectory is None else given_flight.begins_at(trajectory, earth)
+    return Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario, at))
 
 
 def fly_vehicle(scenario, seed, *, brief=False):
     """The flight alone, without sensors; arguments as of `build_world`. -> Flight"""
+    if scenario.trajectory is not None:
+        return given_flight.fly(scenario, earth_rotation(scenario))
     flight_params = params.flight_params(scenario)
     if brief and scenario.launch is None:
         flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
@@ -202,7 +206,7 @@ def mission(scenario, seed, trajectory):
         earth=earth,
         launch_latitude=latitude,
         launch_longitude=longitude,
-        launch_height=height if scenario.orbit is None else 0.0,
+        launch_height=height if _from_the_ground(scenario, trajectory) else 0.0,
         camera=params_onboard.nominal_camera(scenario),
         C_bc=params.mounting(scenario),
         sun_i=ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i,
@@ -211,6 +215,12 @@ def mission(scenario, seed, trajectory):
         plugins=plugged.pinned(scenario),
         software=software.flown(scenario),
     )
+
+
+def _from_the_ground(scenario, trajectory):
+    """Whether the flight starts on the ground."""
+    given = scenario.trajectory is not None
+    return trajectory.phase[0] == Phase.PAD if given else scenario.orbit is None
 
 
 def earth_rotation(scenario):

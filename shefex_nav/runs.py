@@ -104,7 +104,8 @@ def fly(
     get_ready(scenario)
     scenario = prepare.settled(scenario)
     world = prepare.build_world(scenario, seed)
-    told(programme.warnings(scenario, programme.of_flight(world.flight)))
+    flown = programme.of_flight(world.flight)
+    told((*programme.of_trajectory(scenario), *programme.warnings(scenario, flown)))
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
     setup_s = time.perf_counter() - began

@@ -50,3 +50,12 @@ def ecef_from_inertial(earth, t_s, r_i, v_i):
     """(r_e, v_e), velocity relative to the rotating Earth, of an inertial state."""
     C_ei = dcm_ie(earth, t_s).T
     return C_ei @ r_i, C_ei @ (v_i - cross(omega_ie_i(earth), r_i))
+
+
+def dcms_ie(earth, t_s):
+    """C_ie at many mission times. EarthRotation, (N,) s -> (N, 3, 3)."""
+    angle = earth.angle_0 + earth.rate * np.asarray(t_s)
+    c, s = np.cos(angle), np.sin(angle)
+    C_qr = np.zeros((len(angle), 3, 3))
+    C_qr[:, 0, 0], C_qr[:, 0, 1], C_qr[:, 1, 0], C_qr[:, 1, 1], C_qr[:, 2, 2] = c, -s, s, c, 1.0
+    return earth.C_iq @ C_qr @ earth.C_re

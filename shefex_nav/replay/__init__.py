@@ -6,7 +6,7 @@ csv_folder, kf_gins, navego      their formats, read to a `dataset`
 plausible, repeats, clocks, pressure, air    what such data are checked for, and their air
 align*, settle                   the start; a heading that is not known
 external, replayed               a run over them, from beginning to end
-reference, compare, table, said  against a reference; in words
+reference, compare, said         against a reference; in words
 smooth, final_pass, relinear, smoother       smoothing: the filter's run, forward, backward
 smoothed_log, smoothed_table     what a smoothed flight leaves
 """

@@ -11,7 +11,7 @@ from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
 from shefex_nav.records import Alignment
 from shefex_nav.replay import align_motion, align_rail, reference
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 MOST_HEADING_SIGMA = np.radians(20.0)  # beyond it a linear filter cannot start
 STILL_SPEED = 0.5  # m/s, mean velocity of GNSS, above its noise

@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 LONGEST_S = 2.5  # [E] between the two fixes that are compared
 SLOW = 0.2  # [E] rad, sigma of the course beyond which noise of the velocity is not small against it

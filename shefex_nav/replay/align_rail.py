@@ -11,7 +11,7 @@ import numpy as np
 from shefex_nav.geometry import euler, wgs84
 from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
 from shefex_nav.replay import plausible
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 DISAGREE = 5.0  # [E] sigma by which accelerometers and rail may disagree about the elevation
 

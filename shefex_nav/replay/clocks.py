@@ -24,7 +24,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.replay.align_motion import over_ground
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 MOST_S = 3.0  # [E] largest offset that is looked for
 STEP_S = 0.01  # [E] of the search

@@ -5,7 +5,7 @@ import numpy as np
 from shefex_nav.instruments import TABLE
 from shefex_nav.replay import series
 from shefex_nav.replay.series import ImuSeries, ReadingSeries, TruthSeries
-from shefex_nav.replay.table import DataError, read_csv
+from shefex_nav.scenario.data_table import DataError, read_csv
 
 MOST_SATELLITES = 100  # that can be in view of one antenna; more is nonsense
 

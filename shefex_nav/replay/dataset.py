@@ -14,7 +14,7 @@ from shefex_nav.instruments import TABLE
 from shefex_nav.records import GpsFix
 from shefex_nav.replay import csv_folder, kf_gins, navego
 from shefex_nav.replay.series import TruthSeries
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states

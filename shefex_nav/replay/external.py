@@ -27,8 +27,8 @@ from shefex_nav.replay import (
     said,
     settle,
 )
-from shefex_nav.replay.table import DataError
 from shefex_nav.scenario import plugged
+from shefex_nav.scenario.data_table import DataError
 
 NO_CAMERA = pinhole(1, 1, 1.0)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.replay import series
 from shefex_nav.replay.series import ImuSeries, TruthSeries
-from shefex_nav.replay.table import read_columns
+from shefex_nav.scenario.data_table import read_columns
 
 PLACE = ("latitude", "longitude", "height")
 VELOCITY = ("north velocity", "east velocity", "down velocity")

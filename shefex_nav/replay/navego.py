@@ -9,7 +9,7 @@ import numpy as np
 
 from shefex_nav.replay import series
 from shefex_nav.replay.series import ImuSeries, TruthSeries
-from shefex_nav.replay.table import DataError, read_matlab
+from shefex_nav.scenario.data_table import DataError, read_matlab
 
 PLACE = ("lat", "lon", "h")
 VELOCITY = ("vel.0", "vel.1", "vel.2")

@@ -17,7 +17,7 @@ import numpy as np
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, wgs84
 from shefex_nav.replay import dataset
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 LONGEST_PAIR_S = 5.0  # [E] between two fixes whose positions are compared
 FEWEST_PAIRS = 3  # [E] in motion

@@ -8,7 +8,7 @@ import numpy as np
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 WEATHER = 0.12  # [E] share by which the pressure may differ: 1000 m of wrong height, or a record low
 FIRST = 20  # readings

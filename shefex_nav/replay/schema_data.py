@@ -4,62 +4,17 @@ Three formats, told apart by the word under `format`. Of a CSV each column has i
 Scale.
 """
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, create_model, model_validator
-from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.instruments import BUILT_IN
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.quantity import Quantity, QuantitySpec, Time, describe, quoted, refuse
+from shefex_nav.scenario.columns import SIDES, Axis, Names, Unit, check_right_handed
+from shefex_nav.scenario.quantity import Quantity, Time
 
-SIDES = ("x", "y", "z")
-
-
-class Scale(NamedTuple):
-    """A unit of a column: what it measures, and its size in SI."""
-
-    kind: str  # 'rate' or 'increment' for inertial sensors, otherwise ''
-    factor: float
-
-
-@dataclass(frozen=True)
-class UnitSpec:
-    """How a field reads the unit of a column; `kinds` are (kind, SI unit) of which one must fit."""
-
-    example: str
-    kinds: tuple[tuple[str, str], ...]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def read(self, value):
-        """Scale of a unit."""
-        if isinstance(value, Scale):
-            return value
-        if not isinstance(value, str) or not value.strip():
-            raise refuse(f"expected a unit such as '{self.example}', got {describe(value)}")
-        for kind, unit in self.kinds:
-            try:
-                return Scale(kind, QuantitySpec(unit, f"1 {self.example}").read(f"1 {value}"))
-            except PydanticCustomError as error:
-                problem = error
-        if len(self.kinds) > 1:
-            words = f"{quoted(value)} is no unit of these columns"
-            raise refuse(f"{words}; expected one such as '{self.example}'")
-        raise problem
-
-
-def Unit(example, *units, **kinds):
-    """Type of a field that is the unit of columns: of `units`, or of one of several kinds."""
-    return Annotated[Any, UnitSpec(example, tuple((kinds or {"": units[0]}).items()))]
-
-
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
-Names = tuple[str, str, str]
 PLACE = "columns: latitude, longitude, height, or x, y, z; or latitude and longitude alone"
 Level = Annotated[
     tuple[str, ...], Field(min_length=2, max_length=3)
@@ -155,14 +110,7 @@ class DataBlock(Block):
 
     @model_validator(mode="after")
     def _right_handed(self) -> Self:
-        sides = [SIDES.index(axis[-1]) for axis in self.axes]
-        if len(set(sides)) < 3:
-            raise refuse(f"axes: {', '.join(self.axes)} name one axis twice; expected such as [x, -y, -z]")
-        turns = 1 if sides in ([0, 1, 2], [1, 2, 0], [2, 0, 1]) else -1
-        for axis in self.axes:
-            turns *= -1 if axis[0] == "-" else 1
-        if turns < 0:
-            raise refuse(f"axes: {', '.join(self.axes)} are left-handed; expected such as [x, -y, -z]")
+        check_right_handed(self.axes)
         return self
 
 

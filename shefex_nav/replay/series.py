@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay.table import DataError, Table
+from shefex_nav.scenario.data_table import DataError, Table
 
 
 class ImuSeries(NamedTuple):

@@ -11,7 +11,7 @@ from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.records import GpsFix, row
 from shefex_nav.replay import params
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 HEADING = (
     "what is not known shows when the vehicle accelerates along the ground; give a heading, or more of the "

@@ -68,15 +68,29 @@ def astray_deg(control, truth):
 
 
 def foreseen(scenario, seed=1):
-    """The warnings of a scenario: its vehicle is flown for them, without sensors, if it is launched.
+    """The warnings of a scenario: its vehicle is flown for them, without sensors, unless it is in orbit.
 
     Raises FlightError as a run does.
     """
-    if scenario.launch is None:
+    if scenario.launch is None and scenario.trajectory is None:
         return warnings(scenario, Flown((), 0.0, scenario.mission.time_limit))
     from shefex_nav import prepare
 
+    if scenario.trajectory is not None:
+        flight = prepare.fly_vehicle(scenario, seed)
+        return (*of_trajectory(scenario), *warnings(scenario, of_flight(flight)))
     return warnings(scenario, of_flight(prepare.fly_vehicle(scenario, seed)))
+
+
+def of_trajectory(scenario):
+    """What is odd in the file of a trajectory, if the scenario has one: tuple of Warned."""
+    if scenario.trajectory is None:
+        return ()
+    from shefex_nav import prepare
+    from shefex_nav.trajectory import flight
+
+    odd = flight.oddities(scenario, prepare.earth_rotation(scenario))
+    return tuple(Warned(one.field, one.text) for one in odd)
 
 
 def warnings(scenario, flown):

@@ -7,6 +7,7 @@ surroundings                     models of gravity, air and wind
 shipped, files, document         which file a name means; its text; its tree with places
 layers, load, expand             files that extend each other; reading one; tables in files of their own
 overriding, fields, partial      --set; fields by their path
+trajectory, columns, data_table  a trajectory of others; columns of files, and what is in them
 checks*                          sections against each other
 params*, told, wanted_states     what world and computer get; what the computer is told otherwise; its states
 disperse, drawn, laws, trying    what a campaign draws, and whether a run could fly with it

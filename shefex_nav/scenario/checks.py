@@ -16,6 +16,7 @@ from shefex_nav.scenario import (
     software,
     star_statistics,
     told,
+    trajectory,
 )
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks_flight import seconds
@@ -42,9 +43,13 @@ def check_what_is_known(scenario, rated=None):
 
 def _parts(scenario, rated):
     """Iterator of iterators of contradictions; without a start none could be judged."""
-    yield checks_vehicle.contradictions(scenario, rated or {})
+    if getattr(scenario, "trajectory", None) is None:
+        yield checks_vehicle.contradictions(scenario, rated or {})
+        flown = checks_flight.PARTS
+    else:
+        flown = (trajectory.contradictions, checks_flight.air)
     alone = (
-        *checks_flight.PARTS,
+        *flown,
         _clocks,
         _vibration,
         *checks_gps.PARTS,
@@ -86,8 +91,9 @@ def _vibration(scenario):
     elif vibration.lowest_frequency >= vibration.highest_frequency:
         words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
         yield ("imu", "vibration", "lowest_frequency"), words
-    stages = len(scenario.vehicle.stages)
-    if len(vibration.boost) != stages:
+    given = scenario.trajectory
+    stages = len(scenario.vehicle.stages) if given is None else 1 + len(given.separations)
+    if len(vibration.boost) != stages and not (given and not vibration.boost):
         words = (
             f"{count(len(vibration.boost), 'value')} for {count(stages, 'stage')}; give one for each stage"
         )

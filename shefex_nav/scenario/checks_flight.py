@@ -6,7 +6,8 @@ from itertools import pairwise
 from shefex_nav.scenario import surroundings, thrust
 from shefex_nav.scenario.mission import WindTable
 
-STARTS = ("launch", "orbit", "ground")
+STARTS = ("launch", "orbit", "ground", "trajectory")
+ONE_OF = "a flight starts from exactly one of launch, orbit and ground"
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
 DEVICES = ("spin_motors", "yo_yo", "cold_gas", "parachute")
 PART = "run --until shows a part of this one"
@@ -16,11 +17,11 @@ def start(scenario):
     """Complaint about a flight that starts from nowhere or from several places."""
     given = [name for name in STARTS if getattr(scenario, name) is not None]
     if not given:
-        yield ("launch",), "is missing; a flight starts from exactly one of launch, orbit and ground"
+        yield ("launch",), f"is missing; {ONE_OF}, or follows a trajectory"
     elif len(given) > 1:
-        words = (
-            f"a flight starts from exactly one of launch, orbit and ground, here are {' and '.join(given)}"
-        )
+        words = f"{ONE_OF}, here are {' and '.join(given)}"
+        if given[-1] == STARTS[-1]:
+            words = f"a flight along a trajectory starts as its file says, not from {given[0]}"
         yield (given[-1],), f"{words}; {given[0]}: null takes away what an extended file gives"
 
 
@@ -29,7 +30,7 @@ def seconds(t_s):
     return f"{t_s:g} s"
 
 
-def _air(scenario):
+def air(scenario):
     """Atmosphere and wind."""
     atmosphere, wind = scenario.atmosphere, scenario.wind
     yield from surroundings.contradictions(scenario)
@@ -208,4 +209,4 @@ def _devices(scenario):
         yield from _burning(scenario, ("vehicle", "parachute", "at"), parachute.at)
 
 
-PARTS = (_air, _orbit, _ground, _programme, _devices)  # (path of the field, text for people) of each
+PARTS = (air, _orbit, _ground, _programme, _devices)  # (path of the field, text for people) of each

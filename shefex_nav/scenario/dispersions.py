@@ -135,6 +135,7 @@ OF_FLIGHT = (  # sections, and fields, that decide where the vehicle flies and h
     ("launch",),
     ("orbit",),
     ("ground",),
+    ("trajectory",),
     ("vehicle",),
     ("attitude",),
     ("programme",),

@@ -7,6 +7,8 @@ def possible(scenario):
     """Names of all events that may happen; a flight need not have all of them."""
     if scenario.ground is not None:
         return []
+    if scenario.trajectory is not None:
+        return _of_trajectory(scenario.trajectory)
     names = ["lift_off", "rail_exit", "max_dynamic_pressure"] if scenario.launch is not None else []
     for number, stage in enumerate(scenario.vehicle.stages.values(), 1):
         if number > 1 or stage.ignition > 0.0 or scenario.orbit is not None:
@@ -26,3 +28,12 @@ def possible(scenario):
     for device, of_device in devices:
         names += of_device if device is not None else []
     return [*names, *DOWN]
+
+
+def _of_trajectory(given):
+    """Events that a trajectory may show, or that a log says of it."""
+    n = len(given.separations)
+    names = [f"{what}_{k}" for k in range(1, n + 2) for what in ("ignition", "burn_out")]
+    names += [f"separation_{k}" for k in range(1, n + 1)]
+    told = ["rail_exit", "parachute"] if given.format == "log" else []
+    return ["lift_off", "max_dynamic_pressure", *names, *told, *DOWN]

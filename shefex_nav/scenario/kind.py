@@ -13,11 +13,20 @@ MAGIC = (  # first bytes of a file, what it is
     (b"RRF", "is a recording of the rerun viewer"),
     (b"MATLAB", "is a file of Matlab; a replay scenario names it under data"),
 )
-FLIGHT = ("vehicle", "programme", "star_camera", "star_tracker", "pad_alignment", "launch", "gps")
+FLIGHT = (
+    "vehicle",
+    "programme",
+    "star_camera",
+    "star_tracker",
+    "pad_alignment",
+    "launch",
+    "gps",
+    "trajectory",
+)
 REPLAY = ("data", "alignment", "gnss")  # sections that flights do not have
 OF_FLIGHTS = (  # sections that replays do not have
-    "atmosphere", "wind", "launch", "orbit", "ground", "vehicle", "attitude", "programme", "gps",
-    "pad_alignment", "star_camera", "star_tracker", "log", "faults", "campaign", "dispersions",
+    "atmosphere", "wind", "launch", "orbit", "ground", "trajectory", "vehicle", "attitude", "programme",
+    "gps", "pad_alignment", "star_camera", "star_tracker", "log", "faults", "campaign", "dispersions",
 )  # fmt: skip
 CAMERA = ("bad_pixels", "principal_point")  # sections that only the camera of pictures has
 INSTRUMENT = ("instrument", "unit", "source")

@@ -11,7 +11,17 @@ from typing import NamedTuple
 from pydantic import ValidationError
 
 from shefex_nav.errors import UserError
-from shefex_nav.scenario import document, expand, instruments, messages, moved, plugged, shipped, software
+from shefex_nav.scenario import (
+    document,
+    expand,
+    instruments,
+    messages,
+    moved,
+    plugged,
+    shipped,
+    software,
+    trajectory,
+)
 from shefex_nav.scenario.document import BadText, Mark, dotted, placed
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.use import USE
@@ -102,6 +112,7 @@ def extended(path, texts, chain=(), said=None, find=None):
     expand.relative_to(own.tree, folder)
     plugged.relative_to(own.tree, folder)
     software.relative_to(own.tree, folder)
+    trajectory.relative_to(own.tree, folder)
     places, tree = messages.Places(own.values[()]), {}
     has_base, used = EXTENDS in own.tree, taken_uses(own.tree)
     if not has_base and not used:

@@ -20,6 +20,7 @@ from shefex_nav.scenario import (
     plugged,
     schema,
     software,
+    trajectory,
     trying,
 )
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
@@ -100,6 +101,7 @@ def _provided(tree, places, trust):
     """What the plug-ins of a tree provide; ScenarioError where one cannot be used."""
     provided, found = plugged.loaded(tree, places, trust)
     found += software.pin(tree, places, trust)
+    found += trajectory.pin(tree, places)
     if found:
         raise layers.sorted_error(found)
     return provided

@@ -181,8 +181,11 @@ def _motors(scenario):
     not matter.
     """
     boost, strongest = scenario.imu.vibration.boost, _strongest(scenario.imu.vibration)
-    drops = [stage.separation for stage in scenario.vehicle.stages.values()]
-    begins = [-np.inf, *(np.inf if drop is None else drop.at for drop in drops)]
+    if scenario.trajectory is not None:
+        begins = [-np.inf, *scenario.trajectory.separations]
+    else:
+        drops = [stage.separation for stage in scenario.vehicle.stages.values()]
+        begins = [-np.inf, *(np.inf if drop is None else drop.at for drop in drops)]
     rows = [(t_s, level / strongest if strongest else 0.0) for t_s, level in zip(begins, boost, strict=False)]
     return np.array(rows).reshape(-1, 2)
 

@@ -4,9 +4,10 @@ The models check single values; `checks` compares values with each other, `param
 parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, PrivateAttr
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo
+from pydantic_core import PydanticKnownError
 
 from shefex_nav.environment.models import BUILT_IN
 from shefex_nav.scenario.block import Block
@@ -19,11 +20,23 @@ from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment, StarCamera
+from shefex_nav.scenario.trajectory import Trajectory
 from shefex_nav.scenario.vehicle import Vehicle
 
 
+def _unless_given(value: Any, info: ValidationInfo):
+    """What is needed to fly a vehicle, which one that flies along a trajectory is not."""
+    given = info.data or {}
+    if value is None and "trajectory" in given and given["trajectory"] is None:
+        raise PydanticKnownError("missing")
+    return value
+
+
+NEEDED = BeforeValidator(_unless_given)
+
+
 class Sections(Block):
-    """A mission to simulate; it starts from one of launch, orbit and ground."""
+    """A mission to simulate; it starts from one of launch, orbit and ground, or follows a trajectory."""
 
     NAME: ClassVar[str] = "Scenario"
     EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
@@ -37,11 +50,16 @@ class Sections(Block):
     launch: Launch | None = None
     orbit: Orbit | None = None
     ground: Ground | None = None
-    vehicle: Vehicle
+    trajectory: Trajectory | None = Field(default=None, description="a file of others along which it flies")
+    vehicle: Annotated[Vehicle | None, NEEDED] = Field(
+        default=None, description="needed unless there is a trajectory"
+    )
     attitude: Literal["flown", "prescribed"] = Field(
         default="flown", description="by the cold-gas system, or exactly as the programme says"
     )
-    programme: Programme = Field(description="tasks of the attitude control, by name; may be {}")
+    programme: Annotated[Programme | None, NEEDED] = Field(
+        default=None, description="tasks of the attitude control, by name; may be {}; not with a trajectory"
+    )
     imu: Imu
     gps: Gps
     pad_alignment: PadAlignment
@@ -80,7 +98,7 @@ class Sections(Block):
     @property
     def tasks(self):
         """(name, task) of the programme in order of time."""
-        return sorted(self.programme.items(), key=lambda item: item[1].start)
+        return sorted((self.programme or {}).items(), key=lambda item: item[1].start)
 
     def keep_text(self, source, files):
         """Remember where the scenario came from; `source` is its text, or a function that gives it."""

@@ -81,12 +81,15 @@ def gravity(scenario):
     return gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree, type(scenario).MODELS[Gravity])
 
 
-def air(scenario):
-    """Air above the place of the start, (n, 4) as `environment.sampling.air_table`; (0, 4) for US76."""
+def air(scenario, at=None):
+    """Air above the place of the start, (n, 4) as `environment.sampling.air_table`; (0, 4) for US76.
+
+    at : latitude and longitude of that place, rad; None: as the scenario says
+    """
     from shefex_nav.environment import sampling
 
     one = _of(scenario, Atmosphere, scenario.atmosphere.model)
-    return sampling.air_table(one, _site(scenario, one, getattr(scenario.atmosphere, one.name, None)))
+    return sampling.air_table(one, _site(scenario, one, getattr(scenario.atmosphere, one.name, None), at))
 
 
 def wind(scenario):
@@ -113,17 +116,19 @@ def check(scenario):
         ask(scenario)
 
 
-def _site(scenario, one, given):
-    """models.Site of a model. given : section of its settings; None: their defaults"""
+def _site(scenario, one, given, at=None):
+    """models.Site of a model. given : section of its settings; None: their defaults; at : as of `air`"""
     own = None if one.settings is None else settings(given or section(one.settings)())
-    return Site(scenario.mission.epoch, *place(scenario), own)
+    return Site(scenario.mission.epoch, *(at or place(scenario)), own)
 
 
 def place(scenario):
     """Latitude and longitude at the start, rad; for an orbit those below, latitude to a fifth of a degree."""
-    site = scenario.launch or scenario.ground
+    site = scenario.launch or scenario.ground or getattr(scenario.trajectory, "origin", None)
     if site is not None:
         return site.latitude, site.longitude
+    if scenario.trajectory is not None:
+        return 0.0, 0.0  # its file says: `air` is told
     from shefex_nav.environment import ephemeris
     from shefex_nav.geometry import frames
 

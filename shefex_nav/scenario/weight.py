@@ -34,7 +34,7 @@ def _times(scenario, at, end_s):
     start_s = scenario.mission.start
     if scenario.ground is not None:
         yield end_s - start_s, "the vehicle stands on the ground"
-    if scenario.launch is not None:
+    if scenario.launch is not None or (scenario.trajectory is not None and "lift_off" in at):
         yield at.get("lift_off", min(end_s, 0.0)) - start_s, "the vehicle stands on the pad"
     if "parachute" in at:
         yield at.get("impact", end_s) - at["parachute"], "the vehicle hangs on its parachute"

@@ -9,7 +9,7 @@ from turntable import Turntable
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.replay import align, dataset, load
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 from shefex_nav.scenario.load import ScenarioError
 
 EARTH = ephemeris.earth_rotation(replay_files.EPOCH, 0.0, 0.0, 0.0)

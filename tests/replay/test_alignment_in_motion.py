@@ -11,7 +11,7 @@ from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.state import ATT, X_Q
 from shefex_nav.records import row
 from shefex_nav.replay import align, external, load, params, settle
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 EARTH = ephemeris.earth_rotation("2020-06-01T12:00:00", 0.0, 0.0, 0.0)
 COURSE = "{method: course, speed: 5 m/s, sideslip: 1 deg}"

@@ -6,7 +6,7 @@ import pytest
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.replay import clocks, external, load, params, said
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 EARTH = ephemeris.earth_rotation("2020-06-01T12:00:00", 0.0, 0.0, 0.0)
 COURSE = "{method: course, speed: 5 m/s, sideslip: 1 deg}"

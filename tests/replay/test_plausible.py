@@ -6,7 +6,7 @@ from replay_files import CSV, scenario, write_csv
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.replay import dataset, load, plausible
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 LATITUDE, LONGITUDE, HEIGHT = np.radians(67.9), np.radians(21.1), 340.0
 REST_S, END_S, RATE = 10.0, 40.0, 50.0

@@ -10,7 +10,7 @@ from turntable import Turntable
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.replay import align, dataset, load
-from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.data_table import DataError
 
 STILL = Turntable(rate=0.0)
 STATIC = "{method: static, duration: 4 s}"

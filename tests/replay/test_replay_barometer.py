@@ -9,8 +9,8 @@ from shefex_nav.environment import atmosphere, magnetic_field
 from shefex_nav.geometry import euler
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.replay import external, load
-from shefex_nav.replay.table import DataError
 from shefex_nav.report import metrics
+from shefex_nav.scenario.data_table import DataError
 from shefex_nav.scenario.load import ScenarioError
 
 EXAMPLE = Path(__file__).parents[2] / "scenarios" / "replay" / "csv_example.yaml"

@@ -9,7 +9,7 @@ import replay_files
 from shefex_nav.geometry import wgs84
 from shefex_nav.replay import dataset, load, schema
 from shefex_nav.replay.series import GnssSeries, ImuSeries
-from shefex_nav.replay.table import DataError, Table
+from shefex_nav.scenario.data_table import DataError, Table
 from shefex_nav.scenario.load import ScenarioError
 
 

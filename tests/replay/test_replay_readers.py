@@ -5,8 +5,9 @@ import pytest
 from scipy.io import savemat
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import csv_folder, kf_gins, navego, schema_data, series, table
-from shefex_nav.replay.table import DataError
+from shefex_nav.replay import csv_folder, kf_gins, navego, schema_data, series
+from shefex_nav.scenario import data_table as table
+from shefex_nav.scenario.data_table import DataError
 
 IMU = "t_ms,wx,wy,wz,fx,fy,fz\n# a comment\n0,1,2,3,0.1,0.2,-1\n\n5,4,5,6,0.3,0.4,-1.5\n"
 COLUMNS = {

@@ -11,4 +11,5 @@ surroundings        Earth, air, wind
 control             cold gas along the path of `attitude_program`
 events, record      what happened; the record of the flight
 scene, lookup       values of the flight for the kernels
+track, given        a flight along a trajectory of others: curves through its rows, and the truth along them
 """

@@ -45,10 +45,12 @@ def phases(params, t_s, stage, instants):
     return out
 
 
-def found(params, t_s, height, dynamic_pressure, landed):
-    """{event: s} of what shows in the samples alone: apogee, heights on the way down, greatest pressure."""
+def found(launch, t_s, height, dynamic_pressure, landed):
+    """{event: s} of what shows in the samples alone: apogee, heights on the way down, greatest pressure.
+
+    launch : whether it is of a vehicle that starts on the ground; landed : whether it ends there
+    """
     instants, after = {}, t_s[0]
-    launch = isinstance(params.start, settings.Launch)
     if launch:
         k = int(np.argmax(height))
         # vertical speed from the heights either side of the top sample, zero in between

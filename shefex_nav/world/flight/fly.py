@@ -368,7 +368,8 @@ def _record(params, earth, rows, instants, history, landed):
     if not isinstance(params.start, settings.Ground):
         for burn in timeline.burns(params):
             instants[f"burn_out_{burn.number}"] = burn.t_1
-        instants |= events.found(params, t_s, height, pressure, landed)
+        launch = isinstance(params.start, settings.Launch)
+        instants |= events.found(launch, t_s, height, pressure, landed)
     instants = {name: t for name, t in instants.items() if t <= max(t_s[-1], instants.get("impact", -np.inf))}
     trajectory = Trajectory(
         t_s,

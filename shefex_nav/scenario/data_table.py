@@ -18,7 +18,7 @@ MOST_ERRORS = 5  # of one file; a file of the wrong kind is wrong in every line
 
 
 class DataError(UserError):
-    """Data that cannot be replayed; the message has one line for each thing, `file:line: column: what`."""
+    """Data that cannot be used; the message has one line for each thing, `file:line: column: what`."""
 
 
 class Table(NamedTuple):
@@ -49,6 +49,39 @@ def read_csv(path, names):
     if len(numbered) == 1:
         raise DataError(f"{path}:{number}: there is no row below the names of the columns; expected numbers")
     return _numbers(path, numbered[1:], [found.index(name) for name in names], names, separator)
+
+
+class Export(NamedTuple):
+    """A CSV of another program: the names of its columns, and its rows."""
+
+    file: str
+    number: int  # line of the names
+    names: list  # of the columns
+    rows: list  # (number, text) of each line
+    separator: str
+
+    def table(self, names, indices):
+        """Table of the columns with these indices, under other names."""
+        return _numbers(self.file, self.rows, indices, names, self.separator)
+
+
+def read_export(path, first):
+    """Export in the file at `path`, whose names of columns may stand in a comment.
+
+    first : how the name of its first column begins, in lower case
+    """
+    for number, text in _numbered_text(path):
+        line = text.strip().lstrip("#").strip()
+        if line.strip('"').lower().startswith(first):
+            separator = next((mark for mark in (",", ";", "\t") if mark in line), ",")
+            names = [cell.strip().strip('"') for cell in line.split(separator)]
+            rows = [(n, one) for n, one in _lines(path) if n > number]
+            if not rows:
+                words = "there is no row below the names of the columns; expected numbers"
+                raise DataError(f"{path}:{number}: {words}")
+            return Export(path, number, names, rows, separator)
+    words = f"there is no line with the names of the columns; expected one that begins with '{first}'"
+    raise DataError(f"{path}:1: {words}")
 
 
 def read_columns(path, names, others=()):
@@ -120,15 +153,20 @@ def _same_length(path, columns):
 
 def _lines(path):
     """(number, text) of every line that is neither empty nor a comment."""
-    try:
-        text = read_text(path, "a table")
-    except Unreadable as error:
-        raise DataError(f"{path} {error}") from None
-    pairs = ((n, line.partition("#")[0].strip()) for n, line in enumerate(text.splitlines(), 1))
+    pairs = ((n, line.partition("#")[0].strip()) for n, line in _numbered_text(path))
     numbered = [(n, line) for n, line in pairs if line]
     if not numbered:
         raise DataError(f"{path}: the file is empty; expected rows of numbers")
     return numbered
+
+
+def _numbered_text(path):
+    """(number, text) of every line."""
+    try:
+        text = read_text(path, "a table")
+    except Unreadable as error:
+        raise DataError(f"{path} {error}") from None
+    return enumerate(text.splitlines(), 1)
 
 
 def _missing(name, found, kind="column"):

@@ -1,0 +1,66 @@
+"""How a scenario describes columns of a file: their names, their unit, the axes of their vectors."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic_core import PydanticCustomError, core_schema
+
+from shefex_nav.scenario.quantity import QuantitySpec, describe, quoted, refuse
+
+SIDES = ("x", "y", "z")
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Names = tuple[str, str, str]
+
+
+class Scale(NamedTuple):
+    """A unit of a column: what it measures, and its size in SI."""
+
+    kind: str  # 'rate' or 'increment' for inertial sensors, otherwise ''
+    factor: float
+
+
+@dataclass(frozen=True)
+class UnitSpec:
+    """How a field reads the unit of a column; `kinds` are (kind, SI unit) of which one must fit."""
+
+    example: str
+    kinds: tuple[tuple[str, str], ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
+        return {"type": "string", "description": "unit of the columns", "examples": [self.example]}
+
+    def read(self, value):
+        """Scale of a unit."""
+        if isinstance(value, Scale):
+            return value
+        if not isinstance(value, str) or not value.strip():
+            raise refuse(f"expected a unit such as '{self.example}', got {describe(value)}")
+        for kind, unit in self.kinds:
+            try:
+                return Scale(kind, QuantitySpec(unit, f"1 {self.example}").read(f"1 {value}"))
+            except PydanticCustomError as error:
+                problem = error
+        if len(self.kinds) > 1:
+            words = f"{quoted(value)} is no unit of these columns"
+            raise refuse(f"{words}; expected one such as '{self.example}'")
+        raise problem
+
+
+def Unit(example, *units, **kinds):
+    """Type of a field that is the unit of columns: of `units`, or of one of several kinds."""
+    return Annotated[Any, UnitSpec(example, tuple((kinds or {"": units[0]}).items()))]
+
+
+def check_right_handed(axes):
+    """Refuse axes of a file, forward, right and down, that are not three, or left-handed."""
+    sides = [SIDES.index(axis[-1]) for axis in axes]
+    if len(set(sides)) < 3:
+        raise refuse(f"axes: {', '.join(axes)} name one axis twice; expected such as [x, -y, -z]")
+    turns = 1 if sides in ([0, 1, 2], [1, 2, 0], [2, 0, 1]) else -1
+    for axis in axes:
+        turns *= -1 if axis[0] == "-" else 1
+    if turns < 0:
+        raise refuse(f"axes: {', '.join(axes)} are left-handed; expected such as [x, -y, -z]")

@@ -1,0 +1,75 @@
+"""What every reader of a trajectory gives: rows in inertial axes, and how finely they are written."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.scenario.data_table import DataError, Table
+
+FEWEST = 4  # rows
+MOST_DIGITS = 12  # after the point
+CHECKED = 5000  # numbers of a column whose digits are counted
+
+
+class Attitudes(NamedTuple):
+    """Attitude at M instants."""
+
+    table: Table
+    t_s: np.ndarray  # (M,) mission time
+    q_ib: np.ndarray  # (M, 4)
+    rounding: float  # rad
+
+
+class Rows(NamedTuple):
+    """A trajectory at N instants."""
+
+    table: Table
+    t_s: np.ndarray  # (N,) mission time
+    r_i: np.ndarray  # (N, 3) m
+    v_i: np.ndarray  # (N, 3) m/s
+    a_i: np.ndarray | None  # (N, 3) m/s^2
+    rounding_m: float
+    rounding_m_s: float
+    attitudes: Attitudes | None  # None: it is made along the velocity
+    told: object = None  # world.flight.given.Told of a log
+    others: tuple = ()  # (words, v_i (N, 3)) of what the velocities might be otherwise
+
+
+def ascending(table, t_s):
+    """Refuse times that do not grow from row to row, and files with too few rows."""
+    back = np.flatnonzero(np.diff(t_s) <= 0.0)
+    if len(back):
+        row = int(back[0]) + 1
+        words = f"time {t_s[row]:.6f} s does not follow on {t_s[row - 1]:.6f} s in the row before"
+        raise DataError(f"{table.place(row)}: {words}")
+    if len(t_s) < FEWEST:
+        raise DataError(f"{table.file}: has {len(t_s)} rows; a trajectory needs {FEWEST} at least")
+
+
+def rounding(values):
+    """Half of the last digit with which numbers are written, 0 if they are written in full.
+
+    (N, k) -> that of the column written most finely: the others may have come out even
+    """
+    found = [_half_a_digit(column[:CHECKED]) for column in values.T if np.any(column)]
+    return min(found, default=0.0)
+
+
+def _half_a_digit(column):
+    for digits in range(MOST_DIGITS):
+        scaled = column * 10.0**digits
+        if np.max(np.abs(scaled)) > 1e15:
+            break
+        if np.all(np.abs(scaled - np.rint(scaled)) <= 1e-6 + 4e-16 * np.abs(scaled)):
+            return 0.5 * 10.0**-digits
+    return 0.0
+
+
+def unit_quaternions(table, q):
+    """Quaternions (M, 4) of length one; DataError where a row has none."""
+    length = np.linalg.norm(q, axis=1)
+    bad = np.flatnonzero(np.abs(length - 1.0) > 0.05)
+    if len(bad):
+        words = f"the quaternion has the length {length[bad[0]]:.4g}; expected one of length 1"
+        raise DataError(f"{table.place(int(bad[0]))}: {words}")
+    return q / length[:, None]

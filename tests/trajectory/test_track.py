@@ -1,0 +1,120 @@
+"""Curves through rows: they go through them, and position, velocity and acceleration are one motion."""
+
+import numpy as np
+import pytest
+from drive import EXAMPLE, at, reckoned
+from made import EARTH, J2, ROLL, rocket, thrust
+
+from shefex_nav import prepare
+from shefex_nav.environment import gravity
+from shefex_nav.geometry import frames, rotation
+from shefex_nav.scenario import load
+from shefex_nav.trajectory import rows
+from shefex_nav.world.flight import track
+
+RNG = np.random.default_rng(26)
+
+
+@pytest.fixture(scope="module")
+def example():
+    return load.load(EXAMPLE)
+
+
+def uneven(n):
+    return np.cumsum(RNG.uniform(0.05, 0.3, n))
+
+
+@pytest.mark.parametrize("with_accelerations", [False, True])
+def test_it_goes_through_rows_that_do_not_agree(with_accelerations):
+    t_s = uneven(60)
+    r, v, a = RNG.normal(size=(60, 3)) * 5.0, RNG.normal(size=(60, 3)), RNG.normal(size=(60, 3))
+    curve = track.Track(t_s, r, v, a if with_accelerations else None, 0.0, 0.0)
+    r_at, v_at, _ = curve.at(t_s)
+    assert np.allclose(r_at, r, atol=1e-9) and np.allclose(v_at, v, atol=1e-9)
+
+
+def test_velocity_and_acceleration_are_derivatives():
+    t_s = uneven(60)
+    curve = track.Track(t_s, RNG.normal(size=(60, 3)), RNG.normal(size=(60, 3)), None, 0.0, 0.0)
+    when, h = np.linspace(t_s[0] + 0.01, t_s[-1] - 0.01, 997), 1e-5
+    before, now, after = (curve.at(when + step) for step in (-h, 0.0, h))
+    for k in (0, 1):
+        slope = (after[k] - before[k]) / (2.0 * h)
+        assert np.allclose(slope, now[k + 1], atol=1e-4 * np.abs(now[k + 1]).max())
+    jumps = np.abs(curve.at(t_s[1:-1] + 1e-9)[2] - curve.at(t_s[1:-1] - 1e-9)[2])
+    assert jumps.max() < 1e-4 * np.abs(now[2]).max()
+
+
+def test_a_smooth_motion_comes_back():
+    """Error of the order of the sixth power of the distance of rows in position."""
+    t_s, off = np.linspace(0.0, 20.0, 101), []
+    for every in (1, 2):
+        known = t_s[::every]
+        curve = track.Track(known, *(np.column_stack(one) for one in _wave(known)[:2]), None, 0.0, 0.0)
+        when = np.linspace(2.0, 18.0, 4001)
+        off.append(np.abs(curve.at(when)[2] - np.column_stack(_wave(when)[2])).max())
+    assert off[0] < 1e-3 and off[1] / off[0] > 6.0
+
+
+def _wave(t_s):
+    """Three circular motions, their velocities and accelerations."""
+    rates = (0.7, 1.1, 1.9)
+    return tuple([w**order * np.sin(w * t_s + 0.5 * np.pi * order + w) for w in rates] for order in range(3))
+
+
+def test_an_attitude_has_the_rate_of_its_rows():
+    """A body that turns with (3, 0.4, 0.2) rad/s about its own axes."""
+    rate, t_s = np.array([3.0, 0.4, 0.2]), np.linspace(0.0, 10.0, 201)
+    q = np.array([rotation.quat_from_rotvec(rate * t) for t in t_s])
+    turning = track.Turning(t_s, q, 0.0)
+    _, omega = turning.at(np.linspace(0.5, 9.5, 777))
+    assert np.allclose(omega, rate, atol=1e-6)
+
+
+def test_rounded_rows_are_passed_by():
+    """Rows 1 ms apart with micrometres of rounding would be metres per second squared."""
+    t_s = np.arange(0.0, 4.0, 0.001)
+    fall = np.column_stack([-0.5 * 9.81 * t_s**2, 20.0 * t_s, 0.0 * t_s])
+    speed = np.column_stack([-9.81 * t_s, 20.0 + 0.0 * t_s, 0.0 * t_s])
+    told = np.round(fall, 4), np.round(speed, 4)
+    digits = [rows.rounding(one) for one in told]
+    assert digits == [pytest.approx(5e-5), pytest.approx(5e-5)]
+    when = np.linspace(0.1, 3.9, 1001)
+    careless, careful = (track.Track(t_s, *told, None, *one).at(when)[2] for one in ((0.0, 0.0), digits))
+    assert np.abs(careless[:, 0] + 9.81).max() > 1.0
+    assert np.abs(careful[:, 0] + 9.81).max() < 0.02
+
+
+def test_the_digits_of_columns():
+    assert rows.rounding(np.array([[0.5], [1.25]])) == pytest.approx(0.005)
+    assert rows.rounding(np.array([[100.0, 0.0], [20.0, 0.0]])) == pytest.approx(0.5)
+    assert rows.rounding(np.array([[np.pi], [np.e]])) == 0.0
+    assert rows.rounding(np.zeros((5, 1))) == 0.0
+
+
+def test_an_imu_without_errors_integrates_back_to_the_example(example):
+    away_m, tilt = reckoned(example)
+    assert away_m < 0.02 and tilt < 2e-5
+
+
+def test_forces_and_rates_are_those_of_the_motion(example):
+    """Thrust less drag along the nose, as it was made; the roll rate; on the pad its weight."""
+    path = rocket()
+    t = prepare.fly_vehicle(example, 1).trajectory
+    steady = (path.t_s > 1.5) & (path.t_s < 8.0)
+    k = at(t, path.t_s[steady])
+    speed = np.linalg.norm(path.v_l[steady], axis=1)
+    drag = 0.5 * 1.2 * np.exp(-path.r_l[steady, 2] / 7500.0) * speed**2 * 0.05 / 300.0
+    felt = [thrust(one) for one in path.t_s[steady]] - drag
+    assert np.allclose(t.f_b[k, 0], felt, atol=0.01)
+    assert np.abs(t.f_b[k, 1:]).max() < 0.02
+    late = path.t_s > 15.0
+    assert np.allclose(t.omega_ib_b[at(t, path.t_s[late]), 0], ROLL, atol=2e-3)
+    stands = t.t_s < -0.01
+    r_e, _ = frames.ecef_from_inertial(EARTH, t.t_s[0], t.r_i[0], t.v_i[0])
+    omega_e = EARTH.C_re.T @ [0.0, 0.0, EARTH.rate]
+    egm = gravity.load("egm96", 12)
+    weight = np.linalg.norm(gravity.gravity_e(egm, r_e) - np.cross(omega_e, np.cross(omega_e, r_e)))
+    assert np.allclose(np.linalg.norm(t.f_b[stands], axis=1), weight, atol=1e-6)
+    assert np.allclose(np.linalg.norm(t.omega_ib_b[stands], axis=1), EARTH.rate, rtol=1e-9)
+    assert J2.degree == 2
