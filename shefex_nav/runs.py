@@ -190,8 +190,12 @@ class Run:
 
     def __repr__(self):
         mission = self.data.mission
-        early, cut = self.data.ended_early, self.data.until_s is not None
-        end = "ended early at" if early else "looked at until" if cut else "ended at"
+        ends = (
+            (self.data.failure, "failed at"),
+            (self.data.ended_early, "ended early at"),
+            (self.data.until_s is not None, "looked at until"),
+        )
+        end = next((words for holds, words in ends if holds), "ended at")
         end += f" T{self.data.last_t_s:+.1f} s"
         kept = "log not saved" if self._folder else self.log
         return f"<Run {mission.scenario}, seed {mission.seed}, {end}, {kept}>"
