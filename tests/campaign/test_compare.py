@@ -147,6 +147,24 @@ def test_two_logs_are_one_pair_without_intervals(tmp_path, command):
     assert f"shefex-nav view {logs[0]}" in table.out
 
 
+def test_a_log_is_paired_with_the_run_of_its_seed(whole, tmp_path, command):
+    """Figures are those of the log, at 100 Hz; how long it took is not compared with a run without a log."""
+    folder, ended = whole
+    log = tmp_path / "2.mcap"
+    assert command("repeat", str(folder), "2", "--log", str(log)).code == 0
+    run = command("compare", str(folder), str(log), "--json")
+    assert run.code == 0, run.err
+    (found,) = json.loads(run.out)["comparisons"]
+    assert found["seeds"] == [ended.rows[2]["seed"]]
+    assert f"{RUNS - 1} runs of A have no seed in B: left out" in found["notes"]
+    one = row(found, "position, rms of the run")
+    assert one["b"]["median"] == pytest.approx(one["a"]["median"], rel=0.1)
+    assert not any(one["name"].startswith("time per tick") for one in found["figures"])
+    draws = {one["path"] for one in found["scenario_differences"]}
+    assert "ground.latitude" in draws  # which the log's scenario has as drawn
+    assert found["commands"][0].startswith(f"shefex-nav repeat {folder} 2 --log ")
+
+
 def test_logs_of_two_seeds_are_no_pair(tmp_path, command):
     logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     for seed, log in zip("12", logs, strict=True):

@@ -53,7 +53,8 @@ def compare(a, b):
     if not seeds:
         raise CompareError(_unpaired(a, b))
     whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
-    rows = tuple(_row(quantity, a, b, whole) for quantity in QUANTITIES)
+    compared = [one for one in QUANTITIES if not one.timed or a.kind == b.kind]
+    rows = tuple(_row(quantity, a, b, whole) for quantity in compared)
     rows = tuple(row for row in rows if row.a is not None or row.b is not None)
     shares = (_failed(a, b, seeds), *_met(a, b, whole))
     different = _different(a, b)
