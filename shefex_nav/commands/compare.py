@@ -22,7 +22,8 @@ def compare(
         typer.Argument(
             metavar="A B...",
             help="Each a log (.mcap), the folder of a campaign, software (built-in, my_filter.py:MyFilter, "
-            "package.module:Class, 'command:./my_fsw --flag') or a scenario (.yaml), which is flown.",
+            "package.module:Class, 'command:./my_fsw --flag'), a scenario (.yaml), which is flown, or what "
+            "another filter says of the first log (.csv, or run.mcap:name in it).",
         ),
     ],
     scenario: Annotated[
@@ -87,6 +88,11 @@ def _compared(told, flights):
 
     flown, found = iter(flights), []
     for letter, one in zip(sides.LETTERS, told, strict=False):
+        if one.kind == words.SOLUTION:
+            if not found:
+                raise words.CompareError(f"{one.text}: is about the flight of a log; expected that before it")
+            found.append(sides.of_solution(one.text, letter, found[0]))
+            continue
         path = next(flown).folder if one.kind in words.FLOWN else one.text
         kind = words.CAMPAIGN if one.kind in words.FLOWN else one.kind
         found.append(sides.of(kind, path, letter, one.text))

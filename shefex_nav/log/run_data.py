@@ -57,6 +57,16 @@ class RunData(NamedTuple):
     summary: RunSummary | None
     ended_early: bool  # the log was not closed, or the flight's software failed
     last_t_s: float  # mission time of the last truth; NaN without any
+    others: dict = {}  # noqa: RUF012 - name -> other_solutions.Other, what other filters say of the flight
+
+    def with_other(self, name, other):
+        """The same flight, of which another filter says this: RunData. other : other_solutions.Other
+
+        What the filter on board said of its measurements and of the sensors is not there.
+        """
+        mission = self.mission._replace(software=(("navigation", name, ""),))
+        nothing = {"gates": [], "health": [], "others": {}}
+        return self._replace(mission=mission, nav=other.nav, covariance=other.covariance, **nothing)
 
     @property
     def failure(self):

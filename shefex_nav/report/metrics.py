@@ -113,7 +113,8 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
         "seed": data.mission.seed,
         "version": data.mission.version,
         "software": {
-            section: f"{name}, sha256 {hash_[:12]}" for section, name, hash_ in data.mission.software
+            section: f"{name}, sha256 {hash_[:12]}" if hash_ else name
+            for section, name, hash_ in data.mission.software
         },
         "log": None if log is None else str(log),
         "ended_early": data.ended_early,

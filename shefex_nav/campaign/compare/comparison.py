@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.compare import paired
-from shefex_nav.campaign.compare.given import CompareError
+from shefex_nav.campaign.compare.given import LOG, CompareError
 from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES
 from shefex_nav.scenario import differences, software
 
@@ -53,7 +53,8 @@ def compare(a, b):
     if not seeds:
         raise CompareError(_unpaired(a, b))
     whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
-    compared = [one for one in QUANTITIES if not one.timed or a.kind == b.kind]
+    one_flight = a.kind == b.kind == LOG and a.where == b.where  # of which two filters say something
+    compared = [one for one in QUANTITIES if not one.timed or (a.kind == b.kind and not one_flight)]
     rows = tuple(_row(quantity, a, b, whole) for quantity in compared)
     rows = tuple(row for row in rows if row.a is not None or row.b is not None)
     shares = (_failed(a, b, seeds), *_met(a, b, whole))

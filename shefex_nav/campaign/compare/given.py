@@ -1,6 +1,7 @@
 """What a word of `shefex-nav compare` means: a log, the folder of a campaign, software, or a scenario."""
 
 import json
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,12 +9,15 @@ from shefex_nav.errors import UserError
 from shefex_nav.scenario import software
 
 LOG, CAMPAIGN, SOFTWARE, SCENARIO = "log", "campaign", "software", "scenario"
+SOLUTION = "solution"  # a CSV: what another filter says of the flight of the first log
+IN_LOG = re.compile(r"(.+\.mcap):([a-z][a-z0-9_]*)")  # such a solution, by its name in a log
 FLOWN = SOFTWARE, SCENARIO  # kinds that have to fly first
 BUILT_IN = "built-in"
 MAGIC = b"\x89MCAP0\r\n"
 FORMS = (
-    "expected a log (.mcap), the folder of a campaign, a scenario (.yaml), or software: built-in, "
-    "my_filter.py:MyFilter, package.module:Class or 'command:./my_fsw --flag'"
+    "expected a log (.mcap), the folder of a campaign, a scenario (.yaml), what a filter says of the first "
+    "log (.csv, or run.mcap:name), or software: built-in, my_filter.py:MyFilter, package.module:Class or "
+    "'command:./my_fsw --flag'"
 )
 
 
@@ -33,12 +37,14 @@ def read(text):
     path = Path(text)
     if path.is_dir():
         return Given(text, CAMPAIGN)
-    if path.suffix == ".mcap" or _is_log(path):
+    if path.suffix == ".mcap" or IN_LOG.fullmatch(text) or _is_log(path):
         return Given(text, LOG)
     if text in (BUILT_IN, software.BUILT_IN) or _is_software(text):
         return Given(text, SOFTWARE)
     if path.suffix in (".yaml", ".yml") or text in _shipped():
         return Given(text, SCENARIO)
+    if path.suffix == ".csv":
+        return Given(text, SOLUTION)
     if path.suffix == ".py":
         raise CompareError(f"{text}: names no class; expected {text}:MyFilter")
     raise CompareError(f"{text}: there is no such thing to compare; {FORMS}")

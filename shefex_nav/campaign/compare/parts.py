@@ -146,7 +146,7 @@ def commands(one):
         run = side.runs[seed].run
         logs.append(LOG_NAME.format(letter=side.letter.lower(), run=run))
         lines.append(shlex.join(["shefex-nav", "repeat", str(side.where), str(run), "--log", logs[-1]]))
-    return [*lines, shlex.join(["shefex-nav", "view", *logs])]
+    return [*lines, shlex.join(["shefex-nav", "view", *dict.fromkeys(logs)])]
 
 
 def worst_seed(one):

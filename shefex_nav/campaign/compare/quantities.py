@@ -18,7 +18,7 @@ class Quantity(NamedTuple):
         object  # function of `get`, which gives the value at a dotted path of the summary -> float or None
     )
     better: str = SMALLER
-    timed: bool = False  # of the whole simulation: not to be compared where one wrote a log and one did not
+    timed: bool = False  # of the whole simulation: not compared where one wrote a log and one did not
 
     def compared(self, value):
         """The number whose difference is told: the value, or how far it is from what it should be."""

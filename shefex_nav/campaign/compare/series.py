@@ -20,9 +20,9 @@ class Course(NamedTuple):
 
 
 def courses(side, seeds):
-    """Courses of those runs of a side that have them: list. A log is read again."""
+    """Courses of those runs of a side that have them: list."""
     if side.kind == LOG:
-        return [_of_log(side.where)]
+        return [_of_data(side.data)]
     from shefex_nav.campaign import results
 
     campaign, found = results.open_campaign(side.where), []
@@ -43,12 +43,10 @@ def _course(t_s, errors, sigmas):
     return Course(t_s, *size)
 
 
-def _of_log(path):
-    from shefex_nav.log import reader
+def _of_data(data):
     from shefex_nav.report import metrics
     from shefex_nav.report.pairing import same_times
 
-    data = reader.read(path)
     errors, covariance = metrics.navigation_errors(data), data.covariance
     i, j = same_times(errors.t_s, covariance.t_s)
     sigma = np.sqrt(np.einsum("kii->ki", covariance.P[j]))

@@ -1,15 +1,15 @@
 """What is compared: the runs of a log or of a campaign's folder by their seeds, with the figures of each."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav.campaign import results, store
-from shefex_nav.campaign.compare.given import LOG
+from shefex_nav.campaign.compare.given import IN_LOG, LOG, CompareError
 from shefex_nav.scenario import document
 from shefex_nav.scenario import software as own
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-SECTIONS = tuple(section for section, _ in own.PATHS)
 
 
 class Flown(NamedTuple):
@@ -34,8 +34,8 @@ class Side(NamedTuple):
     software: dict  # section: name and SHA-256 of software of a user's own
     versions: dict
     runs: dict  # seed -> Flown
-    log_hz: float | None = None  # of a log
     notes: tuple = ()
+    data: object = None  # RunData of a log
 
     @property
     def name(self):
@@ -55,17 +55,49 @@ class Side(NamedTuple):
         }
 
 
-def of(kind, path, letter, label=None):
-    """Side of a log or of a campaign's folder; LogError, StoreError."""
-    make = _of_log if kind == LOG else _of_campaign
-    return make(Path(path), letter, label or str(path))
+def of(kind, text, letter, label=None):
+    """Side of a log, of another solution in one (`run.mcap:name`), or of a campaign's folder.
 
-
-def _of_log(path, letter, label):
+    Raises LogError, StoreError, CompareError.
+    """
+    label = label or str(text)
+    if kind != LOG:
+        return _of_campaign(Path(text), letter, label)
     from shefex_nav.log import reader
+
+    found = IN_LOG.fullmatch(str(text))
+    if found is None:
+        return _of_data(Path(text), reader.read(text), letter, label)
+    path, name = found.groups()
+    data = reader.read(path)
+    if name not in data.others:
+        names = ", ".join(data.others) or "none but the log's own"
+        raise CompareError(f"{text}: the log has no solution {name!r}; it has: {names}")
+    return _of_data(Path(path), data.with_other(name, data.others[name]), letter, label)
+
+
+def of_solution(path, letter, first):
+    """Side of a CSV, which is about the flight of the log of the first side; BadTable, CompareError."""
+    from shefex_nav.report import other_solution
+
+    if first.kind != LOG:
+        words = "a table is what a filter says of one flight"
+        raise CompareError(f"{path}: {words}; expected a log before it, as in compare run.mcap {path}")
+    given, name = (
+        other_solution.read_csv(path),
+        re.sub(r"[^a-z0-9]+", "_", Path(path).stem.lower()).strip("_"),
+    )
+    try:
+        other = other_solution.other(first.data, given, "i", name)
+    except ValueError as error:
+        raise CompareError(f"{path}: {error}") from None
+    return _of_data(first.where, first.data.with_other(name, other), letter, str(path))
+
+
+def _of_data(path, data, letter, label):
+    """Side of the RunData of a log."""
     from shefex_nav.report import configured, metrics
 
-    data = reader.read(path)
     summary = metrics.summarise(data)
     judged = tuple(configured.judged(data, summary))
     seed, notes = data.mission.seed, []
@@ -76,7 +108,7 @@ def _of_log(path, letter, label):
     flown = Flown(seed, None, data.failure.partition("\n")[0], _figures_of(summary), judged, {})
     return Side(
         letter, label, path, LOG, data.mission.scenario_text, summary["software"],
-        {"shefex_nav": data.mission.version}, {seed: flown}, notes=tuple(notes),
+        {"shefex_nav": data.mission.version}, {seed: flown}, notes=tuple(notes), data=data,
     )  # fmt: skip
 
 
@@ -125,5 +157,5 @@ def software_in(source):
         if isinstance(given, dict):
             text = given.get(own.PYTHON) or given.get(own.COMMAND) or given.get(own.CONNECT)
             name = Path(str(text)).name if own.COMMAND not in given else str(text)
-            found[section] = f"{name}, sha256 {str(given.get(own.HASH) or '')[:12]}"
+            found[section] = f"{name}, sha256 {str(given[own.HASH])[:12]}" if given.get(own.HASH) else name
     return found
