@@ -251,6 +251,25 @@ def test_failed_runs_are_counted_and_left_out_of_the_figures(tmp_path, command):
     assert f"{failed['b']['k']} of {SIX} pairs have a failed run: figures are of the others" in found["notes"]
 
 
+def test_a_log_whose_flight_failed_is_a_failed_run(tmp_path, command):
+    own, scenario = standing(tmp_path, "assert self.ticks < 150"), short(tmp_path)
+    logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    assert command("run", str(scenario), "--out", str(logs[0])).code == 0
+    failed = ("--trust", "--set", f"navigation.software={own}", "--out", str(logs[1]))
+    assert command("run", str(scenario), *failed).code == 3
+    page = tmp_path / "page.html"
+    run = command("compare", *map(str, logs), "--json", "--html", str(page))
+    assert run.code == 0 and "A better" not in page.read_text(), run.err
+    (found,) = json.loads(run.out)["comparisons"]
+    assert [(one["name"], one["a"]["k"], one["b"]["k"]) for one in found["shares"][:1]] == [
+        ("failed runs", 0, 1)
+    ]
+    assert (
+        found["figures"] == []
+        and "1 of 1 pairs have a failed run: figures are of the others" in found["notes"]
+    )
+
+
 def test_three_are_compared_with_the_first(whole):
     folder, _ = whole
     a, b, c = sided([folder] * 3)
