@@ -251,6 +251,27 @@ def test_failed_runs_are_counted_and_left_out_of_the_figures(tmp_path, command):
     assert f"{failed['b']['k']} of {SIX} pairs have a failed run: figures are of the others" in found["notes"]
 
 
+def test_software_that_always_fails_says_why(tmp_path, command):
+    own = standing(tmp_path, "assert self.ticks < 150, 'no such mode'")
+    words = ("--scenario", str(short(tmp_path)), "--runs", "2", "--trust", "--out", str(tmp_path / "flown"))
+    run = command("compare", "built-in", own, *words)
+    assert run.code == 0, run.err
+    assert "B failed, run 0: SoftwareError: navigation software own.py:Standing, T+1.50 s" in run.out
+    assert "no such mode" in re.sub(r"\s+", " ", run.out) and "better" not in run.out.replace("better in", "")
+
+
+def test_pairs_that_are_not_one_flight_are_told(whole):
+    folder, _ = whole
+    a, b = sided([folder, folder])
+    assert not comparison.compare(a, b).notes
+    seed, one = next(iter(b.runs.items()))
+    changed = {"flight.apogee_km": 80.0}
+    b.runs[seed] = one._replace(get=lambda path: changed.get(path, one.get(path)))
+    assert [
+        note for note in comparison.compare(a, b).notes if "1 pairs are not one flight: true apogee" in note
+    ]
+
+
 def test_a_log_whose_flight_failed_is_a_failed_run(tmp_path, command):
     own, scenario = standing(tmp_path, "assert self.ticks < 150"), short(tmp_path)
     logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]

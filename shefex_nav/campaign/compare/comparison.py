@@ -120,6 +120,11 @@ def _different(a, b):
     return tuple(one for one in found if one[0][:2] not in software.PATHS)
 
 
+def _flight(run):
+    """What tells a sides.Flown's true flight from another."""
+    return tuple(run.get(f"flight.{name}") for name in ("apogee_km", "max_speed_m_s"))
+
+
 def _notes(a, b, seeds, whole):
     notes = [*a.notes, *b.notes]
     for one, other in ((a, b), (b, a)):
@@ -130,6 +135,9 @@ def _notes(a, b, seeds, whole):
     other_draws = sum(a.runs[seed].draws != b.runs[seed].draws for seed in seeds)
     if other_draws and a.kind == b.kind:
         notes.append(f"{other_draws} pairs have one seed but other draws: not one flight, only one noise")
+    others = sum(_flight(a.runs[seed]) != _flight(b.runs[seed]) for seed in whole)
+    if others and a.kind == b.kind:
+        notes.append(f"{others} pairs are not one flight: their true apogee or highest speed differ")
     changed = [name for name in a.versions if name in b.versions and a.versions[name] != b.versions[name]]
     if changed:
         notes.append(f"flown with different versions: {', '.join(changed)}")

@@ -29,7 +29,13 @@ def _sides(sides):
         flown = "; ".join(side.software.values()) or "built-in"
         rows.append((side.letter, side.label, flown, str(len(side.runs)), _loud(str(failed), failed)))
     heads = "", "what", "software", ">runs", ">failed"
-    return Part("Compared", heads, tuple(rows), tuple(f"{side.letter}: {side.where}" for side in sides))
+    lines = [f"{side.letter}: {side.where}" for side in sides]
+    for side in sides:
+        failed = [one for one in side.runs.values() if one.failed]
+        if failed:
+            which = "" if failed[0].run is None else f"run {failed[0].run}"
+            lines.append(f"{side.letter} failed, {which or 'the log says'}: {failed[0].failed}")
+    return Part("Compared", heads, tuple(rows), tuple(lines))
 
 
 def _figures(one):
