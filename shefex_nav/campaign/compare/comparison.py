@@ -137,7 +137,8 @@ def _notes(a, b, seeds, whole):
         notes.append(f"{other_draws} pairs have one seed but other draws: not one flight, only one noise")
     others = sum(_flight(a.runs[seed]) != _flight(b.runs[seed]) for seed in whole)
     if others and a.kind == b.kind:
-        notes.append(f"{others} pairs are not one flight: their true apogee or highest speed differ")
+        which = "1 pair is" if others == 1 else f"{others} pairs are"
+        notes.append(f"{which} not one flight: true apogee or highest speed differ")
     changed = [name for name in a.versions if name in b.versions and a.versions[name] != b.versions[name]]
     if changed:
         notes.append(f"flown with different versions: {', '.join(changed)}")

@@ -83,10 +83,8 @@ def of_solution(path, letter, first):
     if first.kind != LOG:
         words = "a table is what a filter says of one flight"
         raise CompareError(f"{path}: {words}; expected a log before it, as in compare run.mcap {path}")
-    given, name = (
-        other_solution.read_csv(path),
-        re.sub(r"[^a-z0-9]+", "_", Path(path).stem.lower()).strip("_"),
-    )
+    given = other_solution.read_csv(path)
+    name = "csv_" + re.sub(r"[^a-z0-9]+", "_", Path(path).stem.lower())
     try:
         other = other_solution.other(first.data, given, "i", name)
     except ValueError as error:
@@ -153,7 +151,8 @@ def software_in(source):
     """Software of a user's own in the text of a scenario as a summary has it: {section: name and SHA-256}."""
     tree, found = document.parse(source, "").tree, {}
     for section, key in own.PATHS:
-        given = (tree.get(section) or {}).get(key)
+        block = tree.get(section)
+        given = block.get(key) if isinstance(block, dict) else None
         if isinstance(given, dict):
             text = given.get(own.PYTHON) or given.get(own.COMMAND) or given.get(own.CONNECT)
             name = Path(str(text)).name if own.COMMAND not in given else str(text)
