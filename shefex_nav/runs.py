@@ -24,10 +24,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.log import pixels, reader, thinning
-from shefex_nav.log.run_data import RunDataBuilder
-from shefex_nav.log.topics import RunSummary, epoch_ns, log_time_ns
+from shefex_nav.log.run_data import RunDataBuilder, stack
+from shefex_nav.log.topics import LogError, RunSummary, epoch_ns, log_time_ns
 from shefex_nav.pacing import Pace
-from shefex_nav.records import FrameTruth, StarFix
+from shefex_nav.records import FrameTruth, GpsFix, StarFix
 
 FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
 LOG_NAME = "run.mcap"
@@ -199,11 +199,16 @@ class Run:
 
     def __repr__(self):
         mission = self.data.mission
-        early, cut = self.data.ended_early, self.data.until_s is not None
-        end = "ended early at" if early else "looked at until" if cut else "ended at"
+        ends = (
+            (self.data.failure, "failed at"),
+            (self.data.ended_early, "ended early at"),
+            (self.data.until_s is not None, "looked at until"),
+        )
+        end = next((words for holds, words in ends if holds), "ended at")
         end += f" T{self.data.last_t_s:+.1f} s"
         kept = "log not saved" if self._folder else self.log
-        return f"<Run {mission.scenario}, seed {mission.seed}, {end}, {kept}>"
+        own = "".join(f", {name}" for _, name, _ in mission.software)
+        return f"<Run {mission.scenario}, seed {mission.seed}{own}, {end}, {kept}>"
 
     @property
     def truth(self):
@@ -219,6 +224,65 @@ class Run:
     def events(self):
         """list of Event in order of time."""
         return self.data.events
+
+    @property
+    def imu(self):
+        """ImuBlock of arrays over the ticks, as the on-board computer got them."""
+        return self.data.imu
+
+    @property
+    def gps(self):
+        """GpsFix of arrays over the fixes."""
+        return stack(GpsFix, self.data.gps)
+
+    @cached_property
+    def tables(self):
+        """The tables that `shefex-nav export` writes, by name: `run.tables["nav"].to_pandas()`."""
+        from shefex_nav.report.tables import Tables
+
+        return Tables(self.data)
+
+    @property
+    def others(self):
+        """{name: Run} of what other filters say of this flight in its log (`write_solution`)."""
+        return {
+            name: Run(self.data.with_other(name, one), self.log) for name, one in self.data.others.items()
+        }
+
+    def with_solution(self, t_s, r, v, q, P=None, *, frame="i", name="other"):
+        """What another filter says of this flight, as a Run: with errors, NEES and figures of its own.
+
+        Raises ValueError where an array is no such thing.
+
+        Parameters
+        ----------
+        t_s : (N,) s, mission times, increasing; those that are times of `truth` have errors
+        r, v : (N, 3) m, m/s, of the IMU; v relative to the axes of r
+        q : (N, 4) attitude, body axes to those of r, Hamilton, scalar first
+        P : (N, 9, 9) covariance of the errors, truth minus estimate: position and velocity in the axes of r,
+            attitude as a rotation vector in body axes [rad]; None without one
+        frame : axes of r: 'i' inertial, 'e' Earth-fixed
+        name : of the filter, lower case
+        """
+        from shefex_nav.report import other_solution
+
+        given = other_solution.Given(t_s, r, v, q, P)
+        return Run(self.data.with_other(name, other_solution.other(self.data, given, frame, name)), self.log)
+
+    def write_solution(self, other, log):
+        """Write a copy of this run's log with what another filter says in it. -> the Run of the copy
+
+        other : Run of `with_solution`, under its name;  log : path of the copy, which must not exist
+        Raises LogError.
+        """
+        from shefex_nav.log import other_solutions
+
+        if self.data.ended_early and not self.data.failure:
+            raise LogError(f"{self.log}: was not closed, its run was killed; it cannot be copied whole")
+        name = other.data.mission.software[0][1]
+        found = {name: other_solutions.Other(other.data.nav, other.data.covariance)}
+        other_solutions.write(self.log, log, self.data.mission, found)
+        return open_run(log)
 
     def event(self, name):
         """The first Event of a name, such as 'apogee' or 'entry'; LookupError if there was none."""

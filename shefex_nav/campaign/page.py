@@ -29,7 +29,7 @@ def page(campaign, series):
     """The page: str."""
     first, *others = parts(campaign, series)
     sections = [("summary", "Summary", [_table(first)])]
-    sections += [(f"part-{k}", part.title, _content(part)) for k, part in enumerate(others)]
+    sections += [(f"part-{k}", part.title, content(part)) for k, part in enumerate(others)]
     sections.append(("figures", "Figures", [_picture(*one) for one in figures.draw(campaign, series)]))
     sections.append(("scenario", "Scenario", [element("pre", campaign.head["source"])]))
     versions = ", ".join(f"{name} {version}" for name, version in campaign.head["versions"].items())
@@ -41,7 +41,7 @@ def page(campaign, series):
     )
 
 
-def _content(part):
+def content(part):
     """Table and lines of a Part."""
     content = [_table(part)] if part.rows else []
     return content + [

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics
 from shefex_nav.campaign.summary import name_of, repeat, worst_runs
 from shefex_nav.report import intervals
+from shefex_nav.report.requirements import NO_LEVELS
 
 RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
 PERCENTILE_PRECISION = 0.05  # and this share of a percentile
@@ -69,12 +70,16 @@ def requirements(campaign):
     if not found:
         return Part(title, lines=("The scenario has no requirements.",))
     heads = ("requirement", "limit", ">passed", ">of", ">rate", ">95 % interval", ">runs more for ±1 point")
-    n, rows = len(campaign), []
+    n, rows, unjudged = len(campaign), [], []
     failed = n - int(campaign.succeeded.sum())
     if failed:  # a run that failed met nothing that anybody saw
         heads += (f">of all {n} runs",)
     for one in found:
         name = name_of(one.name) if one.passed == one.of else Loud(name_of(one.name))
+        if one.ci95 is None and n > failed:  # of software of a user's own
+            unjudged.append(name_of(one.name))
+            rows.append((unjudged[-1], one.words, *"-----", *(["-"] if failed else [])))
+            continue
         if one.ci95 is None:
             rows.append((name, one.words, "0", "0", "-", "-", "-", *(["0.0 %"] if failed else [])))
             continue
@@ -83,8 +88,10 @@ def requirements(campaign):
         rate = _percent(one.passed / one.of)
         row = (name, one.words, passed, str(one.of), rate, _between(*one.ci95), f"{still:,}")
         rows.append((*row, *([_percent(one.passed / n)] if failed else [])))
-    lines = (f"Of all runs: the {failed} that failed count as not passed.",) if failed else ()
-    return Part(title, heads, tuple(rows), lines)
+    lines = [f"Of all runs: the {failed} that failed count as not passed."] if failed else []
+    if unjudged:
+        lines.append(f"Cannot be judged, {NO_LEVELS}: {', '.join(unjudged)}.")
+    return Part(title, heads, tuple(rows), tuple(lines))
 
 
 def errors(campaign):
@@ -145,6 +152,7 @@ def flights(campaign):
     return Part("Star tracker and flight", (), tuple(rows)) if rows else None
 
 
+NOTHING_TO_JUDGE = "nothing to judge: the software gives none"
 DESCRIBED = "Does the covariance describe the errors?"
 CONTAINED = "errors inside 3 sigma at the ends of the phases"
 
@@ -185,6 +193,8 @@ def covariance(campaign, series):
 
 def _together(verdicts):
     """What verdicts of a kind say together."""
+    if not verdicts:
+        return NOTHING_TO_JUDGE
     bad, off = sum(not one.good for one in verdicts), sum(one.good and one.certain for one in verdicts)
     if not bad + off:
         return "as chance would have it"

@@ -6,7 +6,8 @@ from shefex_nav import files
 from shefex_nav.campaign import draws, engine, store, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.log import thinning
-from shefex_nav.scenario import load
+from shefex_nav.plugins import NotTrusted, PluginError
+from shefex_nav.scenario import load, software
 
 MOST_WORDS = 8  # differences that are told
 
@@ -54,11 +55,13 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     """Fly run number `run` of the campaign in `folder` again, with a log at the path `log` if one is given.
 
     It is flown in a process of its own, as the campaign's runs were: with one thread for linear algebra.
-    -> Repeated; StoreError if there is no such campaign or run, EngineError if it does not come to an end
+    -> Repeated; StoreError if there is no such campaign or run, or if its software was edited since,
+    EngineError if it does not come to an end
     """
     head = read_head(folder, run)
     plan = _plan(head, folder)
     pattern = load.Pattern(plan.source, plan.name)
+    _check_software(pattern.scenario, folder)
     job = draws.Sampler(plan, pattern.dispersed).job(run)
     part = None if log is None else files.part(log)
     taken = []
@@ -83,6 +86,17 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     return Repeated(
         run, flown.record, differences, kept is not None, notes, str(log) if written else None
     )  # fmt: skip
+
+
+def _check_software(scenario, folder):
+    """StoreError unless the software of a user's own that was flown is still there as it was."""
+    try:
+        software.refuse_changed(scenario)
+    except NotTrusted:
+        raise
+    except PluginError as error:
+        words = "put back what was flown, or fly a new campaign with --out"
+        raise store.StoreError(f"{folder}: {error}; {words}") from None
 
 
 def read_head(folder, run):

@@ -45,6 +45,7 @@ class Judgements(NamedTuple):
     units: tuple  # (R,)
     measured: np.ndarray  # (n, R) whether the run has the figure
     passed: np.ndarray  # (n, R)
+    judgeable: np.ndarray  # (n, R) whether the software gives what it is judged by
     severity: np.ndarray  # (n,) report.requirements.severity
 
 
@@ -155,19 +156,24 @@ class Campaign:
         """(run, list of Judged) of the succeeded runs, in order."""
         for row in self.rows():
             if row["status"] == SUCCEEDED:
-                yield row["run"], judging.judge_figures(self.limits, _figure(row))
+                yield row["run"], judging.judge_figures(self.limits, figure_of(row))
 
     @cached_property
     def judgements(self):
         """Judgements of the succeeded runs."""
         shape = (int(self.succeeded.sum()), len(self.limits))
-        measured, passed, severity = np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape[0])
+        measured, passed, judgeable = (np.zeros(shape, bool) for _ in range(3))
+        severity = np.zeros(shape[0])
         for k, (_, judged) in enumerate(self._judged()):
             measured[k] = [one.found is not None for one in judged]
             passed[k] = [one.passed for one in judged]
+            judgeable[k] = [one.judgeable for one in judged]
             severity[k] = judging.severity(judged)
         units = tuple(judging.MEASURES[name].unit for name in self.limits)
-        return Judgements(tuple(self.limits), tuple(self.limits.values()), units, measured, passed, severity)
+        limits = self.limits
+        return Judgements(
+            tuple(limits), tuple(limits.values()), units, measured, passed, judgeable, severity
+        )  # fmt: skip
 
     def judged(self, runs):
         """What succeeded runs made of the requirements: {run: list of report.requirements.Judged}."""
@@ -271,7 +277,7 @@ def _text(value):
     return value if isinstance(value, str) else ""
 
 
-def _figure(row):
+def figure_of(row):
     """Function that gives the figure at a dotted path of the summary, out of a row; lists come as lists."""
 
     def get(path):

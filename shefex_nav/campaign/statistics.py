@@ -21,7 +21,7 @@ PLACE = ("latitude_deg", "longitude_deg", "altitude_km")
 
 
 class Success(NamedTuple):
-    """How many of the succeeded runs kept a requirement."""
+    """How many of the succeeded runs kept a requirement, of those that can be judged by it."""
 
     name: str
     limit: float | bool
@@ -114,7 +114,7 @@ def successes(campaign):
     """Success against each requirement: list of Success, in the order of the requirements."""
     found, result = campaign.judgements, []
     for k, name in enumerate(found.names):
-        passed, of = int(found.passed[:, k].sum()), len(found.passed)
+        passed, of = int(found.passed[:, k].sum()), int(found.judgeable[:, k].sum())
         interval = intervals.proportion(passed, of) if of else None
         without = of - int(found.measured[:, k].sum())
         result.append(Success(name, found.limits[k], found.units[k], passed, of, interval, without))

@@ -66,8 +66,10 @@ def worst_runs(campaign, k=MOST_WORST):
 
 def _why(judged, rms_deg):
     """What a run missed, or what it came nearest to missing; without requirements its attitude error."""
-    if not judged:
-        return f"attitude error {rms_deg:.3g} deg rms; the scenario requires nothing"
+    if not any(one.judgeable for one in judged):
+        what = "nothing that is required can be judged" if judged else "the scenario requires nothing"
+        return f"attitude error {rms_deg:.3g} deg rms; {what}"
+    judged = [one for one in judged if one.judgeable]
     missed = [one for one in judged if not one.passed]
     nearest = sorted(judged, key=lambda one: -severity([one]))[:1]
     found = "; ".join(

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import export_frames
-from shefex_nav.commands.flights import tell_of_plugins
+from shefex_nav.commands.flights import tell_if_cut, tell_of_plugins
 from shefex_nav.commands.options import Overrides, is_log
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
@@ -76,8 +76,7 @@ def _write_tables(log, folders, maps):
     from shefex_nav.log import reader
 
     data = reader.read(log)
-    if data.ended_early:
-        say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; this is what there is")
+    tell_if_cut(log, data)
     tell_of_plugins(log, data.mission.plugins)
     from shefex_nav.report import export as tables
     from shefex_nav.report import geography

@@ -31,8 +31,11 @@ def tell_of_plugins(path, pins):
 
 
 def tell_if_cut(log, data):
-    """A line for the user of a log that was not closed, or whose mission was not seen to its end."""
-    if data.ended_early:
+    """A line for the user of a log that was not closed, or whose mission was not flown or seen to its end."""
+    if data.failure:
+        first = data.failure.splitlines()[0]
+        say(f"{log}: the flight failed, {first}; this is about what there is")
+    elif data.ended_early:
         say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; this is about what there is")
     elif data.until_s is not None:
         say(f"{log}: the mission was looked at until T{data.until_s:+.2f} s; this is about what there is")

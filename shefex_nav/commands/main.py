@@ -14,6 +14,7 @@ import typer
 from shefex_nav.commands.campaign import campaign
 from shefex_nav.commands.characterise import characterise
 from shefex_nav.commands.check import check
+from shefex_nav.commands.compare import compare
 from shefex_nav.commands.export import export
 from shefex_nav.commands.new import new
 from shefex_nav.commands.refusal import PlainGroup
@@ -47,6 +48,7 @@ app.command()(characterise)
 app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
+app.command()(compare)
 app.command()(repeat)
 app.command()(export)
 app.command()(scenarios)

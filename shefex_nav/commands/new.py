@@ -36,7 +36,11 @@ class Kind(StrEnum):
 
 KINDS = {
     Kind.FILTER: Template(
-        "filter.py", ("shefex-nav run shefex2_andoya --set navigation.software={file}:MyFilter --trust",)
+        "filter.py",
+        (
+            "shefex-nav run shefex2_andoya --set navigation.software={file}:MyFilter --trust",
+            "shefex-nav compare built-in {file}:MyFilter --scenario shefex2_andoya --runs 20 --trust",
+        ),
     ),
     Kind.C: Template(
         "strapdown.c",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import plugins
-from shefex_nav.log import topics, wire
+from shefex_nav.log import other_solutions, topics, wire
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
 from shefex_nav.records import Alignment
@@ -49,7 +49,8 @@ def read(path):
     if single[Mission] is None:
         raise LogError(f"{path}: the log ends before its first record")
     mission = _mission(single[Mission], raw)
-    return gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
+    data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
+    return data._replace(others=other_solutions.read(raw))
 
 
 def _stored_topics(path, raw):
@@ -257,4 +258,7 @@ def _take_chunk(data, raw):
 def _lists(raw):
     """{channel number: where its messages go, None for topics of others}."""
     ours = {topic.topic for topic in topics.topics()}
-    return {n: raw.messages[c.topic] if c.topic in ours else None for n, c in raw.channels.items()}
+    return {
+        n: raw.messages[c.topic] if c.topic in ours or other_solutions.TOPIC.fullmatch(c.topic) else None
+        for n, c in raw.channels.items()
+    }

@@ -11,7 +11,7 @@ from typing import NamedTuple, get_args, get_origin
 import numpy as np
 
 from shefex_nav.instruments import TABLE
-from shefex_nav.log.topics import Mission, RunSummary, Timing, of_record, timing
+from shefex_nav.log.topics import FAILED, Mission, RunSummary, Timing, of_record, timing
 from shefex_nav.log.wire import assemble
 from shefex_nav.records import (
     Alignment,
@@ -55,8 +55,23 @@ class RunData(NamedTuple):
     events: list[Event]
     alignment: Alignment | None
     summary: RunSummary | None
-    ended_early: bool  # the log was not closed
+    ended_early: bool  # the log was not closed, or the flight's software failed
     last_t_s: float  # mission time of the last truth; NaN without any
+    others: dict = {}  # noqa: RUF012 - name -> other_solutions.Other, what other filters say of the flight
+
+    def with_other(self, name, other):
+        """The same flight, of which another filter says this: RunData. other : other_solutions.Other
+
+        What the filter on board said of its measurements and of the sensors is not there.
+        """
+        mission = self.mission._replace(software=(("navigation", name, ""),))
+        nothing = {"gates": [], "health": [], "others": {}}
+        return self._replace(mission=mission, nav=other.nav, covariance=other.covariance, **nothing)
+
+    @property
+    def failure(self):
+        """What software failed with, which ended the flight; '' if none did."""
+        return next((event.detail for event in reversed(self.events) if event.name == FAILED), "")
 
     @property
     def until_s(self):
@@ -119,7 +134,7 @@ def gather(mission, arrays, lists, alignment, *, ended_early):
         compute_times=compute_times,
         alignment=alignment,
         summary=summary,
-        ended_early=ended_early,
+        ended_early=ended_early or any(event.name == FAILED for event in lists[Event]),
         last_t_s=float(truth.t_s[-1]) if len(truth.t_s) else math.nan,
     )
 

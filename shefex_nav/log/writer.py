@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import CodeError
+from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log import topics, wire
 from shefex_nav.log.topics import LogError, RunSummary, Timing
 from shefex_nav.records import (
@@ -48,14 +50,14 @@ class LogWriter:
             log.write(record)
 
     `mission` is a `topics.Mission`, `policy` a `drawings.FramePolicy`. Leaving the block by an exception
-    still closes the file properly.
+    still closes the file properly; of software that failed its last record says what (topics.FAILED).
     """
 
     def __init__(self, path, mission, policy, *, overwrite=False):
         self.path = Path(path)
         self._mission = mission
         self._epoch = topics.epoch_ns(mission.epoch_utc)
-        self._waiting = []
+        self._waiting, self._last_truth = [], None
         self._open(overwrite)
         self._route(policy)
         self._next_flush_s = mission.start_s + 1.0
@@ -71,6 +73,8 @@ class LogWriter:
         if kind not in self._routes:
             raise TypeError(f"{kind.__name__} is not a record of the log")
         self._waiting.append(record)
+        if kind is TruthSample:
+            self._last_truth = record
         if kind is TruthSample or kind is Event:
             self._flush_if_due(kind, record.t_s)
 
@@ -111,8 +115,18 @@ class LogWriter:
     def __enter__(self):
         return self
 
-    def __exit__(self, *exc_info):
+    def __exit__(self, kind, error, trace):
+        if isinstance(error, CodeError):
+            self.write(self._failure(error))
         self.close()
+
+    def _failure(self, error):
+        """Event of software that failed, at the time and height of the last truth."""
+        truth = self._last_truth
+        if truth is None:
+            return Event(self._mission.start_s, topics.FAILED, self._mission.launch_height, str(error))
+        r_e, _ = frames.ecef_from_inertial(self._mission.earth, truth.t_s, truth.r_i, truth.v_i)
+        return Event(truth.t_s, topics.FAILED, float(wgs84.geodetic_from_ecef(r_e)[2]), str(error))
 
     def _open(self, overwrite):
         import foxglove

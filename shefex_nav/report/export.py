@@ -66,7 +66,19 @@ def tables(data):
             out[inner] = _elements(topic, source, counted)
     out |= {name: _table(of_record(one.record), data.readings[name]) for name, one in TABLE.items()}
     out |= _errors(data)
+    for name, other in data.others.items():
+        out |= _of_other(name, data.with_other(name, other))
     return {name: columns for name, columns in out.items() if columns and len(columns[0].values)}
+
+
+def _of_other(name, data):
+    """Tables of what another filter says of a flight, a RunData of it: nav_NAME and others."""
+    tables_of = {key: _table(of_record(_RECORDS[key]), getattr(data, key)) for key in ("nav", "covariance")}
+    return {
+        f"nav_{name}": tables_of["nav"],
+        f"nav_covariance_{name}": tables_of["covariance"],
+        f"errors_{name}": _errors(data).get("errors", []),
+    }
 
 
 def _values(source, path):
@@ -236,6 +248,14 @@ def _errors(data):
     return out
 
 
+def arrow(columns):
+    """pyarrow.Table of Columns, their comments in the metadata of its fields."""
+    import pyarrow as pa
+
+    fields = [pa.field(c.name, pa.array(c.values[:0]).type, metadata={"comment": c.comment}) for c in columns]
+    return pa.Table.from_arrays([pa.array(c.values) for c in columns], schema=pa.schema(fields))
+
+
 def write(data, folder, kind):
     """Write all tables of a RunData into a folder, which is there. kind : one of KINDS. -> list of Path"""
     import pyarrow as pa
@@ -244,11 +264,7 @@ def write(data, folder, kind):
 
     written, listed = [], []
     for name, columns in tables(data).items():
-        fields = [
-            pa.field(c.name, pa.array(c.values[:0]).type, metadata={"comment": c.comment}) for c in columns
-        ]
-        table = pa.Table.from_arrays([pa.array(c.values) for c in columns], schema=pa.schema(fields))
-        path = Path(folder) / f"{name}.{kind}"
+        table, path = arrow(columns), Path(folder) / f"{name}.{kind}"
         if kind == "csv":
             pa.csv.write_csv(table, path)
         else:

@@ -27,7 +27,8 @@ def incidents(data):
     """Incidents of a RunData by time: list of Incident, empty where all went well."""
     found = [*_noticed(data), *_refused(data), *_resets(data), *_doubts(data), *_imu(data), *_stars(data)]
     if data.ended_early:
-        found.append(Incident(_end(data), None, "the log ends here: the run was cut off"))
+        why = data.failure.partition("\n")[0] or "the run was cut off"
+        found.append(Incident(_end(data), None, f"the log ends here: {why}"))
     return sorted(found, key=lambda incident: (incident.from_s, incident.what))
 
 

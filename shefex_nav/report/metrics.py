@@ -13,8 +13,10 @@ Definitions
   rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is mounting
   and principal point.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
+- The star phase is from the first frame in the window to the last, whatever software flies.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
-  that the filter accepts to entry, or to the end of a run without one.
+  that the filter accepts to entry, or to the end of a run without one. Software that tells of no gates begins
+  where its solution is star aided, or where it never is, at the first star fix of the log.
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none. Without truth the flight is that of the solution
   (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
@@ -111,10 +113,12 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
         "seed": data.mission.seed,
         "version": data.mission.version,
         "software": {
-            section: f"{name}, sha256 {hash_[:12]}" for section, name, hash_ in data.mission.software
+            section: f"{name}, sha256 {hash_[:12]}" if hash_ else name
+            for section, name, hash_ in data.mission.software
         },
         "log": None if log is None else str(log),
         "ended_early": data.ended_early,
+        "failure": data.failure or None,
         "until_s": data.until_s,
         "simulated_s": simulated_s,
         "simulated_from_s": float(t_s[0]) if len(t_s) else None,
@@ -266,9 +270,28 @@ def _navigation(data, height, entry):
         "position_error_m": {"rms": _rms(position), "max": _max(position)},
         "velocity_error_m_s": {"rms": _rms(velocity), "max": _max(velocity)},
         "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
+        "star_phase": _star_phase(data, errors.t_s, position, velocity, attitude_deg),
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry])),
+    }
+
+
+def _star_phase(data, t_s, position, velocity, attitude_deg):
+    """Errors of the star phase; None without one. t_s (N,) s of sizes (N,) m, m/s, deg"""
+    numbers, _ = window_frames(data)
+    times = [frame.t_valid_s for frame in data.frame_truths if frame.number in numbers]
+    inside = (
+        (t_s >= min(times) - SAME_S) & (t_s <= max(times) + SAME_S) if times else np.zeros(len(t_s), bool)
+    )
+    if not inside.any():
+        return None
+    return {
+        "from_s": float(min(times)),
+        "to_s": float(max(times)),
+        "position_rms_m": _rms(position[inside]),
+        "velocity_rms_m_s": _rms(velocity[inside]),
+        "attitude_rms_deg": _rms(attitude_deg[inside]),
     }
 
 
@@ -302,17 +325,27 @@ def normalised_errors(data, errors):
 
 
 def _nees_summary(data, errors, end_s):
-    accepted = [gate.t_s for gate in data.gates if gate.sensor == "star_tracker" and gate.accepted]
     nothing = {"mean": None, "dof": NEES_DOF, "samples": 0}
-    if not accepted:
+    since = _star_aided_from(data)
+    if since is None:
         return nothing
     t_s, squares, _ = normalised_errors(data, errors)
     since_s = t_s - data.mission.start_s
     is_second = np.abs(since_s - np.round(since_s)) <= SAME_S
-    chosen = squares[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
+    chosen = squares[is_second & (t_s >= since) & (t_s <= end_s) & np.isfinite(squares)]
     if not len(chosen):
         return nothing
     return {"mean": float(chosen.mean()), "dof": NEES_DOF, "samples": len(chosen)}
+
+
+def _star_aided_from(data):
+    """Mission time from which a solution knows the stars; None if it never does."""
+    accepted = [gate.t_s for gate in data.gates if gate.sensor == "star_tracker" and gate.accepted]
+    if data.gates:
+        return accepted[0] if accepted else None
+    aided = data.nav.t_s[np.asarray(data.nav.star_aided, dtype=bool)]
+    fixes = [fix.t_available_s for fix in data.star_fixes if fix.reason == Reason.NONE]
+    return float(aided[0]) if len(aided) else min(fixes, default=None)
 
 
 def _rms(values):

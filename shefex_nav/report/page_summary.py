@@ -20,7 +20,12 @@ def lead(run):
     if summary["simulated_s"] is not None:
         words.append(f"{summary['simulated_s']:.1f} s simulated from T{summary['simulated_from_s']:+.1f} s")
     parts = [element("p", "; ".join(words) + ".", class_="lead")]
-    if summary["ended_early"]:
+    if summary["failure"]:
+        cut = (
+            f"The flight failed: {summary['failure'].splitlines()[0]}. Everything on this page is up to then."
+        )
+        parts.append(element("p", element("strong", cut), class_="verdict bad"))
+    elif summary["ended_early"]:
         end = (
             f"T{run.data.last_t_s:+.2f} s"
             if np.isfinite(run.data.last_t_s)
@@ -82,7 +87,7 @@ def judge(run):
 
 def _kept(one, is_part):
     words = requirements.verdict(one, is_part)
-    if words == requirements.UNREACHED:
+    if words in (requirements.UNREACHED, requirements.UNJUDGED):
         return element("span", words)
     return element("span", words, class_="met" if one.passed else "missed")
 
@@ -98,6 +103,12 @@ def _verdict(judged, is_part):
         so_far = ""  # what is missed for good is not missed so far
     if unseen and not missed:
         words = f"{len(unseen)} of {len(judged)} requirements not reached: {', '.join(unseen)}."
+        return element("p", element("strong", words), class_="verdict open")
+    unjudged = [name for name, words in verdicts.items() if words == requirements.UNJUDGED]
+    if unjudged and not missed:
+        words = f"{len(unjudged)} of {len(judged)} requirements cannot be judged, {requirements.NO_LEVELS}: "
+        others = f" The others are met{so_far}." if len(judged) > len(unjudged) else ""
+        words = f"{words}{', '.join(unjudged)}.{others}"
         return element("p", element("strong", words), class_="verdict open")
     if not missed:
         which = "The requirement is met" if len(judged) == 1 else f"All {len(judged)} requirements are met"

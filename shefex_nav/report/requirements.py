@@ -2,7 +2,8 @@
 
 A requirement whose figure a run does not have (no entry, no frame in the window) is not met by it: nothing
 counts as passed that was not measured. A star camera that never left the air has measured nothing either:
-what it would see there is not modelled.
+what it would see there is not modelled. One that is judged by protection levels cannot be judged of software
+of a user's own that gives none: it is neither met nor missed.
 """
 
 import math
@@ -21,6 +22,7 @@ class Judged(NamedTuple):
     unit: str  # "" for counts and what is true or not
     passed: bool
     note: str = ""  # what the figure is made of, or why there is none
+    judgeable: bool = True  # False: the software does not give what it is judged by
 
 
 OF_LIMIT = {  # requirement: the section with its limit, the key that says whether it is required
@@ -39,6 +41,7 @@ class _Measure(NamedTuple):
     word: str  # how the limit is meant
     further: str = ONCE  # what the rest of a mission may do to the figure of a part of it
     note: object = lambda get: ""  # function of `get`: Judged.note
+    by_levels: bool = False  # whether only software with protection levels can be judged
 
 
 def _at(path):
@@ -101,23 +104,43 @@ def _which(get):
 
 
 DEG = math.degrees(1.0)
+NO_LEVELS = "the software gives no protection level"
+UNJUDGED = "not judged"
 UNREACHED = "not reached"  # verdict of what a mission that was seen in part may still do
 MEASURES = {
     "attitude_at_entry": _Measure(_largest("navigation.at_entry.attitude_error_deg"), "deg", DEG, "at most"),
     "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
-    "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is"),
+    "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is", by_levels=True),
     "position_protection_at_entry": _Measure(
-        _together("navigation.integrity.position.at_entry.protection_m"), "m", 1.0, "at most"
+        _together("navigation.integrity.position.at_entry.protection_m"),
+        "m",
+        1.0,
+        "at most",
+        by_levels=True,
     ),
     "velocity_protection_at_entry": _Measure(
-        _together("navigation.integrity.velocity.at_entry.protection_m_s"), "m/s", 1.0, "at most"
+        _together("navigation.integrity.velocity.at_entry.protection_m_s"),
+        "m/s",
+        1.0,
+        "at most",
+        by_levels=True,
     ),
     "attitude_protection_at_entry": _Measure(
-        _largest("navigation.integrity.attitude.at_entry.protection_deg"), "deg", DEG, "at most"
+        _largest("navigation.integrity.attitude.at_entry.protection_deg"),
+        "deg",
+        DEG,
+        "at most",
+        by_levels=True,
     ),
     "misleading": _Measure(
-        _percent("navigation.integrity.misleading_share"), "%", 100.0, "at most", MOVES, _which
+        _percent("navigation.integrity.misleading_share"),
+        "%",
+        100.0,
+        "at most",
+        MOVES,
+        _which,
+        by_levels=True,
     ),
     "wrong_star_fixes": _Measure(_wrong_fixes, "", 1.0, "at most", GROWS),
     "star_fixes": _Measure(_star_fixes, "%", 100.0, "at least", MOVES, _frames),
@@ -182,8 +205,16 @@ def judge_figures(required, get):
         measure = MEASURES[name]
         found = measure.figure(get)
         kept = _kept(found, limit, measure.word)
-        result.append(Judged(name, limit, found, measure.unit, kept, measure.note(get)))
+        judgeable = found is not None or not (measure.by_levels and _without_levels(get))
+        note = measure.note(get) if judgeable else NO_LEVELS
+        result.append(Judged(name, limit, found, measure.unit, kept, note, judgeable))
     return result
+
+
+def _without_levels(get):
+    """Whether software of a user's own navigated, and gave no protection levels."""
+    is_own = get("software.navigation") is not None
+    return is_own and get("navigation.integrity.attitude.usable_share") is None
 
 
 def _kept(found, limit, word):
@@ -202,6 +233,8 @@ def words(name, limit, unit):
 
 def said(one):
     """What a Judged found, for people."""
+    if not one.judgeable:
+        return f"cannot be judged: {one.note}"
     if one.found is None:
         return f"not measured: {one.note}" if one.note else "not measured"
     if isinstance(one.found, bool):
@@ -210,10 +243,12 @@ def said(one):
 
 
 def verdict(one, is_part):
-    """met, not met, and of a mission that was seen in part: so far, or not reached yet.
+    """met, not met, not judged, and of a mission that was seen in part: so far, or not reached yet.
 
     one : Judged;  is_part : whether the mission was not seen to its end
     """
+    if not one.judgeable:
+        return UNJUDGED
     if one.found is None:
         return UNREACHED if is_part else "not met"
     words, further = "met" if one.passed else "not met", MEASURES[one.name].further
@@ -228,7 +263,7 @@ def severity(judged):
     a limit that was used up.
     """
     used = max((_used(one) for one in judged), default=0.0)
-    return sum(not one.passed for one in judged) + min(
+    return sum(one.judgeable and not one.passed for one in judged) + min(
         used / (1.0 + used) if math.isfinite(used) else 1.0, 0.999
     )
 

@@ -302,7 +302,12 @@ def _run_rows(summary):
     if summary["wall_s"] is not None:
         factor = number(summary["real_time_factor"], 0)
         yield "took", f"{number(summary['wall_s'], 1, 's')}, {factor} x real time"
-    if summary["ended_early"]:
+    if summary["failure"]:
+        yield (
+            "failed",
+            Text(f"{summary['failure'].splitlines()[0]}; everything above is up to then", style="bold red"),
+        )
+    elif summary["ended_early"]:
         yield "ended early", Text("the log is cut off; everything above is up to then", style="bold yellow")
     if summary["until_s"] is not None:
         words = f"until T{summary['until_s']:+.1f} s; everything above is up to then"

@@ -225,6 +225,19 @@ def refuse_reached(scenario):
             raise NotBuiltIn(scenario.line_about((section, "software"), f"{words}: give its command"))
 
 
+def refuse_changed(scenario):
+    """PluginError if software of a user's own has another content than the scenario says, or no consent."""
+    for section, key in PATHS:
+        one = own(getattr(scenario, section))
+        try:
+            if isinstance(one, Own):
+                plugins.software(one.python, one.sha256)
+            elif isinstance(one, Program):
+                plugins.program(words_of(one), one.sha256)
+        except plugins.PluginError as error:
+            raise plugins.PluginError(f"{section}.{key}: {error}") from None
+
+
 def flown(scenario):
     """Software of a user's own that a scenario flies: tuple of (section, name, SHA-256 or '')."""
     found = ((section, own(getattr(scenario, section))) for section, _ in PATHS)

@@ -34,11 +34,11 @@ def nees_of_blocks(data):
 
 @style.styled
 def nees(data):
-    """NEES of position, velocity, attitude and all nine. RunData -> Figure; None without truth."""
+    """NEES of position, velocity, attitude and all nine. RunData -> Figure; None without truth or sigmas."""
     if not len(data.covariance.t_s) or not len(data.truth.t_s):
         return None
     t_s, values = nees_of_blocks(data)
-    if not len(t_s):
+    if not any(np.isfinite(value).any() for value in values.values()):
         return None
     words = "NEES: squared error over what the covariance says, with where 95 % of epochs should lie"
     figure, rows = style.panels(data, len(values), words, height=1.5)
@@ -49,9 +49,10 @@ def nees(data):
         axes.axhline(dof, color=style.BLACK, lw=0.9, ls="--", label="expected mean")
         style.curve(axes, t_s, value, color=style.BLUE, lw=0.9, label="NEES")
         style.log_scale(axes, bottom=min(0.03, 0.5 * low), top=max(30.0, 2.0 * float(np.nanmax(value))))
-        inside = float(np.mean((value >= low) & (value <= high)))
+        known = value[np.isfinite(value)]
+        inside = float(np.mean((known >= low) & (known <= high)))
         axes.set_ylabel(name)
-        style.note_above(axes, f"mean {np.mean(value):.2f}, {inside:.0%} of the epochs inside")
+        style.note_above(axes, f"mean {np.mean(known):.2f}, {inside:.0%} of the epochs inside")
     style.legend_above(rows[0, 0])
     return figure
 

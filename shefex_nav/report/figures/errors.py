@@ -129,12 +129,12 @@ def _three(data, words, names, unit, series):
 
 @style.styled
 def biases(data):
-    """Estimated biases of the IMU with 3 sigma. RunData -> Figure; None without a covariance.
+    """Estimated biases of the IMU with 3 sigma. RunData -> Figure; None without any.
 
     The log does not hold the true biases, so these are estimates, not errors.
     """
     covariance = data.covariance
-    if not len(covariance.t_s):
+    if not any(np.isfinite(one).any() for one in (covariance.gyro_bias, covariance.accel_bias)):
         return None
     words = "Biases of the IMU as estimated, ±3 σ about the estimate (the log does not hold the true ones)"
     spans_s = [style.whole(data)] * 2

@@ -74,10 +74,12 @@ class Content(NamedTuple):
     imu: bool
     gps: bool
     control: bool
-    covariance: bool
+    covariance: bool  # with numbers in it: software of a user's own may give none
     protection: bool
     instruments: tuple = ()  # names of those of which there are readings
     errors: bool = True  # there is a truth that they can be told by
+    biases: bool = True  # as estimated
+    gates: bool = True  # measurements were judged by what was expected of them
 
 
 def content(data, pictures, errors=True):
@@ -90,8 +92,10 @@ def content(data, pictures, errors=True):
         bool(len(data.imu.t_valid_s)),
         bool(data.gps),
         bool(len(data.control.t_s)),
-        bool(len(data.covariance.t_s)),
+        bool(np.isfinite(data.covariance.P).any()),
         trust.has_levels(data.nav),
         tuple(name for name, said in data.readings.items() if len(said.t_valid_s)),
         errors,
+        any(np.isfinite(one).any() for one in (data.covariance.gyro_bias, data.covariance.accel_bias)),
+        bool(data.gates),
     )

@@ -125,11 +125,12 @@ def _navigation(data, seen, has):
     white = "; error white" if has.errors else ""
     levels = [_plot(data, f"plots/protection/{q}", f"Level, {q}{white} [{unit}]") for q, unit in of]
     if has.errors:
-        tests, name = [*_errors(data), *([nees] * has.covariance), nis, *levels], f"{_ERRORS}, consistency"
+        tests, name = [*_errors(data), *([nees] * has.covariance)], f"{_ERRORS}, consistency"
     else:
-        tests, name = [nis, *levels], "Consistency"
-    tabs = [rrb.Grid(*tests, grid_columns=COLUMNS, name=name)]
-    if has.covariance:
+        tests, name = [], "Consistency"
+    tests += [*([nis] * has.gates), *levels]
+    tabs = [rrb.Grid(*tests, grid_columns=COLUMNS, name=name)] if tests else []
+    if has.biases:
         views = [
             _plot(data, f"plots/biases/{name}_{axis}", f"{word} bias {axis}, body [{unit}]")
             for name, word, unit in (("gyro_bias", "gyro", "deg/h"), ("accel_bias", "accelerometer", "mg"))
@@ -137,7 +138,8 @@ def _navigation(data, seen, has):
         ]
         tabs.append(rrb.Grid(*views, grid_columns=COLUMNS, name="Biases as estimated (blue), 3 sigma (red)"))
     lower = rrb.Horizontal(_lanes(data), _legend(NAVIGATION), column_shares=[3, 2])
-    return rrb.Vertical(rrb.Tabs(*tabs, active_tab=0), lower, row_shares=[7, 3], name=NAVIGATION)
+    upper = [rrb.Tabs(*tabs, active_tab=0)] if tabs else []
+    return rrb.Vertical(*upper, lower, row_shares=[7, 3] if upper else None, name=NAVIGATION)
 
 
 def _nis_shown(data):

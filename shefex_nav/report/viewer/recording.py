@@ -109,8 +109,12 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     has = layout.content(shown, drawings.kept_pictures(logs[0]), bool(len(first.truth.t_s)))
     stream.save(rrd_path, default_blueprint=pages.blueprint(shown, seen, has, page=page))
     fill(stream, logs[0], first)
-    sender, words = Sender(stream, first.mission.epoch_utc), []
-    for data, name, (word, colour) in zip(runs[1:], others, cycle(OVERLAY.items()), strict=False):
+    sender, words, colours = Sender(stream, first.mission.epoch_utc), [], cycle(OVERLAY.items())
+    for name, other in first.others.items():
+        word, colour = next(colours)
+        beside(sender, first.with_other(name, other), name, colour)
+        words.append((name, word))
+    for data, name, (word, colour) in zip(runs[1:], others, colours, strict=False):
         overlay(sender, data, first.mission, name, colour)
         words.append((name, word))
     legend.send(sender, names(runs)[0], words, counts.limit(first))
@@ -154,8 +158,13 @@ def _estimate_stands_in(sender):
 
 def overlay(sender, data, mission, name, colour):
     """Draw another run over the first: its path in the first's axes, its errors and sigmas, its NEES."""
-    pale = tuple(round(0.55 * c) for c in colour)
     world.send_path(sender, scene(data), mission, f"overlay/{name}", colour)
+    beside(sender, data, name, colour)
+
+
+def beside(sender, data, name, colour):
+    """Draw the errors, sigmas and NEES of another run, or solution of the same, beside those of the first."""
+    pale = tuple(round(0.55 * c) for c in colour)
     navigation.errors(sender, data, name, (colour, pale))
     navigation.consistency(sender, data, name, colour)
 

@@ -1,0 +1,147 @@
+"""Everything that is said of two sides: their runs in pairs, figure by figure."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.campaign.compare import paired
+from shefex_nav.campaign.compare.given import LOG, CompareError
+from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES
+from shefex_nav.scenario import differences, software
+
+MOST_SEEDS = 3  # that are named
+
+
+class Row(NamedTuple):
+    """One figure of both."""
+
+    quantity: object  # Quantity
+    a: object  # paired.Sample, None where the side does not have the figure
+    b: object
+    difference: object  # paired.Difference; None without a pair that has it
+    seeds: tuple  # of the pairs that have it
+    each: np.ndarray  # (n,) difference of each of them
+    why: str = ""  # there is no verdict
+
+
+class Happened(NamedTuple):
+    """How often something happened to both: a requirement was met, a run failed."""
+
+    name: str
+    a: paired.Share
+    b: paired.Share
+    difference: object  # paired.ShareDifference; None without a pair that was judged
+    good: bool  # whether it is good that it happens
+    why: str = ""
+
+
+class Comparison(NamedTuple):
+    """Side B against side A."""
+
+    a: object  # sides.Side
+    b: object
+    seeds: tuple  # of the pairs, in order
+    rows: tuple  # of Row
+    shares: tuple  # of Happened
+    different: tuple  # (path, value of A, value of B) of the scenarios, software aside
+    notes: tuple  # texts
+
+
+def compare(a, b):
+    """Comparison of two sides; CompareError if they have no seed in common."""
+    seeds = tuple(seed for seed in a.runs if seed in b.runs)
+    if not seeds:
+        raise CompareError(_unpaired(a, b))
+    whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
+    one_flight = a.kind == b.kind == LOG and a.where == b.where  # of which two filters say something
+    compared = [one for one in QUANTITIES if not one.timed or (a.kind == b.kind and not one_flight)]
+    rows = tuple(_row(quantity, a, b, whole) for quantity in compared)
+    rows = tuple(row for row in rows if row.a is not None or row.b is not None)
+    shares = (_failed(a, b, seeds), *_met(a, b, whole))
+    different = _different(a, b)
+    return Comparison(a, b, seeds, rows, shares, different, _notes(a, b, seeds, whole))
+
+
+def _unpaired(a, b):
+    """Words about sides without a common seed."""
+    each = (f"{side.letter} ({side.label}) has {_seeds(side)}" for side in (a, b))
+    return (
+        f"no seed in common: {', '.join(each)}; runs are compared in pairs of one seed: fly both with the "
+        "same --seed"
+    )
+
+
+def _seeds(side):
+    some = ", ".join(map(str, list(side.runs)[:MOST_SEEDS]))
+    return f"seed{'' if len(side.runs) == 1 else 's'} {some}{', ...' if len(side.runs) > MOST_SEEDS else ''}"
+
+
+def _row(quantity, a, b, seeds):
+    """Row of a quantity over pairs that flew to their end."""
+    figures = [[quantity.figure(side.runs[seed].get) for seed in seeds] for side in (a, b)]
+    known = [[value for value in side if value is not None] for side in figures]
+    both = [(seed, x, y) for seed, x, y in zip(seeds, *figures, strict=True) if None not in (x, y)]
+    samples = [paired.sample(side) if side else None for side in known]
+    if not both:
+        absent = [side.letter for side, one in zip((a, b), samples, strict=True) if one is None]
+        why = f"{absent[0]} does not give it" if absent else "no pair has it"
+        return Row(quantity, *samples, None, (), np.zeros(0), why)
+    named, of_a, of_b = zip(*both, strict=True)
+    x, y = ([quantity.compared(value) for value in side] for side in (of_a, of_b))
+    found = paired.difference(x, y, larger_is_better=quantity.better == LARGER)
+    return Row(quantity, *samples, found, named, np.array(y) - np.array(x), found.why)
+
+
+def _failed(a, b, seeds):
+    happened = [[bool(side.runs[seed].failed) for seed in seeds] for side in (a, b)]
+    found = paired.share_difference(*happened, good=False)
+    return Happened("failed runs", *map(paired.share, happened), found, False, found.why)
+
+
+def _met(a, b, seeds):
+    """Happened of each requirement that one of the two has."""
+    judged = [{seed: {one.name: one for one in side.runs[seed].judged} for seed in seeds} for side in (a, b)]
+    names = dict.fromkeys(name for side in judged for of_run in side.values() for name in of_run)
+    for name in names:
+        of = [{s: j[name] for s, j in side.items() if name in j and j[name].judgeable} for side in judged]
+        both = [seed for seed in of[0] if seed in of[1]]
+        shares = [paired.share([one.passed for one in side.values()]) for side in of]
+        absent = [side.letter for side, found in zip((a, b), of, strict=True) if not found]
+        why, found = f"cannot be judged of {' and '.join(absent)}" if absent else "no pair has it", None
+        if both:
+            found = paired.share_difference(*([side[seed].passed for seed in both] for side in of), good=True)
+            why = found.why
+        yield Happened(f"{name.replace('_', ' ')} met", *shares, found, True, why)
+
+
+def _different(a, b):
+    """Values that the two scenarios do not have in common, but for software of a user's own."""
+    found = differences.of_texts(a.source, b.source)
+    return tuple(one for one in found if one[0][:2] not in software.PATHS)
+
+
+def _flight(run):
+    """What tells a sides.Flown's true flight from another."""
+    return tuple(run.get(f"flight.{name}") for name in ("apogee_km", "max_speed_m_s"))
+
+
+def _notes(a, b, seeds, whole):
+    notes = [*a.notes, *b.notes]
+    for one, other in ((a, b), (b, a)):
+        if alone := len(one.runs) - len(seeds):
+            notes.append(f"{alone} runs of {one.letter} have no seed in {other.letter}: left out")
+    if fewer := len(seeds) - len(whole):
+        notes.append(f"{fewer} of {len(seeds)} pairs have a failed run: figures are of the others")
+    other_draws = sum(a.runs[seed].draws != b.runs[seed].draws for seed in seeds)
+    if other_draws and a.kind == b.kind:
+        notes.append(f"{other_draws} pairs have one seed but other draws: not one flight, only one noise")
+    others = sum(_flight(a.runs[seed]) != _flight(b.runs[seed]) for seed in whole)
+    if others and a.kind == b.kind:
+        which = "1 pair is" if others == 1 else f"{others} pairs are"
+        notes.append(f"{which} not one flight: true apogee or highest speed differ")
+    changed = [name for name in a.versions if name in b.versions and a.versions[name] != b.versions[name]]
+    if changed:
+        notes.append(f"flown with different versions: {', '.join(changed)}")
+    if a.kind != b.kind:
+        notes.append("figures of logs are of all their samples, those of campaigns of 10 a second")
+    return tuple(notes)

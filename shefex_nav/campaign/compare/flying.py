@@ -1,0 +1,67 @@
+"""Software and scenarios flown for a comparison: a campaign each, with the same root seed, in its own folder.
+
+The name of a folder ends in a digest of what flies there (the scenario's whole text, with the software's
+SHA-256): the same command goes on with it, and software that was edited gets a new one.
+"""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from shefex_nav.campaign import plan as planning
+from shefex_nav.campaign import running, store
+from shefex_nav.campaign.compare.given import BUILT_IN, SOFTWARE, CompareError, override
+from shefex_nav.scenario import load, software
+
+OUT = Path("logs/compare")
+DIGITS = 8  # of the digest
+
+
+class How(NamedTuple):
+    """How all of them are flown."""
+
+    scenario: str | None  # in which software flies
+    overrides: tuple
+    runs: int
+    seed: int
+    workers: int | None
+    out: Path | None
+
+
+class Flight(NamedTuple):
+    """One campaign to fly."""
+
+    scenario: object  # Scenario
+    label: str
+    folder: Path
+
+
+def planned(given, how):
+    """Flight of each Given of a kind that flies: list. ScenarioError, CompareError; nothing is written."""
+    found = []
+    for one in given:
+        if one.kind == SOFTWARE:
+            if how.scenario is None:
+                words = f"{one.text}: software needs a scenario to fly in"
+                raise CompareError(f"{words}; add --scenario, for example --scenario shefex2_andoya")
+            loaded = load.load(how.scenario, (*how.overrides, override(one.text)))
+        else:
+            loaded = load.load(one.text, how.overrides)
+        software.refuse_reached(loaded)
+        found.append(Flight(loaded, one.text, _folder(loaded, one, how)))
+    return found
+
+
+def _folder(scenario, given, how):
+    """Where a Scenario flies."""
+    name = Path(given.text).name if given.kind == SOFTWARE else scenario.mission.name
+    name = re.sub(r"[^\w.]+", "-", name).strip("-.") or BUILT_IN
+    out = how.out or OUT / f"{scenario.mission.name}-seed{how.seed}"
+    return out / f"{name}-{planning.digest(scenario.source)[:DIGITS]}"
+
+
+def fly(flight, how, show, stopped):
+    """Fly what is missing of a Flight. -> running.Ended"""
+    asked = running.Request(flight.scenario, how.runs, how.seed, how.workers, None, ())
+    with store.Store(flight.folder) as folder:
+        return running.fly(running.checked(asked), folder, show, stopped)

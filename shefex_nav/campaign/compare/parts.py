@@ -1,0 +1,163 @@
+"""A comparison as tables and lines: what `shefex-nav compare` prints and its page holds."""
+
+import shlex
+
+import numpy as np
+
+from shefex_nav.campaign.compare import paired
+from shefex_nav.campaign.compare.given import LOG
+from shefex_nav.campaign.compare.quantities import NEARER
+from shefex_nav.campaign.parts import Command, Loud, Part
+from shefex_nav.scenario import differences
+
+MOST_DIFFERENCES = 10  # values, that are told
+LOG_NAME = "{letter}{run}.mcap"
+
+
+def parts(sides, found):
+    """list of campaign.parts.Part of the sides and of the Comparisons with the first of them."""
+    made = [_sides(sides)]
+    for one in found:
+        made += [_figures(one), _shares(one)]
+    return [*made, Part("See for yourself", lines=tuple(map(Command, commands(found[0]))))]
+
+
+def _sides(sides):
+    rows = []
+    for side in sides:
+        failed = sum(bool(one.failed) for one in side.runs.values())
+        flown = "; ".join(side.software.values()) or "built-in"
+        rows.append((side.letter, side.label, flown, str(len(side.runs)), _loud(str(failed), failed)))
+    heads = "", "what", "software", ">runs", ">failed"
+    lines = [f"{side.letter}: {side.where}" for side in sides]
+    for side in sides:
+        failed = [one for one in side.runs.values() if one.failed]
+        if failed:
+            which = "" if failed[0].run is None else f"run {failed[0].run}"
+            lines.append(f"{side.letter} failed, {which or 'the log says'}: {failed[0].failed}")
+    return Part("Compared", heads, tuple(rows), tuple(lines))
+
+
+def _figures(one):
+    """Table of the figures of a Comparison."""
+    a, b = one.a.letter, one.b.letter
+    heads = (
+        "median of the runs", "unit", f">{a}", f">{b}", f">{b} - {a}", ">95 % interval", f">{b} better in",
+        "verdict",
+    )  # fmt: skip
+    rows = tuple(_row(row, one) for row in one.rows)
+    return Part(f"{title(one)}, {_count(len(one.seeds), 'pair')}", heads, rows, _lines(one))
+
+
+def title(one):
+    """Heading of a Comparison."""
+    return f"{one.b.letter} ({one.b.label}) against {one.a.letter} ({one.a.label})"
+
+
+def _row(row, one):
+    unit = row.quantity.unit
+    medians = ("-" if side is None else number(side.median) for side in (row.a, row.b))
+    found = row.difference
+    if found is None:
+        return row.quantity.name, unit, *medians, "-", "-", "-", row.why
+    better = f"{found.better} of {found.n}"
+    return (
+        row.quantity.name, unit, *medians, number(found.mean, sign=True), _interval(found), better,
+        verdict(found, one),
+    )  # fmt: skip
+
+
+def number(value, *, sign=False):
+    """A number for people."""
+    if value == 0.0:
+        return "0"
+    return f"{value:{'+' if sign else ''}.3g}"
+
+
+def _interval(found):
+    if found.low is None:
+        return "-"
+    return f"{number(found.low, sign=True)} to {number(found.high, sign=True)}"
+
+
+def verdict(found, one):
+    """The verdict of a Difference or ShareDifference of a Comparison, for people."""
+    if found.verdict is None:
+        return f"no interval: {found.why}"
+    if found.verdict == paired.NOT_SEEN:
+        return "no difference seen"
+    return Loud(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
+
+
+def _lines(one):
+    lines = [
+        f"{one.b.letter} - {one.a.letter}: mean of the differences, run by run of one seed, with Student's "
+        "interval of it; a verdict is given where that does not hold zero. Of twenty rows without a "
+        "difference one shows one by chance."
+    ]
+    if any(row.quantity.better == NEARER for row in one.rows):
+        lines.append("NEES: the difference is of |ln(NEES / 9)|, how far it is from what it should be.")
+    lines += one.notes
+    if one.different:
+        told = differences.lines(one.different, most=MOST_DIFFERENCES)
+        more = len(one.different) - len(told)
+        count = _count(len(one.different), "value")
+        lines.append(f"The scenarios differ in {count} ({one.a.letter} -> {one.b.letter}):")
+        lines += [*told, *([f"and {more} more"] if more else [])]
+    return tuple(lines)
+
+
+def _shares(one):
+    """Table of requirements met and failed runs."""
+    a, b = one.a.letter, one.b.letter
+    heads = "", f">{a}", ">95 % interval", f">{b}", ">95 % interval", f">{b} - {a}", ">interval", "verdict"
+    rows = []
+    for row in one.shares:
+        cells = [cell for share in (row.a, row.b) for cell in _share(share)]
+        if row.difference is None:
+            rows.append((row.name, *cells, "-", "-", row.why))
+            continue
+        found = row.difference
+        bounds = "-" if found.low is None else f"{_percent(found.low)} to {_percent(found.high)}"
+        rows.append((row.name, *cells, _percent(found.mean), bounds, verdict(found, one)))
+    lines = ("Intervals of Clopper and Pearson; of the difference, from the pairs that differ (McNemar).",)
+    return Part("Requirements and failures", heads, tuple(rows), lines)
+
+
+def _share(share):
+    if not share.n:
+        return "-", "-"
+    return f"{share.k} of {share.n}", f"{100.0 * share.low:.0f} to {100.0 * share.high:.0f} %"
+
+
+def _percent(value):
+    return "0" if value == 0.0 else f"{100.0 * value:+.0f} %"
+
+
+def _count(n, word):
+    return f"{n} {word}{'' if n == 1 else 's'}"
+
+
+def _loud(text, wrong):
+    return Loud(text) if wrong else text
+
+
+def commands(one):
+    """Shell commands that lay a pair of a Comparison over each other in the viewer: `worst_seed`."""
+    seed, logs, lines = worst_seed(one), [], []
+    for side in (one.a, one.b):
+        if side.kind == LOG:
+            logs.append(str(side.where))
+            continue
+        run = side.runs[seed].run
+        logs.append(LOG_NAME.format(letter=side.letter.lower(), run=run))
+        lines.append(shlex.join(["shefex-nav", "repeat", str(side.where), str(run), "--log", logs[-1]]))
+    return [*lines, shlex.join(["shefex-nav", "view", *dict.fromkeys(logs)])]
+
+
+def worst_seed(one):
+    """Seed of the pair whose first figure, of those that have a difference, differs most; else the first."""
+    for row in one.rows:
+        if row.seeds and np.abs(row.each).max() > 0.0:
+            return row.seeds[int(np.argmax(np.abs(row.each)))]
+    return one.seeds[0]

@@ -1,0 +1,81 @@
+"""Figures of a run that are compared: those of its summary (`report.metrics`), and which way is better."""
+
+import math
+from typing import NamedTuple
+
+from shefex_nav.clock import TICK_HZ
+from shefex_nav.report.metrics import NEES_DOF
+
+SMALLER, LARGER, NEARER = "smaller", "larger", "nearer"
+
+
+class Quantity(NamedTuple):
+    """One figure of a run."""
+
+    name: str
+    unit: str
+    figure: (
+        object  # function of `get`, which gives the value at a dotted path of the summary -> float or None
+    )
+    better: str = SMALLER
+    timed: bool = False  # of the whole simulation: not compared where one wrote a log and one did not
+
+    def compared(self, value):
+        """The number whose difference is told: the value, or how far it is from what it should be."""
+        if self.better == NEARER:
+            return abs(math.log(value / NEES_DOF)) if value > 0.0 else math.inf
+        return value
+
+
+def _at(path, factor=1.0):
+    def figure(get):
+        value = get(path)
+        return None if value is None else factor * value
+
+    return figure
+
+
+def _norm(path):
+    def figure(get):
+        values = get(path)
+        return None if not values or None in values else math.hypot(*values)
+
+    return figure
+
+
+def _star_fixes(get):
+    solved, frames = get("star_tracker.solved"), get("star_tracker.in_window")
+    return 100.0 * solved / frames if frames else None
+
+
+def _tick_ms(get):
+    """Wall time of the whole simulation over its ticks."""
+    wall_s, simulated_s = get("wall_s"), get("simulated_s")
+    return 1e3 * wall_s / (simulated_s * TICK_HZ) if wall_s and simulated_s else None
+
+
+_NAV = "navigation."
+QUANTITIES = (
+    Quantity("position at entry", "m", _at(_NAV + "at_entry.position_error_m")),
+    Quantity("velocity at entry", "m/s", _at(_NAV + "at_entry.velocity_error_m_s")),
+    Quantity("attitude at entry", "deg", _norm(_NAV + "at_entry.attitude_error_deg")),
+    Quantity("position, rms of the star phase", "m", _at(_NAV + "star_phase.position_rms_m")),
+    Quantity("velocity, rms of the star phase", "m/s", _at(_NAV + "star_phase.velocity_rms_m_s")),
+    Quantity("attitude, rms of the star phase", "deg", _at(_NAV + "star_phase.attitude_rms_deg")),
+    Quantity("position, rms of the run", "m", _at(_NAV + "position_error_m.rms")),
+    Quantity("velocity, rms of the run", "m/s", _at(_NAV + "velocity_error_m_s.rms")),
+    Quantity("attitude, rms of the run", "deg", _at(_NAV + "attitude_error_deg.rms")),
+    Quantity("position, largest", "m", _at(_NAV + "position_error_m.max")),
+    Quantity("velocity, largest", "m/s", _at(_NAV + "velocity_error_m_s.max")),
+    Quantity("attitude, largest", "deg", _at(_NAV + "attitude_error_deg.max")),
+    Quantity(f"NEES, {NEES_DOF} expected", "", _at(_NAV + "nees.mean"), NEARER),
+    Quantity("usable, of the time", "%", _at(_NAV + "integrity.usable_share", 100.0), LARGER),
+    Quantity("misleading, of the time", "%", _at(_NAV + "integrity.misleading_share", 100.0)),
+    Quantity(
+        "star fixes across the boresight, rms", "arcsec", _at("star_tracker.error_arcsec.cross_axis_rms")
+    ),
+    Quantity("star fixes of the window", "%", _star_fixes, LARGER),
+    Quantity("wrong star fixes", "", _at("star_tracker.wrong")),
+    Quantity("time per star frame", "ms", _at("star_tracker.chain_ms.median")),
+    Quantity("time per tick, with the simulator", "ms", _tick_ms, timed=True),
+)

@@ -1,0 +1,116 @@
+"""`shefex-nav compare`: logs, campaigns and software, run by run of one seed.
+
+Exit codes: 0 compared, 1 runs were lost (the same command flies them), 2 bad input or nothing that can be
+paired, 130 interrupted; the same command goes on.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json, Overrides, RootSeed, Workers
+from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.printing import print_json, say, stdout
+
+RUNS = 20
+
+
+def compare(
+    given: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="A B...",
+            help="Each a log (.mcap), the folder of a campaign, software (built-in, my_filter.py:MyFilter, "
+            "package.module:Class, 'command:./my_fsw --flag'), a scenario (.yaml), which is flown, or what "
+            "another filter says of the first log (.csv, or run.mcap:name in it).",
+        ),
+    ],
+    scenario: Annotated[
+        str | None, typer.Option(help="Scenario in which software flies: a YAML file, or a shipped one.")
+    ] = None,
+    runs: Annotated[int, typer.Option(min=1, help="How many runs of each are flown.")] = RUNS,
+    seed: RootSeed = 1,
+    workers: Workers = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of what is flown; default logs/compare/<scenario>-seed<seed>."),
+    ] = None,
+    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with pictures.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    overrides: Overrides = None,
+    json: Json = False,
+):
+    """Compare logs, campaigns or flight software, each with the first, run by run of one seed."""
+    from shefex_nav.campaign.compare import flying
+    from shefex_nav.campaign.compare import given as words
+
+    if len(given) < 2:
+        raise typer.BadParameter(f"only {given[0]}; expected two or more to compare")
+    if html is not None:
+        check_file(html, "--html", force=force)
+    told = [words.read(text) for text in given]
+    if scenario is not None and not any(one.kind == words.SOFTWARE for one in told):
+        raise typer.BadParameter(
+            f"{scenario}: no software is given that would fly in it", param_hint="--scenario"
+        )
+    how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
+    flights = flying.planned([one for one in told if one.kind in words.FLOWN], how)
+    lost = _fly(flights, how)
+    _show(*_compared(told, flights), html, json)
+    raise typer.Exit(1 if lost else 0)
+
+
+def _fly(flights, how):
+    """Fly what is missing of each flying.Flight. -> how many runs were lost"""
+    from shefex_nav.campaign.compare import flying
+    from shefex_nav.campaign.progress import TerminalShow
+    from shefex_nav.stopping import stopping
+
+    lost = 0
+    for one in flights:
+        say(f"{one.label}: {how.runs} runs, seed {how.seed} -> {one.folder}")
+        with stopping() as stop:
+            ended = flying.fly(one, how, TerminalShow(say), stop)
+        if ended.interrupted:
+            say("interrupted; what is flown is kept, the same command goes on from there")
+            raise typer.Exit(130)
+        for run in ended.lost:
+            say(f"{one.label}: run {run.run} was lost: {run.reason}")
+        lost += len(ended.lost)
+    return lost
+
+
+def _compared(told, flights):
+    """(sides, Comparisons of the others with the first) of list of given.Given."""
+    from shefex_nav.campaign.compare import comparison, sides
+    from shefex_nav.campaign.compare import given as words
+
+    flown, found = iter(flights), []
+    for letter, one in zip(sides.LETTERS, told, strict=False):
+        if one.kind == words.SOLUTION:
+            if not found:
+                raise words.CompareError(f"{one.text}: is about the flight of a log; expected that before it")
+            found.append(sides.of_solution(one.text, letter, found[0]))
+            continue
+        path = next(flown).folder if one.kind in words.FLOWN else one.text
+        kind = words.CAMPAIGN if one.kind in words.FLOWN else one.kind
+        found.append(sides.of(kind, path, letter, one.text))
+    first, *others = found
+    return found, [comparison.compare(first, other) for other in others]
+
+
+def _show(sides, found, html, as_json):
+    """The result on stdout, and on a page if there is to be one."""
+    from shefex_nav.campaign import tables
+    from shefex_nav.campaign.compare import parts, summary
+
+    if as_json:
+        print_json(summary.summary(sides, found))
+    else:
+        stdout(160, highlight=False).print(tables.tables(parts.parts(sides, found)))
+    if html is not None:
+        from shefex_nav.campaign.compare import page
+
+        page.write(html, sides, found)
+        say(f"wrote {html}")

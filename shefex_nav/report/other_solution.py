@@ -1,0 +1,172 @@
+"""What another filter says of a flight, as arrays or CSV, made the records of a solution."""
+
+import csv
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.clock import SAME_S, TICK_HZ
+from shefex_nav.errors import UserError
+from shefex_nav.geometry import frames, rotation
+from shefex_nav.log.other_solutions import Other, check_name
+from shefex_nav.log.run_data import stack
+from shefex_nav.onboard import own_navigation
+from shefex_nav.onboard.own_navigation import Estimate
+from shefex_nav.onboard.own_software import is_symmetric
+from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
+from shefex_nav.records import NavCovariance, NavSolution
+from shefex_nav.report.pairing import same_times
+
+FRAMES = "i", "e"
+UNIT = 1e-3  # by which the norm of a quaternion may differ from one
+_SHAPES = {"r": (3,), "v": (3,), "q": (4,), "P": (9, 9)}
+
+
+class Given(NamedTuple):
+    """Arrays over N times; P is None where the filter gives none."""
+
+    t_s: np.ndarray  # (N,)
+    r: np.ndarray  # (N, 3) m
+    v: np.ndarray  # (N, 3) m/s
+    q: np.ndarray  # (N, 4) body axes to those of r
+    P: np.ndarray | None  # (N, 9, 9) position [m], velocity [m/s], attitude in body axes [rad]
+
+
+def other(data, given, frame, name):
+    """log.other_solutions.Other of a Given about the flight of a RunData. frame : of r, v, q: 'i' or 'e'
+
+    Raises ValueError.
+    """
+    check_name(name)
+    if frame not in FRAMES:
+        raise ValueError(f"frame {frame!r}: expected 'i', inertial axes, or 'e', Earth-fixed ones")
+    given = _checked(given)
+    if len(data.truth.t_s) and not len(same_times(data.truth.t_s, given.t_s)[0]):
+        raise ValueError(_unpaired(data.truth.t_s, given.t_s))
+    if frame == "e":
+        given = _inertial(data.mission.earth, given)
+    start_s, earth = data.mission.start_s, data.mission.earth
+    solutions, covariances, unknown = [], [], np.full(3, np.nan)
+    for k, t_s in enumerate(given.t_s.tolist()):
+        P = None if given.P is None else given.P[k]
+        estimate = Estimate(given.r[k], given.v[k], given.q[k], P)
+        solutions.append(own_navigation.solution(estimate, t_s, unknown, earth))
+        if P is not None and round((t_s - start_s) * TICK_HZ) % COVARIANCE_TICKS == 0:
+            covariances.append(own_navigation.covariance(estimate, t_s))
+    return Other(stack(NavSolution, solutions), stack(NavCovariance, covariances))
+
+
+COLUMNS = (  # of a CSV, those of the table `nav`; P_1_1 to P_9_9 may follow
+    "t_s", *(f"r_i_m_{k}" for k in "xyz"), *(f"v_i_m_s_{k}" for k in "xyz"), *(f"q_ib_{k}" for k in "wxyz"),
+)  # fmt: skip
+COVARIANCE = tuple(f"P_{i}_{j}" for i in range(1, 10) for j in range(1, 10))
+
+
+class BadTable(UserError):
+    """A table that cannot be read; the message names file, line and column."""
+
+
+def read_csv(path):
+    """Given of a CSV with the COLUMNS, and perhaps COVARIANCE, among others; BadTable."""
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            lines = csv.DictReader(file)
+            names = lines.fieldnames or []
+            if missing := [name for name in COLUMNS if name not in names]:
+                raise BadTable(f"{path}:1: has no column {missing[0]}; expected {', '.join(COLUMNS)}")
+            wanted = COLUMNS + (COVARIANCE if COVARIANCE[0] in names else ())
+            if missing := [name for name in wanted if name not in names]:
+                raise BadTable(
+                    f"{path}:1: has no column {missing[0]}; expected P_1_1 to P_9_9, or none of them"
+                )
+            rows = [_numbers(path, lines.line_num, line, wanted) for line in lines]
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadTable(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if not rows:
+        raise BadTable(f"{path}:2: has no row; expected one for each time")
+    t_s, r, v, q, P = np.split(np.array(rows), [1, 4, 7, 11], axis=1)
+    return Given(t_s[:, 0], r, v, q, P.reshape(-1, 9, 9) if P.shape[1] else None)
+
+
+def _numbers(path, number, line, names):
+    """Numbers of a line of a CSV; BadTable."""
+    try:
+        return [float(line[name]) for name in names]
+    except (TypeError, ValueError):
+        bad = next(name for name in names if not _is_number(line[name]))
+        raise BadTable(f"{path}:{number}: {bad}: {line[bad]!r}; expected a number") from None
+
+
+def _is_number(text):
+    try:
+        float(text)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _checked(given):
+    """The same as arrays of numbers of the right shape; ValueError."""
+    t_s = np.asarray(given.t_s, dtype=float)
+    if t_s.ndim != 1 or not len(t_s) or not (np.diff(t_s) > SAME_S).all() or not np.isfinite(t_s).all():
+        raise ValueError("t_s: expected increasing times, shape (N,)")
+    found = {}
+    for name, shape in _SHAPES.items():
+        if (value := getattr(given, name)) is None and name == "P":
+            continue
+        array = np.asarray(value, dtype=float)
+        if array.shape != (len(t_s), *shape):
+            raise ValueError(
+                f"{name}: shape {array.shape}; expected {(len(t_s), *shape)}, a row for each time"
+            )
+        if bad := np.flatnonzero(~np.isfinite(array.reshape(len(t_s), -1)).all(axis=1)).tolist():
+            raise ValueError(f"{name}: NaN or infinity at T{t_s[bad[0]]:+.2f} s; leave such times out")
+        found[name] = array
+    norm = np.linalg.norm(found["q"], axis=1)
+    if (off := np.abs(norm - 1.0)).max() > UNIT:
+        k = int(np.argmax(off))
+        raise ValueError(
+            f"q: norm {norm[k]:.6g} at T{t_s[k]:+.2f} s; expected unit quaternions, scalar first"
+        )
+    found["q"] = found["q"] / norm[:, None]
+    if "P" in found:
+        _check_covariances(t_s, found["P"])
+    return Given(t_s, **({"P": None} | found))
+
+
+def _check_covariances(t_s, P):
+    for time, one in zip(t_s.tolist(), P, strict=True):
+        if not (one.diagonal() > 0.0).all() or not is_symmetric(one):
+            raise ValueError(f"P: no covariance at T{time:+.2f} s; expected symmetric, variances over zero")
+
+
+def _unpaired(truth_s, t_s):
+    span = f"T{truth_s[0]:+.2f} to T{truth_s[-1]:+.2f} s"
+    return (
+        f"t_s: none of the times, T{t_s[0]:+.4f} to T{t_s[-1]:+.4f} s, is one of the log's: {span}, "
+        f"{TICK_HZ} a second at most (run.truth.t_s)"
+    )
+
+
+def _inertial(earth, given):
+    """A Given in Earth-fixed axes in inertial ones."""
+    C = np.array([frames.dcm_ie(earth, t_s) for t_s in given.t_s.tolist()])
+    pairs = zip(given.t_s.tolist(), given.r, given.v, strict=True)
+    moved = [frames.inertial_from_ecef(earth, *one) for one in pairs]
+    q = np.array(
+        [
+            rotation.quat_multiply(rotation.quat_from_dcm(C_ie), q_eb)
+            for C_ie, q_eb in zip(C, given.q, strict=True)
+        ]
+    )
+    P = None if given.P is None else _turned(earth, given.P, C)
+    return Given(given.t_s, np.array([r for r, _ in moved]), np.array([v for _, v in moved]), q, P)
+
+
+def _turned(earth, P, C):
+    """Covariances (N, 9, 9) of errors in Earth-fixed axes, of those in inertial axes. C (N, 3, 3) C_ie"""
+    T = np.zeros_like(P)
+    T[:, :3, :3] = T[:, 3:6, 3:6] = C
+    T[:, 3:6, :3] = rotation.skew(frames.omega_ie_i(earth)) @ C  # of a velocity relative to the turning Earth
+    T[:, 6:, 6:] = np.eye(3)
+    return T @ P @ np.swapaxes(T, 1, 2)

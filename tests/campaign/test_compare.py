@@ -1,0 +1,368 @@
+"""`shefex-nav compare`: logs, campaigns and software in pairs of one seed.
+
+Software of a user's own that stands still in inertial axes is carried off by the turning Earth: 400 m/s, so
+which of the two is better is known beforehand, and the figures follow from the files of the runs.
+"""
+
+import json
+import re
+
+import numpy as np
+import plugin_tables
+import pytest
+from scipy import stats
+from short_campaign import HereLane, fly, write
+
+from shefex_nav import plugins
+from shefex_nav.campaign.compare import comparison, flying, given, paired, parts, sides
+from shefex_nav.campaign.compare.given import CompareError
+from shefex_nav.scenario import load
+
+RUNS = 4
+SIX = 6
+STANDING = """
+from shefex_nav.geometry import rotation
+from shefex_nav.software import Estimate
+
+
+class Standing:
+    def start(self, alignment, mission):
+        self.r, self.v, self.q, self.ticks = alignment.r_i, alignment.v_i, alignment.q_ib, 0
+
+    def step(self, imu, arrived):
+        self.ticks += 1
+        HERE
+        turn = rotation.quat_from_rotvec(imu.dtheta_b.sum(axis=0))
+        self.q = rotation.quat_normalise(rotation.quat_multiply(self.q, turn))
+        return Estimate(self.r, self.v, self.q)
+"""
+SHORT = """extends: night_sky
+mission: {name: short, time_limit: 2 s}
+star_tracker: {enabled: false, off: 2 s}
+requirements: {misleading: 0 %}
+"""
+
+
+@pytest.fixture(autouse=True)
+def forgotten(monkeypatch, tmp_path):
+    """Consent and tables as before; runs fly in this process."""
+    (tmp_path / "config").mkdir()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv(plugins.CONSENT, "")
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", HereLane)
+    with plugin_tables.restored():
+        yield
+
+
+def standing(folder, here="pass", name="own.py"):
+    path = folder / name
+    path.write_text(STANDING.replace("HERE", here))
+    return f"{path}:Standing"
+
+
+def short(folder, more=""):
+    path = folder / "mine.yaml"
+    path.write_text(SHORT + more)
+    return path
+
+
+def row(found, name):
+    return next(one for one in found["figures"] if one["name"] == name)
+
+
+def sided(folders, kind="campaign"):
+    return [sides.of(kind, folder, letter) for letter, folder in zip("ABC", folders, strict=False)]
+
+
+# ---- campaigns -------------------------------------------------------------------------------------------
+
+
+def test_a_campaign_with_itself_differs_in_nothing(whole):
+    folder, _ = whole
+    a, b = sided([folder, folder])
+    found = comparison.compare(a, b)
+    assert len(found.seeds) == RUNS and not found.different and not found.notes
+    assert len(found.rows) >= 10
+    for one in (*found.rows, *found.shares):
+        assert (one.difference.mean, one.difference.verdict) == (0.0, paired.NOT_SEEN), one
+    text = json.dumps(
+        [str(cell) for part in parts.parts([a, b], [found]) for cells in part.rows for cell in cells]
+    )
+    assert "better" not in re.sub(r"0 of \d", "", text)
+
+
+def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole, scenario, tmp_path):
+    """B has other fixes, five of its six runs: its figures less those of A's run of the same seed."""
+    folder, _ = whole
+    other = load.load(write(tmp_path), ["gps.rate=2 Hz"])
+    fly(other, tmp_path / "other", SIX)
+    a, b = sided([folder, tmp_path / "other"])
+    found = comparison.compare(a, b)
+    assert found.seeds == tuple(a.runs) == tuple(b.runs)[:RUNS]
+    assert [".".join(path) for path, *_ in found.different] == ["gps.rate"]
+    assert "2 runs of B have no seed in A: left out" in found.notes
+    kept = [
+        [json.loads((path / "runs" / f"{k:06d}.json").read_text())["summary"] for k in range(RUNS)]
+        for path in (folder, tmp_path / "other")
+    ]
+    x, y = (np.array([one["navigation"]["velocity_error_m_s"]["rms"] for one in side]) for side in kept)
+    one = next(r for r in found.rows if r.quantity.name == "velocity, rms of the run")
+    low, high = stats.ttest_rel(y, x).confidence_interval(0.95)
+    assert (one.difference.mean, one.difference.low, one.difference.high) == pytest.approx(
+        ((y - x).mean(), low, high)
+    )
+    assert one.a.median == pytest.approx(np.median(x)) and one.b.rms == pytest.approx(np.sqrt((y**2).mean()))
+    assert (one.difference.verdict == paired.NOT_SEEN) == (low <= 0.0 <= high)
+
+
+def test_no_seed_in_common_is_one_line_and_exit_code_2(whole, scenario, tmp_path, command):
+    folder, _ = whole
+    fly(scenario, tmp_path / "other", 2, seed=2)
+    run = command("compare", str(folder), str(tmp_path / "other"), "--html", str(tmp_path / "page.html"))
+    assert run.code == 2 and "no seed in common: A (" in run.err and "Traceback" not in run.err
+    assert "fly both with the same --seed" in run.err and not (tmp_path / "page.html").exists()
+
+
+# ---- logs ------------------------------------------------------------------------------------------------
+
+
+def test_two_logs_are_one_pair_without_intervals(tmp_path, command):
+    logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    for log, rate in zip(logs, ("1 Hz", "2 Hz"), strict=True):
+        run = command("run", str(short(tmp_path)), "--set", f"gps.rate={rate}", "--out", str(log))
+        assert run.code == 0, run.err
+    run = command("compare", *map(str, logs), "--json")
+    (found,) = json.loads(run.out)["comparisons"]
+    assert run.code == 0 and found["pairs"] == 1 and found["seeds"] == [1]
+    told = [json.loads(command("report", str(log), "--json").out)["navigation"] for log in logs]
+    one = row(found, "position, rms of the run")
+    a, b = (each["position_error_m"]["rms"] for each in told)
+    assert (one["a"]["median"], one["b"]["median"]) == (a, b)
+    assert one["difference"]["mean"] == pytest.approx(b - a) and one["difference"]["low"] is None
+    assert all(one["difference"]["verdict"] is None for one in found["figures"] if one["difference"])
+    assert found["scenario_differences"] == [{"path": "gps.rate", "a": "1 Hz", "b": "2 Hz"}]
+    assert found["commands"] == [f"shefex-nav view {logs[0]} {logs[1]}"]
+    table = command("compare", *map(str, logs))
+    assert "no interval: one pair" in table.out and "better" not in table.out.replace("better in", "")
+    assert f"shefex-nav view {logs[0]}" in table.out
+
+
+def test_a_log_is_paired_with_the_run_of_its_seed(whole, tmp_path, command):
+    """Figures are those of the log, at 100 Hz; how long it took is not compared with a run without a log."""
+    folder, ended = whole
+    log = tmp_path / "2.mcap"
+    assert command("repeat", str(folder), "2", "--log", str(log)).code == 0
+    run = command("compare", str(folder), str(log), "--json")
+    assert run.code == 0, run.err
+    (found,) = json.loads(run.out)["comparisons"]
+    assert found["seeds"] == [ended.rows[2]["seed"]]
+    assert f"{RUNS - 1} runs of A have no seed in B: left out" in found["notes"]
+    one = row(found, "position, rms of the run")
+    assert one["b"]["median"] == pytest.approx(one["a"]["median"], rel=0.1)
+    assert not any(one["name"].startswith("time per tick") for one in found["figures"])
+    draws = {one["path"] for one in found["scenario_differences"]}
+    assert "ground.latitude" in draws  # which the log's scenario has as drawn
+    assert found["commands"][0].startswith(f"shefex-nav repeat {folder} 2 --log ")
+
+
+def test_logs_of_two_seeds_are_no_pair(tmp_path, command):
+    logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    for seed, log in zip("12", logs, strict=True):
+        assert command("run", str(short(tmp_path)), "--seed", seed, "--out", str(log)).code == 0
+    run = command("compare", *map(str, logs))
+    assert run.code == 2 and "A (" in run.err and "has seed 1" in run.err and "has seed 2" in run.err
+
+
+# ---- software --------------------------------------------------------------------------------------------
+
+
+def test_software_is_flown_compared_and_not_flown_again(tmp_path, command):
+    own, page = standing(tmp_path), tmp_path / "page.html"
+    words = ("compare", "built-in", own, "--scenario", str(short(tmp_path)), "--runs", str(RUNS), "--trust")
+    words += ("--out", str(tmp_path / "flown"), "--workers", "1")
+    run = command(*words, "--json", "--html", str(page))
+    assert run.code == 0, run.err
+    told = json.loads(run.out)
+    (found,) = told["comparisons"]
+    assert found["pairs"] == RUNS and found["scenario_differences"] == []
+    assert told["sides"][1]["software"]["navigation"].startswith("own.py:Standing, sha256 ")
+    one = row(found, "position, rms of the run")
+    assert one["difference"]["verdict"] == "a" and one["difference"]["low"] > 100.0
+    assert one["difference"]["worse"] == RUNS
+    misleading = next(one for one in found["shares"] if one["name"] == "misleading met")
+    assert misleading["a"]["n"] == RUNS and misleading["b"]["n"] == 0
+    assert misleading["difference"] is None and misleading["why"] == "cannot be judged of B"
+    assert "B does not give it" in [one["why"] for one in found["figures"]]
+    text = page.read_text()
+    assert "A better" in text and text.count("<img") == 2 and "own.py:Standing" in text
+    folders = sorted((tmp_path / "flown").iterdir())
+    assert [re.sub("-[0-9a-f]{8}$", "", one.name) for one in folders] == ["built-in", "own.py-Standing"]
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("flown/*/runs/*.json")}
+    again = command(*words)
+    assert again.code == 0 and "A better" in again.out and len(before) == 2 * RUNS
+    assert before == {path: path.stat().st_mtime_ns for path in tmp_path.glob("flown/*/runs/*.json")}
+    more = command(*words, "--runs", str(RUNS + 1))
+    assert f"{RUNS + 1} pairs" in more.out
+    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+
+
+def test_edited_software_flies_into_a_folder_of_its_own(tmp_path):
+    how = flying.How(str(short(tmp_path)), (), 2, 1, 1, tmp_path / "flown")
+    with plugins.trusting():
+        names = []
+        for here in ("pass", "pass  # better"):
+            own = standing(tmp_path, here)
+            (one,) = flying.planned([given.read(own)], how)
+            names.append(one.folder.name)
+    assert names[0] != names[1] and names[0][:-8] == names[1][:-8] == "own.py-Standing-"
+
+
+def test_scenarios_are_flown_each_with_its_own_software(tmp_path, command):
+    standing(tmp_path)
+    paths = [tmp_path / "plain.yaml", tmp_path / "own.yaml"]
+    for path, more in zip(paths, ("", "navigation: {software: own.py:Standing}\n"), strict=True):
+        path.write_text(SHORT + more)
+    words = ("--runs", "2", "--trust", "--out", str(tmp_path / "flown"), "--json")
+    run = command("compare", *map(str, paths), *words)
+    assert run.code == 0, run.err
+    (found,) = json.loads(run.out)["comparisons"]
+    assert found["pairs"] == 2 and row(found, "position, rms of the run")["difference"]["mean"] > 100.0
+    assert found["scenario_differences"] == []  # but for the software, which is named with the sides
+
+
+def test_failed_runs_are_counted_and_left_out_of_the_figures(tmp_path, command):
+    """Of a campaign whose software fails in some of its runs; and of a log, which says so itself."""
+    own = standing(tmp_path, "assert not (self.ticks == 150 and imu.dtheta_b[0, 0] > 0.0)")
+    words = (
+        "--scenario",
+        str(short(tmp_path)),
+        "--runs",
+        str(SIX),
+        "--trust",
+        "--out",
+        str(tmp_path / "flown"),
+    )
+    run = command("compare", "built-in", own, *words, "--json")
+    assert run.code == 0, run.err
+    (found,) = json.loads(run.out)["comparisons"]
+    failed = found["shares"][0]
+    assert failed["name"] == "failed runs" and failed["a"]["k"] == 0 and 0 < failed["b"]["k"] < SIX
+    assert row(found, "position, rms of the run")["difference"]["n"] == SIX - failed["b"]["k"]
+    assert f"{failed['b']['k']} of {SIX} pairs have a failed run: figures are of the others" in found["notes"]
+
+
+def test_software_that_always_fails_says_why(tmp_path, command):
+    own = standing(tmp_path, "assert self.ticks < 150, 'no such mode'")
+    words = ("--scenario", str(short(tmp_path)), "--runs", "2", "--trust", "--out", str(tmp_path / "flown"))
+    run = command("compare", "built-in", own, *words)
+    assert run.code == 0, run.err
+    assert "B failed, run 0: SoftwareError: navigation software own.py:Standing, T+1.50 s" in run.out
+    assert "no such mode" in re.sub(r"\s+", " ", run.out) and "better" not in run.out.replace("better in", "")
+
+
+def test_pairs_that_are_not_one_flight_are_told(whole):
+    folder, _ = whole
+    a, b = sided([folder, folder])
+    assert not comparison.compare(a, b).notes
+    seed, one = next(iter(b.runs.items()))
+    changed = {"flight.apogee_km": 80.0}
+    b.runs[seed] = one._replace(get=lambda path: changed.get(path, one.get(path)))
+    assert [note for note in comparison.compare(a, b).notes if "1 pair is not one flight: " in note]
+
+
+def test_a_log_whose_flight_failed_is_a_failed_run(tmp_path, command):
+    own, scenario = standing(tmp_path, "assert self.ticks < 150"), short(tmp_path)
+    logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    assert command("run", str(scenario), "--out", str(logs[0])).code == 0
+    failed = ("--trust", "--set", f"navigation.software={own}", "--out", str(logs[1]))
+    assert command("run", str(scenario), *failed).code == 3
+    page = tmp_path / "page.html"
+    run = command("compare", *map(str, logs), "--json", "--html", str(page))
+    assert run.code == 0 and "A better" not in page.read_text(), run.err
+    (found,) = json.loads(run.out)["comparisons"]
+    assert [(one["name"], one["a"]["k"], one["b"]["k"]) for one in found["shares"][:1]] == [
+        ("failed runs", 0, 1)
+    ]
+    assert (
+        found["figures"] == []
+        and "1 of 1 pairs have a failed run: figures are of the others" in found["notes"]
+    )
+
+
+def test_three_are_compared_with_the_first(whole):
+    folder, _ = whole
+    a, b, c = sided([folder] * 3)
+    titles = [part.title for part in parts.parts([a, b, c], [comparison.compare(a, one) for one in (b, c)])]
+    assert sum("against A" in title for title in titles) == 2 and any(
+        title.startswith("C (") for title in titles
+    )
+
+
+# ---- words of the command line ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value"),
+    [
+        ("built-in", given.SOFTWARE, "built_in"),
+        ("built_in", given.SOFTWARE, "built_in"),
+        ("my_nav.py:MyFilter", given.SOFTWARE, "my_nav.py:MyFilter"),
+        ("package.module:Class", given.SOFTWARE, "package.module:Class"),
+        ("command:./my_fsw --flag 'a b'", given.SOFTWARE, {"command": "./my_fsw --flag 'a b'"}),
+        ("night_sky", given.SCENARIO, None),
+        ("there/mine.yaml", given.SCENARIO, None),
+        ("run.mcap", given.LOG, None),
+    ],
+)
+def test_what_a_word_means(text, kind, value):
+    assert given.read(text).kind == kind
+    if value is not None:
+        path, _, told = given.override(text).partition("=")
+        assert path == "navigation.software"
+        assert (json.loads(told) if isinstance(value, dict) else told) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("my_nav.py", r"names no class; expected my_nav\.py:MyFilter"),
+        ("tcp://127.0.0.1:5005", "is one program, which flies once"),
+        ("connect:tcp://127.0.0.1:5005", "is one program, which flies once"),
+        ("command:", "names no program; expected 'command:"),
+        (
+            "nothing",
+            r"there is no such thing to compare; expected a log \(\.mcap\), the folder of a campaign",
+        ),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(text, words, command):
+    with pytest.raises(CompareError, match=words):
+        given.read(text)
+    run = command("compare", "built-in", text, "--scenario", "night_sky")
+    assert run.code == 2 and run.err.count("\n") == 1, run.err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("built-in",), "only built-in; expected two or more to compare"),
+        (("built-in", "built-in"), "built-in: software needs a scenario to fly in; add --scenario"),
+        (("night_sky", "orbit", "--scenario", "tight"), "--scenario: tight: no software is given"),
+        (("built-in", "there.py:Filter", "--scenario", "night_sky"), "'there.py' cannot be read"),
+        (("built-in", "built-in", "--scenario", "no_such"), "no_such"),
+        (("a.mcap", "b.mcap"), "a.mcap: cannot be read"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_flies(words, says, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = command("compare", *words)
+    assert run.code == 2 and says in run.err and "Traceback" not in run.err, run.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["config"]
+
+
+def test_a_page_is_not_overwritten(whole, tmp_path, command):
+    page = tmp_path / "page.html"
+    page.write_text("mine")
+    folder, _ = whole
+    run = command("compare", str(folder), str(folder), "--html", str(page))
+    assert run.code == 2 and page.read_text() == "mine" and "exists already" in run.err

@@ -1,0 +1,127 @@
+"""Differences of two samples of the same seeds: values, intervals, verdicts that chance seldom gives."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from shefex_nav.campaign.compare import paired
+from shefex_nav.campaign.compare.quantities import QUANTITIES
+from shefex_nav.report.requirements import figures_of
+
+RUNS = 8
+
+
+def test_mean_and_student_s_interval_of_the_pairs():
+    a, b = np.array([1.0, 2.0, 5.0, 4.0]), np.array([2.0, 2.5, 7.0, 4.5])
+    found = paired.difference(a, b)
+    low, high = stats.ttest_rel(b, a).confidence_interval(0.95)
+    assert (found.mean, found.low, found.high) == pytest.approx((1.0, low, high))
+    assert (found.n, found.better, found.worse) == (4, 0, 4)
+    assert found.verdict == paired.NOT_SEEN  # the interval holds zero: -0.13 to 2.13
+
+
+def test_what_is_better():
+    a = np.arange(10.0)
+    b = a + 1.0 + 0.01 * np.cos(a)
+    assert paired.difference(a, b).verdict == paired.A_BETTER
+    assert paired.difference(b, a).verdict == paired.B_BETTER
+    assert paired.difference(a, b, larger_is_better=True).verdict == paired.B_BETTER
+    assert paired.difference(a, b, larger_is_better=True).better == 10
+
+
+def test_pairs_see_what_runs_alone_do_not():
+    """One noise in both of a seed goes out of the difference."""
+    rng = np.random.default_rng(5)
+    a = rng.normal(100.0, 30.0, RUNS)
+    b = a + 1.0 + 0.3 * rng.normal(size=RUNS)
+    assert stats.ttest_ind(a, b).pvalue > 0.5
+    assert paired.difference(a, b).verdict == paired.A_BETTER
+
+
+def test_the_same_is_zero_and_no_difference():
+    a = np.random.default_rng(2).normal(size=RUNS)
+    found = paired.difference(a, a)
+    assert (found.mean, found.low, found.better, found.worse) == (0.0, None, 0, 0)
+    assert found.verdict == paired.NOT_SEEN and not found.why
+
+
+@pytest.mark.parametrize(
+    ("b", "why"),
+    [([2.0], "one pair"), ([2.0, 3.0, 4.0], "all differences are equal"), ([2.0, np.inf, 1.0], "not finite")],
+)
+def test_no_interval_no_verdict(b, why):
+    found = paired.difference(np.arange(1.0, 1.0 + len(b)), np.array(b))
+    assert found.verdict is None and found.low is None and why in found.why
+
+
+def test_one_pair_without_a_difference_has_no_interval_either():
+    assert paired.difference([1.0], [1.0]).why == "one pair"
+    assert paired.share_difference([True], [True], good=True).why == "one pair"
+
+
+@pytest.mark.parametrize("law", ["normal", "lognormal", "student"])
+def test_chance_alone_is_seldom_called_a_difference(law):
+    """Two equal filters with a common and an own noise: 5 % of verdicts at most, about."""
+    rng, trials, told = np.random.default_rng(31), 3000, 0
+    draw = {
+        "normal": lambda: rng.normal(size=RUNS),
+        "lognormal": lambda: np.exp(rng.normal(size=RUNS)),
+        "student": lambda: rng.standard_t(3, RUNS),
+    }[law]
+    for _ in range(trials):
+        common = draw()
+        told += paired.difference(common + draw(), common + draw()).verdict != paired.NOT_SEEN
+    assert told / trials < 0.065
+
+
+def test_how_often_something_happened():
+    a = [True] * 10
+    b = [False] * 6 + [True] * 4
+    met = paired.share_difference(a, b, good=True)
+    assert met.mean == pytest.approx(-0.6) and met.high < 0.0 and met.verdict == paired.A_BETTER
+    failed = paired.share_difference(a, b, good=False)
+    assert failed.verdict == paired.B_BETTER
+    assert stats.binomtest(0, 6).pvalue < 0.05 < stats.binomtest(0, 5).pvalue  # McNemar's exact test
+    five = paired.share_difference(a, [False] * 5 + [True] * 5, good=True)
+    assert five.verdict == paired.NOT_SEEN and five.low < 0.0 < five.high
+    same = paired.share_difference(a, a, good=True)
+    assert (same.mean, same.low, same.verdict) == (0.0, None, paired.NOT_SEEN)
+
+
+def test_a_share_has_the_interval_of_clopper_and_pearson():
+    interval = stats.binomtest(7, 10).proportion_ci(0.95, "exact")
+    found = paired.share([True] * 7 + [False] * 3)
+    assert (found.k, found.n) == (7, 10)
+    assert (found.low, found.high) == pytest.approx((interval.low, interval.high))
+
+
+def test_samples():
+    found = paired.sample([3.0, 4.0, 5.0])
+    assert (found.n, found.median, found.mean) == (3, 4.0, 4.0)
+    assert found.rms == pytest.approx(np.sqrt(50.0 / 3.0))
+
+
+def test_nees_is_compared_by_its_distance_from_what_it_should_be():
+    nees = next(one for one in QUANTITIES if one.name.startswith("NEES"))
+    assert nees.compared(9.0) == 0.0
+    assert nees.compared(18.0) == pytest.approx(nees.compared(4.5)) == pytest.approx(np.log(2.0))
+
+
+def test_figures_come_out_of_a_summary():
+    summary = {
+        "navigation": {
+            "at_entry": {"position_error_m": 3.0, "attitude_error_deg": [0.3, -0.4, 0.0]},
+            "star_phase": {"attitude_rms_deg": 0.01},
+            "integrity": {"misleading_share": 0.02, "usable_share": 0.5},
+        },
+        "star_tracker": {"solved": 9, "in_window": 10},
+        "wall_s": 20.0,
+        "simulated_s": 100.0,
+    }
+    found = {one.name: one.figure(figures_of(summary)) for one in QUANTITIES}
+    assert found["position at entry"] == 3.0 and found["attitude at entry"] == pytest.approx(0.5)
+    assert found["attitude, rms of the star phase"] == 0.01
+    assert found["misleading, of the time"] == pytest.approx(2.0)
+    assert found["star fixes of the window"] == pytest.approx(90.0)
+    assert found["time per tick, with the simulator"] == pytest.approx(2.0)
+    assert found["velocity at entry"] is None
