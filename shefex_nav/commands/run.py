@@ -48,12 +48,7 @@ def run(
     loaded = load.load(scenario, overrides or ())
     from shefex_nav import runs
 
-    if not until_s >= runs.earliest_end(loaded):
-        words = (
-            f"{until} is not after the start of the mission, T{loaded.mission.start:+g} s: "
-            f"from {runs.earliest_end(loaded):g} s on there is something to see"
-        )
-        raise typer.BadParameter(words, param_hint="--until")
+    _check_until(until, until_s, loaded.mission.start, runs.earliest_end(loaded))
     path = out or _free_name(loaded.mission.name, seed)
     check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
     if live:
@@ -73,6 +68,16 @@ def run(
     if until is not None and flown.data.until_s is None:
         say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
     show_run(flown.summary(), json, flown.data)
+
+
+def _check_until(until, until_s, start_s, earliest_s):
+    """Refuse an end before there is something to see. until : as it was written"""
+    if not until_s >= earliest_s:
+        words = (
+            f"{until} is not after the start of the mission, T{start_s:+g} s: "
+            f"from {earliest_s:g} s on there is something to see"
+        )
+        raise typer.BadParameter(words, param_hint="--until")
 
 
 def _open_viewer(log):

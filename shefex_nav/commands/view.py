@@ -45,18 +45,12 @@ def view(
         raise typer.BadParameter(
             f"{at} is the time of a picture; name it with --screenshot", param_hint="--at"
         )
-    if web and (save or screenshot):
-        raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
+    _check_together(web, follow, save or screenshot, logs)
     for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
         if path is not None:
             check_file(path, option, force=force, given=logs)
             _check_ending(path, option, ending)
     chosen = _page(page)
-    if follow and (save or screenshot or len(logs) > 1):
-        words = (
-            "shows one log in a window or a browser; it does not go with --save, --screenshot or a second log"
-        )
-        raise typer.BadParameter(words, param_hint="--follow")
     from shefex_nav.report import viewer
 
     if follow:
@@ -69,6 +63,15 @@ def view(
     for written in (save, screenshot):
         if written is not None:
             say(f"wrote {written}")
+
+
+def _check_together(web, follow, written, logs):
+    """Refuse options that do not go together. written : a file that --save or --screenshot names, or None"""
+    if web and written:
+        raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
+    if follow and (written or len(logs) > 1):
+        words = "shows one log in a window or a browser; it does not go with --save, --screenshot"
+        raise typer.BadParameter(f"{words} or a second log", param_hint="--follow")
 
 
 def _check_ending(path, option, ending):
