@@ -247,13 +247,28 @@ def _module(plugin, source):
     module.__file__ = plugin.path
     sys.modules[name] = module  # where its records are found again in other processes
     try:
-        exec(compile(source, plugin.path, "exec"), module.__dict__)
+        with _beside(plugin.path):
+            exec(compile(source, plugin.path, "exec"), module.__dict__)
     except Exception as error:
         del sys.modules[name]
         frames = [one for one in traceback.extract_tb(error.__traceback__) if one.filename == plugin.path]
         line = frames[-1].lineno if frames else getattr(error, "lineno", None)
         raise PluginError(f"{plugin.path}:{line or 1}: {type(error).__name__}: {error}") from error
     return module
+
+
+@contextmanager
+def _beside(path):
+    """A file can import what lies beside it, and nobody after it gets that in place of his own."""
+    folder, before = os.path.dirname(os.path.abspath(path)), set(sys.modules)
+    sys.path.append(folder)  # what is installed comes first
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
+        for name in set(sys.modules) - before:
+            if os.path.dirname(getattr(sys.modules[name], "__file__", None) or "") == folder:
+                del sys.modules[name]
 
 
 def _provided(module, name):

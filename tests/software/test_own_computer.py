@@ -51,13 +51,10 @@ serve(CLASS())
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """With a filter, a tracker and a computer of both, which can be imported."""
+def folder(tmp_path):
+    """With a filter and a tracker to start from."""
     for name in ("filter.py", "tracker.py"):
         template(name, tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    for name in ("my_filter", "my_tracker", "both"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
     return tmp_path
 
 
@@ -183,3 +180,19 @@ def test_a_log_of_it_is_replayed_by_the_built_in_filter_alone(command, folder, t
     assert "computer.software=built_in runs" in command("replay", log).err
     again = command("replay", log, "--set", "computer.software=built_in", "--json")
     assert again.code == 0
+
+
+def test_files_of_one_name_in_two_folders_are_not_mixed_up(tmp_path):
+    for name, exposure in (("one", 0.01), ("two", 0.03)):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "told.py").write_text(f"EXPOSURE = {exposure}\n")
+        (folder / "seen.py").write_text(
+            f"# {name}\nimport told\nfrom shefex_nav.software import Solved\n"
+            "class Seen:\n"
+            "    def start(self, mission): pass\n"
+            "    def step(self, frame, context): return Solved(exposure_s=told.EXPOSURE)\n"
+        )
+    for name, exposure in (("one", 0.01), ("two", 0.03)):
+        records = flown("night_sky", f"star_tracker.software={tmp_path / name}/seen.py:Seen", until_s=1.5)
+        assert {one.exposure_s for one in of(records, CameraCommand)[1:]} == {exposure}
