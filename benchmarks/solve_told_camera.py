@@ -138,7 +138,7 @@ def peer_on(folder, seen, camera, python):
     import subprocess
 
     hole = camera.params.camera.pinhole
-    earth = [told._earth_velocity(round(one.taken.julian_year * told.MINUTES)) for one in seen]
+    earth = [told.earth_velocity(round(one.taken.julian_year * told.MINUTES)) for one in seen]
     np.savez(
         folder / "case.npz",
         images=np.array([one.image for one in seen]),
@@ -186,7 +186,7 @@ def times(parent, seed, python):
             folder = exported(parent, "night_sky", (*larger, *deeper), seed, (1.0, 3.0), 10)
             seen, camera = read(folder), camera_file.read(folder / export.TOLD)
             year = seen[0].taken.julian_year
-            tracker = told._tracker(camera, round(year * 365.25))
+            tracker = told.tracker_of(camera, round(year * 365.25))
             state, _ = star_tracker.start(tracker, 0.0)
             context = star_tracker.NO_CONTEXT._replace(velocity_i=seen[0].taken.velocity_i)
 

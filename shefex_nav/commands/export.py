@@ -56,15 +56,13 @@ def export(
             "nothing to write: name at least one of --csv DIR, --parquet DIR, --kml FILE, --geojson FILE, "
             "--frames DIR"
         )
-    for kind, path in folders.items():
+    for kind, path in (*folders.items(), *([("frames", frames)] if frames else ())):
         _check_folder(path, f"--{kind}", force=force)
     for kind, path in maps.items():
         check_file(path, f"--{kind}", force=force, given=[source])
     wanted = export_frames.Wanted(frames, format, from_, until, every, seed, tuple(overrides or ()))
-    of_log = is_log(Path(source)) or frames is None
+    of_log = frames is None or is_log(Path(source))
     export_frames.check(wanted, of_log=of_log, alone=not folders and not maps)
-    if frames is not None:
-        _check_folder(frames, "--frames", force=force)
     if folders or maps:
         _write_tables(Path(source), folders, maps)
     if frames is not None:

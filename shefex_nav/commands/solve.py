@@ -52,17 +52,8 @@ def solve(
 
     Several pictures give one row each, with --json one object a line.
     """
+    _check(images, camera, fov, epoch, overlay)
     fov_deg = None if fov is None else _field_of_view(fov)
-    if fov is not None and camera is not None:
-        raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
-    if epoch is not None and not 1900.0 < epoch < 2200.0:
-        raise typer.BadParameter(
-            f"expected a Julian year between 1900 and 2200, got {epoch}", param_hint="--epoch"
-        )
-    if overlay is not None:
-        check_picture(overlay, "--overlay", endings=(".png",))
-        if len(images) > 1:
-            raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
     solve_one = _told(camera, epoch) if camera else _blind(fov_deg, epoch)
     found = []
     for image in images:
@@ -81,6 +72,20 @@ def solve(
 
         drawing.draw(picture.read(images[0]).grey, found[0][1], overlay)
         say(f"wrote {overlay}")
+
+
+def _check(images, camera, fov, epoch, overlay):
+    """Refuse options that are wrong, or do not go together."""
+    if fov is not None and camera is not None:
+        raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
+    if epoch is not None and not 1900.0 < epoch < 2200.0:
+        raise typer.BadParameter(
+            f"expected a Julian year between 1900 and 2200, got {epoch}", param_hint="--epoch"
+        )
+    if overlay is not None:
+        check_picture(overlay, "--overlay", endings=(".png",))
+        if len(images) > 1:
+            raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
 
 
 def _blind(fov_deg, epoch):

@@ -18,19 +18,21 @@ def write(folder, flight, shots, kind="png"):
 
     Yields
     ------
-    Shot, each when its file is written; truth and cameras are written at the end
+    Shot, each when its file is written; truth and cameras are written at the end, of an early end too
     """
     scenario, mission = flight.scenario, flight.scenario.mission
     hole, rows = params_onboard.nominal_camera(as_told(scenario)), []
-    for shot in shots:
-        name = f"frame_{shot.frame.number:06d}.{kind}"
-        told = header.keywords(shot, mission, flight.seed) | header.angles(shot.truth.q_ic, hole)
-        if kind == "fits":
-            told |= header.wcs(shot.truth.q_ic, hole)
-        picture_files.write(folder / name, shot.frame.image_dn, told)
-        rows.append(truth.row(name, shot, mission.epoch))
-        yield shot
-    truth.write(folder / TRUTH, rows)
-    for name, true in ((TOLD, False), (TRUE, True)):
-        text = camera_file.written(scenario, flight.world, true=true)
-        (folder / name).write_text(text, encoding="utf-8")
+    try:
+        for shot in shots:
+            name = f"frame_{shot.frame.number:06d}.{kind}"
+            told = header.keywords(shot, mission, flight.seed) | header.angles(shot.truth.q_ic, hole)
+            if kind == "fits":
+                told |= header.wcs(shot.truth.q_ic, hole)
+            picture_files.write(folder / name, shot.frame.image_dn, told)
+            rows.append(truth.row(name, shot, mission.epoch))
+            yield shot
+    finally:  # of an export that ends early, what there is has its truth
+        truth.write(folder / TRUTH, rows)
+        for name, true in ((TOLD, False), (TRUE, True)):
+            text = camera_file.written(scenario, flight.world, true=true)
+            (folder / name).write_text(text, encoding="utf-8")

@@ -77,7 +77,7 @@ def solve(image, camera, taken=None):
     image_dn, taken = checked(image, camera), taken or Taken()
     known = (year for year in (taken.julian_year, camera.julian_year) if year is not None)
     year = next(known, None) or this_year()
-    tracker, velocity_i = _tracker(camera, round(year * 365.25)), _earth_velocity(round(year * MINUTES))
+    tracker, velocity_i = tracker_of(camera, round(year * 365.25)), earth_velocity(round(year * MINUTES))
     if taken.velocity_i is not None:
         velocity_i = velocity_i + taken.velocity_i
     if image_dn.dtype not in _ready:  # compiled code is loaded before the clock runs
@@ -235,13 +235,13 @@ def _calibration(camera, xy_px, P_px, seen_i, q_ic):
 
 
 @lru_cache(maxsize=4)
-def _tracker(camera, day):
+def tracker_of(camera, day):
     """Tracker of a StarCamera with the stars of a day since the year 0."""
     return star_tracker.init(camera.params, load_catalogue(8.0), day / 365.25)
 
 
 @lru_cache(maxsize=64)
-def _earth_velocity(minute):
+def earth_velocity(minute):
     """Velocity of the Earth relative to the barycentre [m/s] at a Julian year of so many minutes: (3,)."""
     moment = datetime(2000, 1, 1, 12) + timedelta(days=(minute / MINUTES - 2000.0) * 365.25)
     return sky_bodies(moment.isoformat()).earth_v_i

@@ -244,7 +244,7 @@ def test_another_solver_agrees(still):
     )
     offset = [hole.cx_px - 0.5 * (hole.width_px - 1), hole.cy_px - 0.5 * (hole.height_px - 1)]
     model = tetra3rs.CameraModel(hole.focal_length_px, hole.width_px, hole.height_px, crpix=offset)
-    earth_i, solved = told._earth_velocity(round(YEAR * told.MINUTES)), 0
+    earth_i, solved = told.earth_velocity(round(YEAR * told.MINUTES)), 0
     for shot in still.shots:
         spots = tetra3rs.extract_centroids(shot.frame.image_dn, saturation_level=4000).centroids
         velocity = ((earth_i + shot.v_i) / 1e3).tolist()
