@@ -2,11 +2,19 @@
 
 import numpy as np
 
-from shefex_nav.geometry import wgs84
+from shefex_nav.geometry import frames, wgs84
 from shefex_nav.scenario.data_table import DataError, read_csv
 from shefex_nav.scenario.trajectory import AemFile, AlongVelocity, QuaternionColumns
 from shefex_nav.trajectory import placing
-from shefex_nav.trajectory.rows import Attitudes, Rows, ascending, rounding, unit_quaternions
+from shefex_nav.trajectory.rows import (
+    Attitudes,
+    Rows,
+    ascending,
+    clock_rounding,
+    moved,
+    rounding,
+    unit_quaternions,
+)
 from shefex_nav.world.flight import track
 
 
@@ -21,6 +29,8 @@ def read(given, earth):
     r_e, rounding_m = _positions(given, table, here)
     r_i = placing.turned(here.C_ie, r_e)
     v_i, rounding_m_s, others = _velocities(given, table, here, (t_s, r_e, r_i, rounding_m))
+    v_e = v_i - np.cross(frames.omega_ie_i(earth), r_i)
+    rounding_m += moved(v_e, clock_rounding(table.columns[given.time]) * given.time_unit.factor)
     a_i = None
     if given.acceleration:
         values = table.stack(given.acceleration) * given.acceleration_unit.factor

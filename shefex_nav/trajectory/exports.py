@@ -12,7 +12,15 @@ import numpy as np
 
 from shefex_nav.scenario.data_table import DataError, read_export
 from shefex_nav.trajectory import placing
-from shefex_nav.trajectory.rows import Attitudes, Rows, ascending, rounding, unit_quaternions
+from shefex_nav.trajectory.rows import (
+    Attitudes,
+    Rows,
+    ascending,
+    clock_rounding,
+    moved,
+    rounding,
+    unit_quaternions,
+)
 from shefex_nav.world.flight import track
 
 FOOT, MILE = 0.3048, 1609.344
@@ -92,6 +100,7 @@ def _parted(name):
 def _rows(given, earth, columns, t_s, level):
     """Rows of level coordinates. level : positions, velocities (N, 3), and the rounding of each"""
     r_l, v_l, rounding_m, rounding_m_s = level
+    rounding_m += moved(v_l, clock_rounding(columns.table.columns["Time"]))
     here = placing.place(earth, t_s, given.origin)
     r_e = placing.ecef(here, r_l, "launch_enu")
     r_i = placing.turned(here.C_ie, r_e)

@@ -65,6 +65,17 @@ def _half_a_digit(column):
     return 0.0
 
 
+def clock_rounding(values):
+    """Half of the last digit of times (N,), 0 if they are evenly spaced, and so exact."""
+    steps = np.diff(values)
+    return 0.0 if np.ptp(steps) <= 1e-6 * steps.mean() else _half_a_digit(values[:CHECKED])
+
+
+def moved(v, clock_s):
+    """What the rounding of a clock, s, makes of positions: m, by velocities (N, 3) relative to the Earth."""
+    return clock_s * float(np.linalg.norm(v, axis=1).max())
+
+
 def unit_quaternions(table, q):
     """Quaternions (M, 4) of length one; DataError where a row has none."""
     length = np.linalg.norm(q, axis=1)

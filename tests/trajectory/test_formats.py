@@ -3,7 +3,8 @@
 The layouts are those of the exports themselves. RocketPy: `FlightDataExporter.export_data`, RocketPy 1.13, a
 comment line of names, six digits. OpenRocket: "Export data" of a simulation, its names of flight data with
 the unit in brackets, comments about events, three digits. RASAero II: the line of names of the CSV of its
-flight simulation, feet and seconds. OEM and AEM: CCSDS 502.0-B and 504.0-B.
+flight simulation, as public readers of such files quote it; feet and seconds. OEM and AEM: CCSDS 502.0-B
+and 504.0-B.
 """
 
 import numpy as np

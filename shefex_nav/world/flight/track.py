@@ -6,7 +6,7 @@ rest is a curve of its own, of the fifth degree, with no slope at the rows. So b
 position, velocity and acceleration at any instant are one motion.
 
 Numbers of a file are rounded. Rows that are so close together that their rounding would be an acceleration,
-or a rate, of some size are passed by (`spread`).
+or a rate, of some size are passed by (`spread`), as long as the curve comes near them all the same.
 """
 
 from typing import NamedTuple
@@ -24,6 +24,7 @@ NOISE_BY_VELOCITY = 1e-2  # m/s^2, of velocities
 NOISE_ALONE = 0.2  # m/s^2, where positions alone say how it moves
 NOISE_OF_RATE = 2e-4  # rad/s, by the rounding of an attitude
 LARGEST_TURN = 0.3  # rad between rows of an attitude that are used, if there are rows between them
+MISSED, TINY_M = 4.0, 1e-9  # roundings, and m, by which a row may be missed
 CURVED = 12.0  # second derivative of a spline whose rows alternate by one, times their distance squared
 
 
@@ -74,14 +75,28 @@ class Track:
         else:
             self._v = CubicHermiteSpline(t_s[rows], v_i[rows], a_i[rows])
         self._way, self._r_0 = self._v.antiderivative(), r_i[0]
-        rows = spread(t_s, np.sqrt(CURVED * rounding_m / NOISE_BY_POSITION))
-        rest = r_i[rows] - self._r_0 - self._way(t_s[rows])
-        self._rest = _steps(t_s[rows], rest)
+        self._rest = _rest(t_s, r_i - self._r_0 - self._way(t_s), rounding_m)
 
     def at(self, t_s):
         """r_i, v_i, a_i at times (n,) s: three (n, 3)."""
         rest = [self._rest(t_s, order) for order in range(3)]
         return self._r_0 + self._way(t_s) + rest[0], self._v(t_s) + rest[1], self._v(t_s, 1) + rest[2]
+
+
+def _rest(t_s, values, rounding):
+    """Curve near values (N, 3) m at times (N,) s, by as few as their rounding, m, allows: PPoly."""
+    rows = spread(t_s, np.sqrt(CURVED * rounding / NOISE_BY_POSITION))
+    while True:
+        curve = _steps(t_s[rows], values[rows])
+        off = np.abs(curve(t_s) - values).max(axis=1)
+        off[rows] = 0.0
+        missed = np.flatnonzero(off > MISSED * rounding + TINY_M)
+        if not len(missed):
+            return curve
+        between = np.searchsorted(rows, missed)  # which two rows; the worst there is taken
+        order = np.lexsort((-off[missed], between))
+        worst = np.unique(between[order], return_index=True)[1]
+        rows = np.union1d(rows, missed[order][worst])
 
 
 def _steps(t_s, values):
