@@ -15,7 +15,7 @@ from shefex_nav.commands.main import app
 from shefex_nav.environment import ephemeris, stars
 from shefex_nav.frames import flown
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
-from shefex_nav.log import pixels, reader
+from shefex_nav.log import pixels, reader, topics
 from shefex_nav.log.topics import LogError
 from shefex_nav.scenario import load
 
@@ -137,11 +137,11 @@ def test_log_gives_all_its_frames_whole(flown_log, tmp_path):
     whole = {one.ns: one.image_dn for one in pixels.between(flown_log) if one.is_full}
     thresholded = {one.ns: one.image_dn for one in pixels.between(flown_log) if not one.is_full}
     assert whole and thresholded
-    epoch_ns, compared = runs.epoch_ns(data.mission.epoch_utc), 0
+    epoch_ns, compared = topics.epoch_ns(data.mission.epoch_utc), 0
     for row in rows:
         with Image.open(tmp_path / "out" / row["file"]) as image:
             values = np.asarray(image)
-        ns = int(runs.log_time_ns(epoch_ns, np.array([float(row["t_s"])]))[0])
+        ns = int(topics.log_time_ns(epoch_ns, np.array([float(row["t_s"])]))[0])
         if ns in whole:
             assert np.array_equal(values, whole[ns])
             compared += 1

@@ -1,0 +1,136 @@
+"""Fly a scenario from Python: simulate, navigate, log, keep."""
+
+import math
+import shutil
+import tempfile
+import time
+import weakref
+from pathlib import Path
+
+import numpy as np
+
+from shefex_nav.log import thinning
+from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.log.topics import RunSummary
+from shefex_nav.pacing import Pace
+from shefex_nav.runs.run import Run
+
+FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
+LOG_NAME = "run.mcap"
+
+
+def _check(scenario, seed, until_s, pace):
+    """TypeError or ValueError, in words, of what cannot be flown."""
+    if pace is not None and not 0.0 < pace < math.inf:
+        raise ValueError(f"pace {pace!r}: expected mission time over real time, above 0, such as 1.0")
+    if not hasattr(scenario, "mission"):
+        raise TypeError(f"a Scenario is flown, not {scenario!r}: load it with Scenario.load(path)")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
+    if not until_s >= earliest_end(scenario):
+        raise ValueError(
+            f"until_s {until_s!r}: expected a time after the start, from {earliest_end(scenario):g} s on"
+        )
+
+
+def earliest_end(scenario):
+    """Mission time [s] by which every log has a record of each kind that comes at a steady rate."""
+    return scenario.mission.start + 1.0 / thinning.LOWEST_HZ
+
+
+def get_ready(scenario):
+    """Compile what flying a Scenario needs and is not compiled yet."""
+    from shefex_nav import warmup
+    from shefex_nav.scenario.choices import choices
+
+    warmup.get_ready({"command=run", *choices(scenario)})
+
+
+def fly(
+    scenario,
+    seed=1,
+    *,
+    until_s=math.inf,
+    log=None,
+    overwrite=False,
+    pace=None,
+    watch=lambda records, *_: records,
+    told=lambda warnings: None,
+):
+    """Fly a scenario once: simulate, navigate, log.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seed : int
+    until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same, and the
+        log says that it was not seen
+    log : path of the log; without it a temporary one, which lives as long as the Run
+    overwrite : whether an existing log may be replaced
+    pace : mission time over real time, 1.0 for a flight in real time, above 0; None: as fast as it goes
+    watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
+    told : function of what the scenario gets wrong of the flight, a tuple of report.programme.Warned, called
+        before the sensors see it
+
+    -> Run. Raises LogError if the log cannot be written, FlightError if the vehicle cannot be flown,
+    TypeError or ValueError for what is no scenario, seed or time.
+    """
+    _check(scenario, seed, until_s, pace)
+    from shefex_nav import prepare, simulate
+    from shefex_nav.report import programme
+
+    folder = None if log else Folder()
+    path = Path(log) if log else folder.path / LOG_NAME
+    began = time.perf_counter()
+    get_ready(scenario)
+    scenario = prepare.settled(scenario)
+    world = prepare.build_world(scenario, seed)
+    flown = programme.of_flight(world.flight)
+    told((*programme.of_trajectory(scenario), *programme.warnings(scenario, flown)))
+    mission = prepare.mission(scenario, seed, world.flight.trajectory)
+    simulate.warm_up(scenario, world)
+    setup_s = time.perf_counter() - began
+    clock = None if pace is None else Pace(pace)
+    records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
+    data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s)
+    return Run(data, path, folder, clock and clock.real_time())
+
+
+def _seen(world, scenario, seed, until_s, watch, pace):
+    """Records of a flight as `watch` passes them on, and when it is looked at no more, as of `_record`."""
+    from shefex_nav import simulate
+
+    t_s = world.flight.trajectory.t_s
+    records = simulate.route(world, scenario, seed, until_s=until_s, pace=pace)
+    cut_s = float(until_s) if until_s < t_s[-1] else math.nan
+    return watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), cut_s
+
+
+def _record(records, mission, wanted, path, overwrite, setup_s, cut_s):
+    """RunData of the records of a flight, which are written to its log as well, thinned.
+
+    wanted : what a scenario says of its log;  setup_s : how long everything before took
+    cut_s : mission time at which it was not looked at any more, NaN if it was to the end
+    """
+    from shefex_nav.log.drawings import FramePolicy
+    from shefex_nav.log.writer import LogWriter
+
+    began, kept = time.perf_counter(), RunDataBuilder(mission)
+    frames = wanted.frames
+    policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
+    with LogWriter(path, mission, policy, overwrite=overwrite) as writer:
+        for record in thinning.thinned(records, wanted.rate, mission.start_s):
+            writer.write(record)
+            kept.add(record)
+        done = RunSummary(kept.last_t_s, time.perf_counter() - began, setup_s, cut_s)
+        writer.write(done)
+        kept.add(done)
+    return kept.build()
+
+
+class Folder:
+    """A temporary folder that goes with whoever holds this."""
+
+    def __init__(self):
+        self.path = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)

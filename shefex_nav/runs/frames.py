@@ -1,0 +1,76 @@
+"""The pictures of a run, with what was found in them and what they really show."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log import pixels
+from shefex_nav.log.topics import epoch_ns, log_time_ns
+from shefex_nav.records import FrameTruth, StarFix
+
+MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
+
+
+class SeenFrame(NamedTuple):
+    """One frame of the star camera, what came out of it and what it really looked at."""
+
+    number: int
+    t_s: float  # middle of the exposure
+    exposure_s: float
+    gain_db: float
+    image_dn: np.ndarray | None  # (rows, columns) grey values; None where the log keeps none
+    is_full: bool  # as read out; otherwise the background of the sky is zero
+    fix: StarFix | None  # of the star tracker; None if the run ended before
+    truth: FrameTruth | None
+
+    def plot(self):
+        """Figure of the frame with what was found in it and what it really looked at."""
+        from shefex_nav.report.figures import frame
+
+        if self.image_dn is None:
+            raise LookupError(f"the log keeps no pixels of frame {self.number} (log.frames in the scenario)")
+        return frame.frame(self)
+
+
+class Frames:
+    """The frames of a run; their pixels are read from its log when they are asked for."""
+
+    def __init__(self, data, log):
+        self._data, self._log = data, log
+        self._fixes = {fix.number: fix for fix in data.star_fixes}
+        self._truths = {truth.number: truth for truth in data.frame_truths}
+        self.t_s = data.frames.t_valid_s  # (N,) middles of the exposures
+
+    def __len__(self):
+        return len(self.t_s)
+
+    def __getitem__(self, t_s):
+        """SeenFrame nearest to a mission time [s]; LookupError before the first and after the last frame."""
+        return self._frame(nearest(self.t_s, t_s, "frame of the star camera"))
+
+    def __iter__(self):
+        return (self._frame(k) for k in range(len(self)))
+
+    def _frame(self, k):
+        frames = self._data.frames
+        number, ns = int(frames.number[k]), log_time_ns(epoch_ns(self._data.mission.epoch_utc), self.t_s[k])
+        found = pixels.at(self._log, int(ns))
+        return SeenFrame(
+            number,
+            float(self.t_s[k]),
+            float(frames.exposure_s[k]),
+            float(frames.gain_db[k]),
+            found.image_dn if found else None,
+            bool(found and found.is_full),
+            self._fixes.get(number),
+            self._truths.get(number),
+        )
+
+
+def nearest(times_s, t_s, what):
+    """Index of the time nearest to t_s, at most a second off; LookupError."""
+    k = int(np.argmin(np.abs(times_s - t_s))) if len(times_s) else -1
+    if k < 0 or not abs(times_s[k] - t_s) <= MOST_AWAY_S:
+        covered = f"T{times_s[0]:+.1f} to {times_s[-1]:+.1f} s" if k >= 0 else "no time"
+        raise LookupError(f"no {what} at T{t_s:+.1f} s; the run has them for {covered}")
+    return k

@@ -1,0 +1,203 @@
+"""One flight, flown or read from its log: records as arrays, errors, pictures, figures."""
+
+import shutil
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log import reader
+from shefex_nav.log.run_data import stack
+from shefex_nav.log.topics import LogError
+from shefex_nav.records import GpsFix
+from shefex_nav.runs.frames import Frames, nearest
+
+
+def open_run(log):
+    """The Run of a log, of a killed run too; LogError if it is none."""
+    return Run(reader.read(log), Path(log))
+
+
+class Errors(NamedTuple):
+    """Truth minus estimate, and what the filter believes of it."""
+
+    t_s: np.ndarray  # (N,) of the errors
+    position_i: np.ndarray  # (N, 3) m
+    velocity_i: np.ndarray  # (N, 3) m/s
+    attitude_b: np.ndarray  # (N, 3) rad, rotation vector
+    sigma_t_s: np.ndarray  # (K,) of the logged covariances
+    sigma_position_i: np.ndarray  # (K, 3) m
+    sigma_velocity_i: np.ndarray  # (K, 3) m/s
+    sigma_attitude_b: np.ndarray  # (K, 3) rad
+
+    def at(self, t_s):
+        """Errors at the instants nearest to a mission time [s]: numbers and (3,) in place of the arrays.
+
+        LookupError where the run has none within a second.
+        """
+        k, j = nearest(self.t_s, t_s, "errors"), nearest(self.sigma_t_s, t_s, "standard deviations")
+        return Errors(*(column[k] for column in self[:4]), *(column[j] for column in self[4:]))
+
+
+class Run:
+    """One flight: its records as arrays, its pictures, its figures.
+
+    Attributes
+    ----------
+    data : RunData, every record of the log
+    log : Path of the log
+    real_time : pacing.RealTime, how well it has kept its pace; None of one that had none
+    """
+
+    def __init__(self, data, log, folder=None, real_time=None):
+        self.data = data
+        self.log = log
+        self.real_time = real_time
+        self._folder = folder  # a temporary log is deleted with it
+
+    def __repr__(self):
+        mission = self.data.mission
+        ends = (
+            (self.data.failure, "failed at"),
+            (self.data.ended_early, "ended early at"),
+            (self.data.until_s is not None, "looked at until"),
+        )
+        end = next((words for holds, words in ends if holds), "ended at")
+        end += f" T{self.data.last_t_s:+.1f} s"
+        kept = "log not saved" if self._folder else self.log
+        own = "".join(f", {name}" for _, name, _ in mission.software)
+        return f"<Run {mission.scenario}, seed {mission.seed}{own}, {end}, {kept}>"
+
+    @property
+    def truth(self):
+        """TruthSample of arrays over the ticks of the on-board clock."""
+        return self.data.truth
+
+    @property
+    def solution(self):
+        """NavSolution of arrays over the ticks of the on-board clock."""
+        return self.data.nav
+
+    @property
+    def events(self):
+        """list of Event in order of time."""
+        return self.data.events
+
+    @property
+    def imu(self):
+        """ImuBlock of arrays over the ticks, as the on-board computer got them."""
+        return self.data.imu
+
+    @property
+    def gps(self):
+        """GpsFix of arrays over the fixes."""
+        return stack(GpsFix, self.data.gps)
+
+    @cached_property
+    def tables(self):
+        """The tables that `shefex-nav export` writes, by name: `run.tables["nav"].to_pandas()`."""
+        from shefex_nav.report.tables import Tables
+
+        return Tables(self.data)
+
+    @property
+    def others(self):
+        """{name: Run} of what other filters say of this flight in its log (`write_solution`)."""
+        return {
+            name: Run(self.data.with_other(name, one), self.log) for name, one in self.data.others.items()
+        }
+
+    def with_solution(self, t_s, r, v, q, P=None, *, frame="i", name="other"):
+        """What another filter says of this flight, as a Run: with errors, NEES and figures of its own.
+
+        Raises ValueError where an array is no such thing.
+
+        Parameters
+        ----------
+        t_s : (N,) s, mission times, increasing; those that are times of `truth` have errors
+        r, v : (N, 3) m, m/s, of the IMU; v relative to the axes of r
+        q : (N, 4) attitude, body axes to those of r, Hamilton, scalar first
+        P : (N, 9, 9) covariance of the errors, truth minus estimate: position and velocity in the axes of r,
+            attitude as a rotation vector in body axes [rad]; None without one
+        frame : axes of r: 'i' inertial, 'e' Earth-fixed
+        name : of the filter, lower case
+        """
+        from shefex_nav.report import other_solution
+
+        given = other_solution.Given(t_s, r, v, q, P)
+        return Run(self.data.with_other(name, other_solution.other(self.data, given, frame, name)), self.log)
+
+    def write_solution(self, other, log):
+        """Write a copy of this run's log with what another filter says in it. -> the Run of the copy
+
+        other : Run of `with_solution`, under its name;  log : path of the copy, which must not exist
+        Raises LogError.
+        """
+        from shefex_nav.log import other_solutions
+
+        if self.data.ended_early and not self.data.failure:
+            raise LogError(f"{self.log}: was not closed, its run was killed; it cannot be copied whole")
+        name = other.data.mission.software[0][1]
+        found = {name: other_solutions.Other(other.data.nav, other.data.covariance)}
+        other_solutions.write(self.log, log, self.data.mission, found)
+        return open_run(log)
+
+    def event(self, name):
+        """The first Event of a name, such as 'apogee' or 'entry'; LookupError if there was none."""
+        for event in self.events:
+            if event.name == name:
+                return event
+        names = ", ".join(dict.fromkeys(event.name for event in self.events)) or "none"
+        raise LookupError(f"there was no event {name!r}; the run has: {names}")
+
+    def errors(self):
+        """Errors of position, velocity and attitude with their standard deviations."""
+        from shefex_nav.report import metrics
+
+        errors, covariance = metrics.navigation_errors(self.data), self.data.covariance
+        sigma = np.sqrt(np.einsum("kii->ki", covariance.P))
+        return Errors(*errors, covariance.t_s, sigma[:, :3], sigma[:, 3:6], sigma[:, 6:])
+
+    def summary(self):
+        """The object that `shefex-nav run --json` prints: dict of numbers, texts and None."""
+        from shefex_nav.report import metrics
+
+        summary = metrics.summarise(self.data, log=self.log)
+        return summary if self.real_time is None else summary | {"real_time": self.real_time._asdict()}
+
+    def table(self):
+        """The closing table of `shefex-nav run`, a rich Table."""
+        from shefex_nav.report import configured, table
+
+        summary = self.summary()
+        if self._folder:  # a temporary log is nobody's business
+            summary["log"] = None
+        return table.summary_table(summary, configured.judged(self.data, summary))
+
+    @cached_property
+    def frames(self):
+        """Frames of the star camera by mission time: `run.frames[300.0]`, `len(run.frames)`, iteration."""
+        return Frames(self.data, self.log)
+
+    @property
+    def plot(self):
+        """Figures of the run, each of matplotlib: `run.plot.attitude()`; `dir(run.plot)` names them."""
+        from shefex_nav.report import figures
+
+        names = [entry.name for entry in figures.catalogue()]
+        return figures.Plots(names, lambda name: figures.draw(name, self.data))
+
+    def view(self, save=None):
+        """Open the run in the rerun viewer and wait until it is closed, or save its recording (.rrd)."""
+        from shefex_nav.report import viewer
+
+        viewer.view(self.log, save=save)
+
+    def save(self, path):
+        """Copy the log to a path that does not exist yet; returns it."""
+        path = Path(path)
+        if path.exists():
+            raise FileExistsError(f"{path}: exists already; choose another name")
+        shutil.copyfile(self.log, path)
+        return path
