@@ -54,7 +54,7 @@ def tried(path, first=0, every=1):
             continue
         target = fields.target(type(scenario), tree, name)
         try:
-            made = load.Pattern(load._normalised(tree | {"dispersions": {name: small(target)}}), "text")
+            made = load.Pattern(load.normalised(tree | {"dispersions": {name: small(target)}}), "text")
         except load.ScenarioError as error:
             refused.append(name)
             assert error.messages[0].startswith("text:") and f": dispersions.{name}" in error.messages[0]
