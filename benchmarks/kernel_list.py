@@ -63,6 +63,7 @@ def jobs(folder):
     found.append(["replay", ROOT / "scenarios" / "replay" / "csv_example.yaml"])
     found.append(["smooth", log])
     found.append(["solve", f"{folder}/sky.png"])
+    found.append(["solve", f"{folder}/sky.png", "--camera", "shefex2_andoya"])
     found.append(["-c", CENTROIDS])
     return found
 
