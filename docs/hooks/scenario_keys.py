@@ -45,8 +45,19 @@ def text():
     parts = [HEAD, "## Sections", COLUMNS]
     parts[-1] += "".join(f"\n{_row(key, field)}" for key, field in Scenario.keys().items())
     for key, field in Scenario.keys().items():
-        parts += sections(key, field.annotation, set())
+        parts += _once(sections(key, field.annotation, set()))
     return "\n\n".join(parts) + "\n"
+
+
+def _once(parts):
+    """Markdown parts without those of a section that several forms of another have in common, told again."""
+    known, shown = set(), True
+    for part in parts:
+        if part.startswith("#"):
+            shown = part not in known
+            known.add(part)
+        if shown:
+            yield part
 
 
 def sections(path, annotation, seen, form=""):
