@@ -32,13 +32,16 @@ class _Frames(NamedTuple):
     overrides: tuple
 
 
+Source = Annotated[
+    str,
+    typer.Argument(
+        metavar="LOG", help="Log of a run (MCAP), of a killed one too; a scenario will do for --frames."
+    ),
+]
+
+
 def export(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG", help="Log of a run (MCAP), of a killed one too; a scenario will do for --frames."
-        ),
-    ],
+    source: Source,
     csv: Annotated[Path | None, typer.Option(help="Folder for tables as CSV, one a topic.")] = None,
     parquet: Annotated[Path | None, typer.Option(help="Folder for the same tables as Parquet.")] = None,
     kml: Annotated[Path | None, typer.Option(help="File for the ground track and the events as KML.")] = None,

@@ -16,18 +16,20 @@ from shefex_nav.commands.printing import say
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
 
+Until = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
+    ),
+]
+
 
 def run(
     scenario: Scenario,
     seed: Seed = 1,
     out: Annotated[Path | None, typer.Option(help="Log; default logs/<scenario>-seed<seed>.mcap.")] = None,
     overrides: Overrides = None,
-    until: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
-        ),
-    ] = None,
+    until: Until = None,
     pace: Annotated[
         float | None,
         typer.Option(help="Mission time over real time, e.g. 1: in real time. Default: as fast as it goes."),

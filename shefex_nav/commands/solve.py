@@ -18,6 +18,16 @@ from shefex_nav.commands.printing import print_json, say, stdout
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
 
+Camera = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE",
+        help="Camera file (`export --frames` writes one) or scenario: the star tracker that flies solves "
+        "the pictures, with covariance.",
+    ),
+]
+
+
 def solve(
     images: Annotated[
         list[Path],
@@ -26,14 +36,7 @@ def solve(
             help="Pictures of the night sky: PNG, JPEG, TIFF, FITS; with --camera .raw and .bin.",
         ),
     ],
-    camera: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Camera file (`export --frames` writes one) or scenario: the star tracker that flies solves "
-            "the pictures, with covariance.",
-        ),
-    ] = None,
+    camera: Camera = None,
     fov: Annotated[
         str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")
     ] = None,

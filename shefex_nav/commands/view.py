@@ -10,6 +10,15 @@ from shefex_nav.commands.options import mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
 
+Page = Annotated[
+    str,
+    typer.Option(
+        "--view",
+        metavar="NAME",
+        help="Page open at first: overview, mission, star-tracker, navigation, sensors.",
+    ),
+]
+
 
 def view(
     logs: Annotated[
@@ -19,14 +28,7 @@ def view(
             help="Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
         ),
     ],
-    page: Annotated[
-        str,
-        typer.Option(
-            "--view",
-            metavar="NAME",
-            help="Page open at first: overview, mission, star-tracker, navigation, sensors.",
-        ),
-    ] = "overview",
+    page: Page = "overview",
     save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd), do not open it.")] = None,
     screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
     at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
