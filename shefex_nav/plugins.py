@@ -24,7 +24,7 @@ from functools import cache
 from importlib import import_module, util
 from typing import NamedTuple
 
-from shefex_nav import instruments, plugin_checks
+from shefex_nav import instruments, plugin_checks, plugin_sources
 from shefex_nav.environment import models
 from shefex_nav.errors import UserError
 from shefex_nav.instruments.instrument import Instrument
@@ -76,7 +76,7 @@ def load(name, sha256=None, trust=False):
     """What a plug-in provides: Plugin, tuple of Instrument, OwnState, Method and models of the environment.
 
     name : path of a file, or name of an entry point
-    sha256 : that its source must have; None: any
+    sha256 : that it must have, with what it imports from its folder; None: any
     trust : whether consent is given for the file as it is now
     """
     path, version = (name, "") if is_file(name) else _installed(name)
@@ -126,16 +126,18 @@ def program(words, sha256=None, trust=False):
     words : of the command; sha256, trust : as of `load`. The SHA-256 is that of the words and of the files
     among them.
     """
-    found = shutil.which(words[0])
-    if found is None:
+    there = shutil.which(words[0])
+    if there is None:
         raise PluginError(f"'{words[0]}' cannot be started: there is no such program, or it may not be run")
-    words = [os.path.abspath(found), *words[1:]]
+    words = [os.path.abspath(there), *words[1:]]
     total = hashlib.sha256(repr(words[1:]).encode())
     for word in words:
         if os.path.isfile(word):
             with open(word, "rb") as file:
-                total.update(hashlib.sha256(file.read()).digest())
-    digest, name = total.hexdigest(), " ".join([os.path.basename(found), *words[1:]])
+                content = file.read()
+            found = _digest(word, content) if word.endswith(".py") else hashlib.sha256(content).hexdigest()
+            total.update(bytes.fromhex(found))
+    digest, name = total.hexdigest(), " ".join([os.path.basename(there), *words[1:]])
     if sha256 is not None and digest != sha256:
         raise PluginError(
             f"'{name}' is another program than the one that was flown: its SHA-256 is {digest[:12]}..., "
@@ -183,13 +185,21 @@ def _read(name, path, sha256):
         raise PluginError(
             f"'{name}' cannot be read: {error.strerror}; put it there, or name where it is"
         ) from None
-    found = hashlib.sha256(source).hexdigest()
+    found = _digest(path, source)
     if sha256 is not None and found != sha256:
         raise PluginError(
             f"'{name}' is another file than the one that was flown: its SHA-256 is {found[:12]}..., "
             f"that was {sha256[:12]}..."
         )
     return source, found
+
+
+def _digest(path, source):
+    """SHA-256 of a file with what it imports from its folder."""
+    try:
+        return plugin_sources.digest(path, source)
+    except plugin_sources.LateImportError as error:
+        raise PluginError(str(error)) from None
 
 
 def left_out(pins):
@@ -247,7 +257,7 @@ def _module(plugin, source):
     module.__file__ = plugin.path
     sys.modules[name] = module  # where its records are found again in other processes
     try:
-        with _beside(plugin.path):
+        with plugin_sources.importing(plugin.path):
             exec(compile(source, plugin.path, "exec"), module.__dict__)
     except Exception as error:
         del sys.modules[name]
@@ -255,20 +265,6 @@ def _module(plugin, source):
         line = frames[-1].lineno if frames else getattr(error, "lineno", None)
         raise PluginError(f"{plugin.path}:{line or 1}: {type(error).__name__}: {error}") from error
     return module
-
-
-@contextmanager
-def _beside(path):
-    """A file can import what lies beside it, and nobody after it gets that in place of his own."""
-    folder, before = os.path.dirname(os.path.abspath(path)), set(sys.modules)
-    sys.path.append(folder)  # what is installed comes first
-    try:
-        yield
-    finally:
-        sys.path.remove(folder)
-        for name in set(sys.modules) - before:
-            if os.path.dirname(getattr(sys.modules[name], "__file__", None) or "") == folder:
-                del sys.modules[name]
 
 
 def _provided(module, name):

@@ -20,6 +20,8 @@ def write(folder, flight, shots, kind="png"):
     ------
     Shot, each when its file is written; truth and cameras are written at the end, of an early end too
     """
+    for name in (name for ending in picture_files.FORMATS for name in folder.glob(f"frame_*.{ending}")):
+        name.unlink()  # those of another flight would have no truth
     scenario, mission = flight.scenario, flight.scenario.mission
     hole, rows = params_onboard.nominal_camera(as_told(scenario)), []
     try:

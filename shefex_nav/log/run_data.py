@@ -153,6 +153,15 @@ def join(records):
     return type(records[0])(*columns)
 
 
+def together(first, second):
+    """Two RunData, one after the other; what a run has once is that of the second."""
+    arrays = {name: join([getattr(first, name), getattr(second, name)]) for name in _OF_ARRAYS}
+    arrays["compute_times"] = join([first.compute_times, second.compute_times])
+    lists = {name: getattr(first, name) + getattr(second, name) for name in LISTS.values()}
+    readings = {name: join([first.readings[name], one]) for name, one in second.readings.items()}
+    return second._replace(**arrays, **lists, readings=readings)
+
+
 class RunDataBuilder:
     """Collects the records of a run in memory."""
 

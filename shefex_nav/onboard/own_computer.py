@@ -1,6 +1,5 @@
 """A whole on-board computer of somebody's own: pictures, IMU, GPS in, solutions and camera commands out."""
 
-from collections import deque
 from typing import Protocol
 
 from shefex_nav.clock import SAME_S
@@ -39,11 +38,13 @@ class OwnComputer(OwnNavigation):
     def __init__(self, software, name, alignment, mission):
         super().__init__(software, name, alignment, mission)
         self._answers, self._exposure_s = Answers(self._own, mission.sheets["star_tracker"]), None
-        self._frames = deque(maxlen=FRAMES)
+        self._frames = {}  # number -> Frame without an answer
 
     def update(self, arrived):
         """As of `driving.Software`."""
-        self._frames.extend(one for one in arrived if isinstance(one, Frame))
+        self._frames |= {one.number: one for one in arrived if isinstance(one, Frame)}
+        for number in list(self._frames)[:-FRAMES]:
+            del self._frames[number]
         return super().update(arrived)
 
     def _recorded(self, given):
@@ -61,9 +62,10 @@ class OwnComputer(OwnNavigation):
 
     def _solved(self, solved):
         """StarFix and, if something is asked of the camera, CameraCommand of a Solved."""
-        frame = next((one for one in self._frames if one.number == solved.number), None)
+        frame = self._frames.pop(solved.number, None)
         if frame is None:
-            raise self._error(f"gave a Solved of frame {solved.number}, which has not come")
+            words = f"which has not come, has been answered, or came more than {FRAMES} frames ago"
+            raise self._error(f"gave a Solved of frame {solved.number}, {words}")
         outputs = [self._answers.fix(solved, frame, self.now_s, self.now_s)]
         if solved.exposure_s is None and solved.gain_db is None:
             return outputs

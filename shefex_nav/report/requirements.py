@@ -213,7 +213,7 @@ def judge_figures(required, get):
 
 def _without_levels(get):
     """Whether software of a user's own navigated, and gave no protection levels."""
-    is_own = get("software.navigation") is not None
+    is_own = any(get(f"software.{section}") is not None for section in ("navigation", "computer"))
     return is_own and get("navigation.integrity.attitude.usable_share") is None
 
 

@@ -17,7 +17,7 @@ SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
 FITS_MAGIC = b"SIMPLE  ="
 RAW = (".raw", ".bin")  # endings of files that hold grey values alone
-EXIF_TAKEN, EXIF_CHANGED, EXIF_BLOCK = 36867, 306, 34665  # DateTimeOriginal, DateTime, the block of the first
+EXIF_TAKEN, EXIF_BLOCK = 36867, 34665  # DateTimeOriginal, and its block
 
 
 class PictureError(UserError, ValueError):
@@ -138,7 +138,7 @@ def _decoded(path, image):
         image.load()
         values = np.asarray(_without_palette(image))
     header = {key: text for key, text in image.info.items() if isinstance(text, str)}
-    return Stored(values, header, _julian_year(image) or _year(header))
+    return Stored(values, header, _year(header) or _julian_year(image))
 
 
 def _check_size(name, width, height):
@@ -182,7 +182,7 @@ def _julian_year(image):
     from datetime import datetime
 
     exif = image.getexif()
-    text = exif.get_ifd(EXIF_BLOCK).get(EXIF_TAKEN) or exif.get(EXIF_CHANGED)
+    text = exif.get_ifd(EXIF_BLOCK).get(EXIF_TAKEN)  # not when the file was changed
     try:
         when = datetime.strptime(str(text).strip("\0 "), "%Y:%m:%d %H:%M:%S")
     except ValueError:

@@ -28,7 +28,7 @@ from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Reason
 from shefex_nav.solve import pointing
 from shefex_nav.solve.camera import Camera
-from shefex_nav.solve.header import Taken, this_year
+from shefex_nav.solve.header import Taken
 from shefex_nav.solve.picture import PictureError
 from shefex_nav.solve.solution import ImageSolution, Match, failed
 
@@ -46,7 +46,7 @@ class StarCamera:
     principal_point_error : px, 1 sigma per axis, what the calibration left
     bits : of a grey value
     line_s : from the start of one row to the next; 0 with a global shutter
-    julian_year : of pictures that do not say when they were taken; None: today
+    julian_year : of pictures that do not say when they were taken; None: such are refused
     """
 
     params: star_tracker.TrackerParams
@@ -63,8 +63,8 @@ def solve(image, camera, taken=None):
     ----------
     image : (rows, columns) uint8 or uint16, grey values as the detector gives them
     camera : StarCamera
-    taken : Taken; without an instant the camera's or today is meant, without an exposure the longest, without
-        a velocity that of the centre of the Earth
+    taken : Taken; without an instant the camera's is meant, without an exposure the longest, without a
+        velocity that of the centre of the Earth
 
     Returns
     -------
@@ -72,11 +72,13 @@ def solve(image, camera, taken=None):
 
     Raises
     ------
-    PictureError : a picture that this camera does not make
+    PictureError : a picture that this camera does not make, or of an instant that nobody says
     """
     image_dn, taken = checked(image, camera), taken or Taken()
-    known = (year for year in (taken.julian_year, camera.julian_year) if year is not None)
-    year = next(known, None) or this_year()
+    year = camera.julian_year if taken.julian_year is None else taken.julian_year
+    if year is None:  # the aberration of another day would be an error of up to 40 arcsec
+        words = "give DATE-OBS, --epoch YEAR, or an epoch in the camera file"
+        raise PictureError(f"image: does not say when it was taken; {words}")
     tracker, velocity_i = tracker_of(camera, round(year * 365.25)), earth_velocity(round(year * MINUTES))
     if taken.velocity_i is not None:
         velocity_i = velocity_i + taken.velocity_i

@@ -208,3 +208,14 @@ def test_times_without_a_frame(tmp_path):
     done = command("night_sky", "--frames", tmp_path / "out", "--until", "0.5s")
     assert done.exit_code == 0 and "there is no frame between these times" in done.stderr
     assert table(tmp_path / "out") == []
+
+
+def test_a_folder_that_is_written_again_has_no_frames_of_another_flight(tmp_path):
+    folder = tmp_path / "frames"
+    for until_s, name in ((1.6, "png"), (1.3, "fits")):
+        done = command("night_sky", "--frames", folder, "--until", f"{until_s}s", "--format", name, "--force")
+        assert done.exit_code == 0
+        with (folder / "truth.csv").open(encoding="utf-8") as file:
+            rows = [row["file"] for row in csv.DictReader(file)]
+        assert sorted(rows) == sorted(path.name for path in folder.glob("frame_*"))
+        assert {row.rpartition(".")[2] for row in rows} == {name}

@@ -259,3 +259,13 @@ def test_another_solver_agrees(still):
         assert abs(error[2]) < 5.0 * np.hypot(theta, ours[2])
         solved += 1
     assert solved > 20
+
+
+def test_a_picture_of_an_unknown_day_is_refused(still, tmp_path):
+    camera = replace(cameras(still)[0], julian_year=None)
+    bare = tmp_path / "bare.png"
+    Image.fromarray(still.shots[0].frame.image_dn).save(bare)  # without texts
+    with pytest.raises(PictureError, match="does not say when it was taken"):
+        solve_image(bare, camera=camera)
+    solution = solve_image(bare, camera=camera, epoch=YEAR)
+    assert solution.status == "ok"

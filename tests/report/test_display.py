@@ -90,6 +90,12 @@ def test_there_is_nothing_else(address, path):
         got(address + path)
 
 
+def test_pages_of_others_cannot_read_the_frames(address):
+    asked = urllib.request.Request(f"{address}/frames.json", headers={"Host": "rebound.example:80"})
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(asked, timeout=20)
+
+
 @pytest.mark.skipif(browser.executable() is None, reason="no Chromium on this machine")
 def test_a_browser_plays_them_dot_by_dot(address, tmp_path):
     wait = "new Promise(done => {{ const look = () => {} ? done({}) : setTimeout(look, 20); look(); }})"

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
-from recorded import NO_VULKAN, chunks
+import synthetic_run
+from recorded import NO_VULKAN, OPTIONS, chunks
 
+from shefex_nav.log import reader
+from shefex_nav.log.drawings import FramePolicy
+from shefex_nav.log.run_data import together
+from shefex_nav.log.writer import LogWriter
+from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.report.viewer import layout, live, pages, program, recording
 
 
@@ -122,3 +128,35 @@ def test_a_window_that_cannot_be_opened_is_told(monkeypatch):
 def test_following_shows_one_log_in_a_window(command, tmp_path, more):
     done = command("view", tmp_path / "run.mcap", "--follow", *more)
     assert done.code == 2 and "--follow" in done.err
+
+
+def test_a_flight_without_solutions_is_shown_too(tmp_path):
+    path, grown, saved = tmp_path / "silent.mcap", tmp_path / "grown.mcap", tmp_path / "grown.rrd"
+    with LogWriter(path, synthetic_run.mission(), FramePolicy(10, "thresholded", 4.0)) as log:
+        for record in synthetic_run.simulate(OPTIONS):
+            if not isinstance(record, NavSolution | NavCovariance):
+                log.write(record)
+    stream = rr.RecordingStream("shefex_nav")
+    stream.save(saved)
+    followed(path, grown, stream)
+    stream.disconnect()
+    entities = {str(chunk.entity_path) for chunk in chunks(saved)}
+    assert {"/star_tracker/image", "/stars/identified", "/plots/height", "/states/star_tracker"} <= entities
+
+
+def test_nothing_of_a_slice_without_truth_is_lost(log, tmp_path):
+    data = reader.read(log)
+    n = len(data.truth.t_s) // 2
+    first = data._replace(
+        star_fixes=data.star_fixes[:7], gps=data.gps[:1], truth=data.truth._make(c[:n] for c in data.truth)
+    )
+    second = data._replace(
+        star_fixes=data.star_fixes[7:], gps=data.gps[1:], truth=data.truth._make(c[n:] for c in data.truth)
+    )
+    both = together(first, second)
+    assert np.array_equal(both.truth.r_i, data.truth.r_i)
+    assert [one.number for one in both.star_fixes] == [one.number for one in data.star_fixes]
+    assert len(both.gps) == len(data.gps) and len(both.nav.t_s) == 2 * len(data.nav.t_s)
+    assert all(
+        len(one.t_valid_s) == 2 * len(data.readings[name].t_valid_s) for name, one in both.readings.items()
+    )

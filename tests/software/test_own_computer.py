@@ -141,6 +141,7 @@ def test_pictures_of_more_than_eight_bits_reach_a_program_whole(folder):
     ("here", "words"),
     [
         ("given[-1] = solved._replace(number=None)", "gave a Solved of frame None, which has not come"),
+        ("given.append(solved)", "which has not come, has been answered"),
         ("given[-1] = solved._replace(exposure_s=0.2)", "asked for an exposure of 0.2 s"),
         ("given.append(CameraCommand(imu.t_valid_s + 1.0, 0.05, 24.0))", "of another tick"),
         ("given.append(CameraCommand(imu.t_valid_s, 0.05, 99.0))", "asked for a gain of 99.0 dB"),
@@ -182,17 +183,63 @@ def test_a_log_of_it_is_replayed_by_the_built_in_filter_alone(command, folder, t
     assert again.code == 0
 
 
-def test_files_of_one_name_in_two_folders_are_not_mixed_up(tmp_path):
-    for name, exposure in (("one", 0.01), ("two", 0.03)):
-        folder = tmp_path / name
-        folder.mkdir()
-        (folder / "told.py").write_text(f"EXPOSURE = {exposure}\n")
-        (folder / "seen.py").write_text(
-            f"# {name}\nimport told\nfrom shefex_nav.software import Solved\n"
-            "class Seen:\n"
-            "    def start(self, mission): pass\n"
-            "    def step(self, frame, context): return Solved(exposure_s=told.EXPOSURE)\n"
-        )
-    for name, exposure in (("one", 0.01), ("two", 0.03)):
-        records = flown("night_sky", f"star_tracker.software={tmp_path / name}/seen.py:Seen", until_s=1.5)
+TOLD = """
+# {name}
+{imports}
+from shefex_nav.software import Solved
+
+
+class Seen:
+    def start(self, mission): pass
+    def step(self, frame, context): return Solved(exposure_s=told.EXPOSURE)
+"""
+
+
+def seen(folder, exposure, package=False):
+    """Path of a tracker that asks for an exposure, which stands in a file or a package beside it."""
+    place = folder / "common" if package else folder
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "told.py").write_text(f"EXPOSURE = {exposure}\n")
+    path = folder / "seen.py"
+    imports = "from common import told" if package else "import told"
+    path.write_text(TOLD.format(name=folder.name, imports=imports))
+    return path
+
+
+@pytest.mark.parametrize("package", [False, True])
+def test_files_of_one_name_in_two_folders_are_not_mixed_up(tmp_path, package):
+    paths = {exposure: seen(tmp_path / str(exposure), exposure, package) for exposure in (0.01, 0.03)}
+    for exposure, path in paths.items():
+        records = flown("night_sky", f"star_tracker.software={path}:Seen", until_s=1.5)
         assert {one.exposure_s for one in of(records, CameraCommand)[1:]} == {exposure}
+
+
+@pytest.mark.parametrize("package", [False, True])
+def test_what_lies_beside_a_file_belongs_to_it(tmp_path, package):
+    path = seen(tmp_path, 0.01, package)
+    override = f"star_tracker.software={path}:Seen"
+    first = load("night_sky", [override], trust=True).star_tracker.software.sha256
+    assert load("night_sky", [override]).star_tracker.software.sha256 == first  # consent is kept
+    seen(tmp_path, 0.03, package)
+    with pytest.raises(ScenarioError, match="is code that flying this scenario would run"):
+        load("night_sky", [override])
+    assert load("night_sky", [override], trust=True).star_tracker.software.sha256 != first
+    records = flown("night_sky", override, until_s=1.5)
+    assert {one.exposure_s for one in of(records, CameraCommand)[1:]} == {0.03}
+
+
+def test_what_lies_beside_a_file_is_not_looked_for_in_flight(tmp_path):
+    path = seen(tmp_path, 0.01)
+    path.write_text(path.read_text().replace("import told\n", "").replace("return", "import told; return"))
+    with pytest.raises(
+        ScenarioError, match=r"seen.py:8: imports 'told', .* in a function; import it at the top"
+    ):
+        load("night_sky", [f"star_tracker.software={path}:Seen"], trust=True)
+
+
+def test_requirements_of_protection_levels_are_not_judged_of_a_computer(command, folder, tmp_path):
+    own = f"computer.software={both(folder)}:Both"
+    told = "requirements.misleading=0 %"
+    done = command("run", "night_sky", "--set", own, "--set", told, "--until", "2s", "--trust",
+                   "--out", tmp_path / "own.mcap")  # fmt: skip
+    assert done.code == 0 and "cannot be judged" in done.out and "not met" not in done.out

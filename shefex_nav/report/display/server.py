@@ -7,6 +7,8 @@ from pathlib import Path
 
 PAGE = Path(__file__).with_name("page.html")
 HOST = "127.0.0.1"
+HOSTS = HOST, "localhost"  # by which it may be called
+LONGEST = 10  # digits of a number
 
 
 def server(player, pace, port=0):
@@ -18,7 +20,9 @@ def server(player, pace, port=0):
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
-            kind, content = _answer(self.path, player, pace)
+            host = self.headers.get("Host", "").rpartition(":")[0]
+            asked = self.path if host in HOSTS else ""  # pages of others may not read the frames
+            kind, content = _answer(asked, player, pace)
             self.send_response(HTTPStatus.OK if content else HTTPStatus.NOT_FOUND)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
@@ -39,11 +43,7 @@ def _answer(path, player, pace):
     if path == "/frames.json":
         return "application/json", json.dumps({"times_s": times_s, "pace": pace}).encode()
     number = path.removeprefix("/frame/").removesuffix(".png")
-    if (
-        path == f"/frame/{number}.png"
-        and number.isascii()
-        and number.isdigit()
-        and int(number) < len(times_s)
-    ):
+    is_number = number.isascii() and number.isdigit() and len(number) < LONGEST
+    if path == f"/frame/{number}.png" and is_number and int(number) < len(times_s):
         return "image/png", player.png(int(number))
     return "text/plain", b""

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from shefex_nav.log import reader
-from shefex_nav.log.run_data import join
+from shefex_nav.log.run_data import join, together
 from shefex_nav.log.tail import Tail
 from shefex_nav.report.viewer import (
     drawings,
@@ -82,7 +82,7 @@ class Live:
         self._stream, self._page = stream, page
         self._sender = self._grey = self._C_ms = self._laid_out = None
         self._path = self._truth = None  # TruthSample of arrays: what is drawn, what has no solution yet
-        self._events, self._last_fix_s = [], np.inf
+        self._events, self._last_fix_s, self._held = [], np.inf, None
 
     def take(self, part):
         """Send a slice of the log (path)."""
@@ -90,10 +90,15 @@ class Live:
         if self._sender is None:
             self._begin(data)
         self._events += data.events
-        if not len(data.truth.t_s):
+        if self._grey is None and len(data.frames.bits):
+            self._grey = drawings.grey_values(part, data)
+        drawings.send(self._stream, part, data, self._grey)
+        if self._held is not None:
+            data = together(self._held, data)
+        self._held = None if len(data.truth.t_s) else data  # until there is a time for it
+        if self._held is not None:
             return
         self._look(data, part)
-        drawings.send(self._stream, part, data, self._grey)
         flight.send(self._sender, data)
         sensors.send(self._sender, data)
         self._stars(data)
@@ -122,14 +127,12 @@ class Live:
         """RunData of a slice; the truth of its last tick, whose solution comes later, waits for it."""
         truth = data.truth if self._truth is None else join([self._truth, data.truth])
         last_s = data.nav.t_s[-1] if len(data.nav.t_s) else -np.inf
-        here = int(np.searchsorted(truth.t_s, last_s, side="right"))
+        here = max(int(np.searchsorted(truth.t_s, last_s, side="right")), len(truth.t_s) - 1, 0)
         self._truth = truth._make(column[here:] for column in truth)
         return data._replace(truth=truth._make(column[:here] for column in truth))
 
     def _look(self, data, part):
         """Lay the pages out if there is more to show than before, or the scene has grown."""
-        if self._grey is None and len(data.frames.bits):
-            self._grey = drawings.grey_values(part, data)
         self._keep_path(data)
         seen, has = self._content(data._replace(truth=self._path), part)
         if self._laid_out is not None:
