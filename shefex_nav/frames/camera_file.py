@@ -20,7 +20,7 @@ from shefex_nav.scenario.told import as_told
 from shefex_nav.solve.told import StarCamera
 from shefex_nav.world import camera_settings
 
-FLIGHT = ("vehicle", "programme")  # sections that only a scenario of a flight has
+FLIGHT = ("vehicle", "programme", "trajectory")  # sections that only a scenario of a flight has
 HEAD = "# Star camera of pictures, for `shefex-nav solve --camera`; keys and units are those of scenarios.\n"
 WORLD_ONLY = ("frames", "model", "software")  # keys of star_tracker that are not of the star tracker itself
 

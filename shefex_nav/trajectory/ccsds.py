@@ -23,6 +23,10 @@ ALIASES = {"EME2000": EME2000, "J2000": EME2000, "ICRF": GCRS, "GCRF": GCRS, "GC
 SCALES = {"UTC": "utc", "TAI": "tai", "TT": "tt", "TDB": "tdb", "GPS": "tai"}
 GPS_BEHIND_TAI_S = 19.0
 BEGINS = {"META_START": "META_STOP", "COVARIANCE_START": "COVARIANCE_STOP"}
+OF_ALL = {  # keys that all segments must have alike, and what a missing one stands for
+    "CENTER_NAME": "", "REF_FRAME": "", "REF_FRAME_A": "", "REF_FRAME_B": "", "TIME_SYSTEM": "UTC",
+    "ATTITUDE_TYPE": "", "ATTITUDE_DIR": "A2B", "QUATERNION_TYPE": "LAST",
+}  # fmt: skip
 
 
 class Epoch(NamedTuple):
@@ -32,21 +36,30 @@ class Epoch(NamedTuple):
     ut1_minus_utc: float  # s
 
 
-class _Message(NamedTuple):
-    """A message as it is written."""
+class _Segment(NamedTuple):
+    """A segment of a message as it is written."""
 
-    file: str
-    version: float
-    segments: list  # (metadata {key: (line, value)}, rows [(line, words)])
+    line: int  # of META_START
+    meta: dict  # key: (line, value)
+    rows: list  # (line, words)
+
+
+class _Message(NamedTuple):
+    """The rows of a message after one another, and what holds for all of them."""
+
+    table: Table  # numbers of the rows
+    epochs: list  # (N,) of str
+    begins: np.ndarray  # (N,) bool: the first row of a segment
+    meta: dict  # key: (line, value)
 
 
 def oem(given, earth, epoch):
     """Rows of a scenario.trajectory.Oem; epoch : Epoch"""
-    message = _read(given.file, "CCSDS_OEM_VERS")
-    table, when, meta = _numbers(message, "X", (6, 9))
-    _same(message.file, meta, "CENTER_NAME", ("EARTH",))
-    frame, t_s = _frame(message.file, *meta["REF_FRAME"]), _mission_times(message, when, meta, epoch)
-    table, t_s = _once(table, t_s)
+    message = _read(given.file, "CCSDS_OEM_VERS", "X", (6, 9))
+    file, meta = message.table.file, message.meta
+    _same(file, meta, "CENTER_NAME", ("EARTH",))
+    frame = _frame(file, *_needed(file, meta, "REF_FRAME"))
+    table, t_s = _once(message, epoch)
     ascending(table, t_s)
     values = KM * table.stack(tuple(table.columns))
     here = placing.place(earth, t_s)
@@ -57,18 +70,18 @@ def oem(given, earth, epoch):
 
 def aem(given, earth, epoch):
     """Attitudes of a scenario.trajectory.AemFile."""
-    message = _read(given.aem, "CCSDS_AEM_VERS")
-    table, when, meta = _numbers(message, "Q", (4, 8))
-    _same(message.file, meta, "ATTITUDE_TYPE", ("QUATERNION", "QUATERNION/DERIVATIVE"))
-    t_s = _mission_times(message, when, meta, epoch)
-    table, t_s = _once(table, t_s)
+    message = _read(given.aem, "CCSDS_AEM_VERS", "Q", (4, 8))
+    file, meta = message.table.file, message.meta
+    _same(file, meta, "ATTITUDE_TYPE", ("QUATERNION", "QUATERNION/DERIVATIVE"))
+    scalar_last = _same(file, meta, "QUATERNION_TYPE", ("LAST", "FIRST")) == "LAST"
+    a_to_b = _same(file, meta, "ATTITUDE_DIR", ("A2B", "B2A")) == "A2B"
+    table, t_s = _once(message, epoch)
     ascending(table, t_s)
     q = table.stack(("Q0", "Q1", "Q2", "Q3"))
     digit = 2.0 * rounding(q)
-    if _told(meta, "QUATERNION_TYPE", "LAST") != "FIRST":
+    if scalar_last:
         q = q[:, [3, 0, 1, 2]]
-    frame, body_is_b = _of_body(message.file, meta)
-    a_to_b = _told(meta, "ATTITUDE_DIR", "A2B") == "A2B"
+    frame, body_is_b = _of_body(file, meta)
     sense = "body_to_frame" if a_to_b == body_is_b else "frame_to_body"
     C_fb = placing.body_axes(placing.of_quaternions(unit_quaternions(table, q), sense), given.axes)
     C_ib = _axes_in_i(placing.place(earth, t_s), t_s, frame, epoch) @ C_fb
@@ -76,8 +89,26 @@ def aem(given, earth, epoch):
     return Attitudes(table, t_s, q_ib, digit)
 
 
-def _read(path, version):
-    """_Message in the file at `path`; `version` is the key of its first line."""
+def _read(path, version, letter, widths):
+    """_Message in the file at `path`, its numbers named by `letter`.
+
+    version : key of its first line
+    widths : how many numbers a row may have; the first is how many are read
+    """
+    segments = _segments(path, _lines(path, version))
+    _alike(path, segments)
+    rows = [row for one in segments for row in one.rows]
+    if not rows:
+        raise DataError(f"{path}: has no segment with META_START, META_STOP and data; expected one")
+    values = np.array([_row(path, n, words, widths)[: widths[0]] for n, words in rows])
+    columns = {f"{letter}{k}": values[:, k].copy() for k in range(widths[0])}
+    table = Table(path, columns, np.array([n for n, _ in rows]))
+    begins = np.array([k == 0 for one in segments for k in range(len(one.rows))])
+    return _Message(table, [words[0] for _, words in rows], begins, segments[0].meta)
+
+
+def _lines(path, version):
+    """[(number, text)] of the lines below the first that are no comment."""
     try:
         text = read_text(path, f"a CCSDS message ({version})")
     except Unreadable as error:
@@ -88,44 +119,50 @@ def _read(path, version):
         begins = lines[0][1][:40] if lines else "nothing"
         more = "; XML is not read, write it as KVN" if begins.startswith("<") else ""
         raise DataError(f"{path}:1: expected '{version} = ...', got '{begins}'{more}")
-    segments, inside = [], None
-    for n, line in lines[1:]:
-        if inside is None and line in BEGINS:
-            inside = line
-            if line == "META_START":
-                segments.append(({}, []))
-        elif inside is not None and line == BEGINS[inside]:
+    return lines[1:]
+
+
+def _segments(path, lines):
+    """[_Segment] of lines; no line is passed by but those of the header and of covariances."""
+    segments, inside, since = [], None, 0
+    for n, line in lines:
+        if inside is not None and line == BEGINS[inside]:
             inside = None
-        elif inside == "META_START":
-            key, _, value = line.partition("=")
-            segments[-1][0][key.strip()] = (n, value.strip())
-        elif inside is None and segments and "=" not in line and line not in ("DATA_START", "DATA_STOP"):
-            segments[-1][1].append((n, line.split()))
-    if not any(rows for _, rows in segments):
-        raise DataError(f"{path}: has no segment with META_START, META_STOP and data; expected one")
-    number = lines[0][1].partition("=")[2].strip()
-    return _Message(path, float(number) if number.replace(".", "").isdigit() else 0.0, segments)
+        elif inside == "META_START" or (inside is None and not segments and line not in BEGINS):
+            key, equals, value = line.partition("=")
+            if not equals:
+                wanted = "'KEY = value' or META_STOP" if inside else "'KEY = value' or META_START"
+                raise DataError(f"{path}:{n}: expected {wanted}, got '{line[:40]}'")
+            if inside:
+                segments[-1].meta[key.strip()] = (n, value.strip())
+        elif line in BEGINS:
+            if inside is not None:
+                raise DataError(
+                    f"{path}:{since}: {inside}: expected {BEGINS[inside]} before {line} in line {n}"
+                )
+            inside, since = line, n
+            if line == "META_START":
+                segments.append(_Segment(n, {}, []))
+        elif inside is None and line not in ("DATA_START", "DATA_STOP"):
+            segments[-1].rows.append((n, line.split()))
+    if inside is not None:
+        raise DataError(f"{path}:{since}: {inside}: expected {BEGINS[inside]} before the end of the file")
+    return segments
 
 
-def _numbers(message, letter, widths):
-    """Table of the numbers of all segments, named by `letter`, their epochs, and the metadata.
-
-    widths : how many numbers a row may have; the first is how many are read
-    """
-    first, found, lines, when = message.segments[0][0], [], [], []
-    for meta, rows in message.segments:
-        for key in ("REF_FRAME", "REF_FRAME_A", "REF_FRAME_B", "TIME_SYSTEM", "ATTITUDE_TYPE"):
-            if key in first and meta.get(key, (0, ""))[1] != first[key][1]:
-                n = meta.get(key, next(iter(meta.values())))[0]
-                raise DataError(f"{message.file}:{n}: {key}: all segments must have that of the first")
-        for n, words in rows:
-            found.append(_row(message.file, n, words, widths))
-            lines.append(n)
-            when.append(words[0])
-    width = widths[0]
-    values = np.array([row[:width] for row in found])
-    columns = {f"{letter}{k}": values[:, k].copy() for k in range(width)}
-    return Table(message.file, columns, np.array(lines)), when, first
+def _alike(path, segments):
+    """Refuse segments that differ in what is read from the first, and frames of a fixed epoch."""
+    for one in segments:
+        if "REF_FRAME_EPOCH" in one.meta:
+            n, value = one.meta["REF_FRAME_EPOCH"]
+            words = f"a frame of a fixed epoch is not read, got '{value}'; expected a frame without this key"
+            raise DataError(f"{path}:{n}: REF_FRAME_EPOCH: {words}")
+        for key, otherwise in OF_ALL.items():
+            first = segments[0].meta.get(key, (0, otherwise))[1]
+            n, value = one.meta.get(key, (one.line, otherwise))
+            if value.upper() != first.upper():
+                words = f"all segments must have that of the first, '{first}', got '{value}'"
+                raise DataError(f"{path}:{n}: {key}: {words}")
 
 
 def _row(path, n, words, widths):
@@ -142,45 +179,66 @@ def _row(path, n, words, widths):
     return row
 
 
-def _once(table, t_s):
-    """Rows of which the first of a segment does not repeat the last of the one before: Table, times."""
-    rows = np.concatenate([[True], np.diff(t_s) != 0.0])
-    kept = {name: column[rows] for name, column in table.columns.items()}
-    return table._replace(columns=kept, lines=table.lines[rows]), t_s[rows]
+def _once(message, epoch):
+    """Table and mission times (N,) s; the first row of a segment may repeat the last of the one before."""
+    table, t_s = message.table, _mission_times(message, epoch)
+    values = table.stack(tuple(table.columns))
+    again = message.begins & np.concatenate([[False], np.diff(t_s) == 0.0])
+    other = again & np.concatenate([[False], np.any(np.diff(values, axis=0) != 0.0, axis=1)])
+    if np.any(other):
+        words = "is at the epoch of the last row of the segment before, with other numbers; expected the same"
+        raise DataError(f"{table.place(int(np.argmax(other)))}: {words}")
+    kept = {name: column[~again] for name, column in table.columns.items()}
+    return table._replace(columns=kept, lines=table.lines[~again]), t_s[~again]
 
 
-def _told(meta, key, otherwise):
-    return meta[key][1].upper() if key in meta else otherwise
+def _needed(path, meta, key):
+    """(line, value) of a key that the message must have."""
+    if key not in meta:
+        raise DataError(f"{path}: {key} is missing; expected such as '{key} = EME2000'")
+    return meta[key]
 
 
 def _same(path, meta, key, wanted):
-    """Refuse a message that does not say one of the `wanted` words."""
-    n, value = meta.get(key, (1, ""))
+    """The value of a key, which must be one of the `wanted` words."""
+    n, value = meta.get(key, (1, OF_ALL[key]))
     if value.upper() not in wanted:
         raise DataError(f"{path}:{n}: {key}: expected {' or '.join(wanted)}, got '{value}'")
+    return value.upper()
 
 
-def _mission_times(message, when, meta, epoch):
-    """Mission times (N,) s of epochs in the time system of the message."""
+def _mission_times(message, epoch):
+    """Mission times (N,) s of the epochs, in the time system of the message."""
     from astropy.time import Time
     from erfa import ErfaWarning
 
-    n, system = meta.get("TIME_SYSTEM", (1, "UTC"))
+    table, when = message.table, message.epochs
+    n, system = message.meta.get("TIME_SYSTEM", (1, OF_ALL["TIME_SYSTEM"]))
     if system not in SCALES:
-        raise DataError(
-            f"{message.file}:{n}: TIME_SYSTEM: '{system}' is not read; one of: {', '.join(SCALES)}"
-        )
+        raise DataError(f"{table.file}:{n}: TIME_SYSTEM: '{system}' is not read; one of: {', '.join(SCALES)}")
     texts = [one.rstrip("Z").replace("T", ":", 1) if _is_of_day(one) else one.rstrip("Z") for one in when]
-    kind = "yday" if _is_of_day(when[0]) else "isot"
+    told = {"format": "yday" if _is_of_day(when[0]) else "isot", "scale": SCALES[system]}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ErfaWarning)  # leap seconds of years to come are not known
         try:
-            told = Time(texts, format=kind, scale=SCALES[system])
-        except ValueError as error:
-            line = message.segments[0][1][0][0]
-            raise DataError(f"{message.file}:{line}: an epoch cannot be read: {str(error)[:80]}") from None
-        since = (told - Time(epoch.utc, format="isot", scale="utc")).to_value("s")
+            times = Time(texts, **told)
+        except ValueError:
+            row = next(k for k, text in enumerate(texts) if not _is_epoch(text, told))
+            words = "expected an epoch such as 2026-06-26T12:00:00 or, in all rows, 2026-177T12:00:00"
+            raise DataError(f"{table.place(row)}: {words}, got '{when[row][:40]}'") from None
+        since = (times - Time(epoch.utc, format="isot", scale="utc")).to_value("s")
     return np.atleast_1d(since) + (GPS_BEHIND_TAI_S if system == "GPS" else 0.0)
+
+
+def _is_epoch(text, told):
+    """Whether astropy.time.Time reads a text; told : its format and scale."""
+    from astropy.time import Time
+
+    try:
+        Time(text, **told)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_of_day(text):
@@ -200,14 +258,12 @@ def _frame(path, n, name):
 
 def _of_body(path, meta):
     """The frame that is not of the body, and whether REF_FRAME_B is of the body."""
-    for key in ("REF_FRAME_A", "REF_FRAME_B"):
-        if key not in meta:
-            raise DataError(f"{path}: {key} is missing; expected such as '{key} = EME2000'")
-    bodies = [meta[key][1].upper().startswith("SC_") for key in ("REF_FRAME_A", "REF_FRAME_B")]
+    both = [_needed(path, meta, key) for key in ("REF_FRAME_A", "REF_FRAME_B")]
+    bodies = [name.upper().startswith("SC_") for _, name in both]
     if sum(bodies) != 1:
         words = "expected one of REF_FRAME_A and REF_FRAME_B to be of the body, such as SC_BODY_1"
-        raise DataError(f"{path}:{meta['REF_FRAME_A'][0]}: {words}")
-    return _frame(path, *meta["REF_FRAME_A" if bodies[1] else "REF_FRAME_B"]), bodies[1]
+        raise DataError(f"{path}:{both[0][0]}: {words}")
+    return _frame(path, *both[0 if bodies[1] else 1]), bodies[1]
 
 
 def _axes_in_i(here, t_s, frame, epoch):

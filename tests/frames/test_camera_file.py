@@ -34,6 +34,13 @@ def test_scenario_stands_for_a_camera():
     assert found.bits == scenario.star_camera.detector.bits and len(found.params.camera.bad_pixels) == 0
 
 
+def test_scenario_along_a_trajectory_stands_for_a_camera():
+    """It has no vehicle and no programme."""
+    found = camera_file.read("given_trajectory")
+    assert found.params.camera.pinhole == camera_file.read("shefex2_andoya").params.camera.pinhole
+    assert found.julian_year == pytest.approx(2012.47, abs=0.01)
+
+
 def test_what_is_told_on_board_is_in_the_file(tmp_path):
     """navigation.told: the file has the focal length that the software believes, not the true one."""
     scenario = load.load("night_sky", ("navigation.told.star_camera.optics.focal_length=24.7 mm",))

@@ -215,7 +215,41 @@ def test_an_attitude_the_wrong_way_round_and_a_late_lift_off():
             "T19:18:10.000000 x ",
             "a.oem:16: expected an epoch and 6 or 9 numbers, got 8 words",
         ),
-        ("T19:18:20.000000 ", "T19:18:10.000000 ", None),
+        (
+            "T19:18:20.000000 ",
+            "T19:18:10.000000 ",
+            "a.oem:17: time 10.000000 s does not follow on 10.000000 s in the row before",
+        ),
+        (
+            "T19:18:20.000000 ",
+            "T19:18:2O.000000 ",
+            "a.oem:17: expected an epoch such as 2026-06-26T12:00:00 or, in all rows, 2026-177T12:00:00, "
+            "got '2012-06-22T19:18:2O.000000'",
+        ),
+        ("2012-06-22T19:18:20.000000 ", "2012-174T19:18:20.000000 ", "a.oem:17: expected an epoch such as"),
+        ("REF_FRAME = EME2000\n", "", "a.oem: REF_FRAME is missing; expected such as 'REF_FRAME = EME2000'"),
+        (
+            "REF_FRAME = EME2000",
+            "REF_FRAME = TEME\nREF_FRAME_EPOCH = 2012-06-22T00:00:00",
+            "a.oem:13: REF_FRAME_EPOCH: a frame of a fixed epoch is not read, got '2012-06-22T00:00:00'",
+        ),
+        (
+            "CENTER_NAME = EARTH",
+            "CENTER_NAME EARTH",
+            "a.oem:11: expected 'KEY = value' or META_STOP, got 'CEN",
+        ),
+        ("META_STOP\n", "", "a.oem:14: expected 'KEY = value' or META_STOP, got '2012-06-22T19:18:00"),
+        (
+            "ORIGINATOR =",
+            "ORIGINATOR",
+            "a.oem:3: expected 'KEY = value' or META_START, got 'ORIGINATOR TEST'",
+        ),
+        (
+            "META_STOP\n",
+            "META_STOP\nCOVARIANCE_START\n",
+            "a.oem:14: COVARIANCE_START: expected COVARIANCE_STOP",
+        ),
+        ("T19:18:10.000000 ", "T19:18:10.000000 = ", "a.oem:16: expected an epoch and 6 or 9 numbers"),
     ],
 )
 def test_messages_that_are_not_read(tmp_path, old, new, words):
@@ -223,11 +257,108 @@ def test_messages_that_are_not_read(tmp_path, old, new, words):
     assert old in text
     (tmp_path / "a.oem").write_text(text.replace(old, new, 1))
     told = {"file": tmp_path / "a.oem", "format": "oem", "attitude": {"aem": str(AEM)}}
-    if words is None:
-        flight, _ = in_orbit(told)  # an epoch twice: the second is passed by
-        assert len(flight.trajectory.t_s)
-        return
     assert words in refused(told, fly=in_orbit)
+
+
+def in_two(path, old="", new="", repeated=lambda line: line):
+    """Text of a message in two segments; row 15 is the last of one and the first of the other.
+
+    old, new : what the metadata of the second has in another way; repeated : changes its first row
+    """
+    lines = path.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("2012-"))
+    meta = "\n".join(lines[lines.index("META_START") : first])
+    assert old in meta
+    seam = first + 14
+    parts = [
+        *lines[: seam + 1],
+        *([lines[-1]] if lines[-1] == "DATA_STOP" else []),
+        meta.replace(old, new, 1),
+    ]
+    return "\n".join([*parts, repeated(lines[seam]), *lines[seam + 1 :]]) + "\n"
+
+
+def pair(tmp_path, oem=None, aem=None):
+    """Section of a scenario about the committed pair, with another text in the place of one."""
+    (tmp_path / "a.oem").write_text(oem or OEM.read_text())
+    (tmp_path / "a.aem").write_text(aem or AEM.read_text())
+    return {"file": tmp_path / "a.oem", "format": "oem", "attitude": {"aem": str(tmp_path / "a.aem")}}
+
+
+def test_two_segments_are_one_flight(tmp_path):
+    """The row at their seam stands in both, and counts once."""
+    one = in_orbit({"file": OEM, "format": "oem", "attitude": {"aem": str(AEM)}})[0].trajectory
+    both = in_orbit(pair(tmp_path, in_two(OEM), in_two(AEM)))[0].trajectory
+    assert np.array_equal(one.r_i, both.r_i) and np.array_equal(one.q_ib, both.q_ib)
+    default = in_two(AEM, "ATTITUDE_DIR = A2B\n").replace("QUATERNION_TYPE = LAST\n", "", 1)
+    assert np.array_equal(one.q_ib, in_orbit(pair(tmp_path, None, default))[0].trajectory.q_ib)
+
+
+@pytest.mark.parametrize(
+    "path, old, new, words",
+    [
+        (
+            OEM,
+            "= EARTH",
+            "= MOON",
+            "a.oem:36: CENTER_NAME: all segments must have that of the first, 'EARTH'",
+        ),
+        (OEM, "CENTER_NAME = EARTH\n", "", "a.oem:30: CENTER_NAME: all segments must have that of the first"),
+        (OEM, "= EME2000", "= TEME", "a.oem:37: REF_FRAME: all segments"),
+        (OEM, "= UTC", "= TAI", "a.oem:33: TIME_SYSTEM: all segments"),
+        (
+            OEM,
+            "REF_FRAME = EME2000",
+            "REF_FRAME = EME2000\nREF_FRAME_EPOCH = 2012-06-22T00:00:00",
+            "a.oem:38: REF_FRAME_EPOCH: a frame of a fixed epoch is not read",
+        ),
+        (AEM, "= A2B", "= B2A", "ATTITUDE_DIR: all segments must have that of the first, 'A2B', got 'B2A'"),
+        (AEM, "= LAST", "= FIRST", "QUATERNION_TYPE: all segments must have that of the first, 'LAST'"),
+        (AEM, "= QUATERNION\n", "= SPIN\n", "ATTITUDE_TYPE: all segments must have"),
+        (AEM, "= SC_BODY_1", "= SC_BODY_2", "REF_FRAME_B: all segments must have"),
+    ],
+)
+def test_segments_that_differ(tmp_path, path, old, new, words):
+    key = "oem" if path == OEM else "aem"
+    assert words in refused(pair(tmp_path, **{key: in_two(path, old, new)}), fly=in_orbit)
+
+
+@pytest.mark.parametrize("key, other", [("ATTITUDE_DIR", "B2A"), ("QUATERNION_TYPE", "FIRST")])
+def test_a_key_of_the_second_segment_alone(tmp_path, key, other):
+    """Left out in the first it is A2B and LAST there."""
+    usual = {"ATTITUDE_DIR": "A2B", "QUATERNION_TYPE": "LAST"}[key]
+    text = in_two(AEM, f"{key} = {usual}", f"{key} = {other}").replace(f"{key} = {usual}\n", "", 1)
+    words = f"{key}: all segments must have that of the first, '{usual}', got '{other}'"
+    assert words in refused(pair(tmp_path, None, text), fly=in_orbit)
+    (tmp_path / "b").mkdir()
+    odd = AEM.read_text().replace(f"{key} = {usual}", f"{key} = ODD")
+    words = refused(pair(tmp_path / "b", None, odd), fly=in_orbit)
+    assert f"{key}: expected {usual} or {other}, got 'ODD'" in words
+
+
+def test_blocks_of_a_second_segment_that_do_not_end(tmp_path):
+    """Rows in them would be lost."""
+    text = in_two(OEM, "META_STOP\n", "")
+    assert "expected 'KEY = value' or META_STOP, got '2012-06-22T19:20:20" in refused(
+        pair(tmp_path, text), fly=in_orbit
+    )
+    covariance = "COVARIANCE_START\nEPOCH = 2012-06-22T19:18:10\n1e-3\n"
+    text = in_two(OEM, "META_START", covariance + "META_START")
+    words = refused(pair(tmp_path, text), fly=in_orbit)
+    assert "a.oem:30: COVARIANCE_START: expected COVARIANCE_STOP before META_START in line 33" in words
+    words = refused(pair(tmp_path, OEM.read_text() + covariance), fly=in_orbit)
+    assert "COVARIANCE_START: expected COVARIANCE_STOP before the end of the file" in words
+    assert len(in_orbit(pair(tmp_path, OEM.read_text() + covariance + "COVARIANCE_STOP\n"))[0].trajectory.t_s)
+
+
+def test_a_seam_with_other_numbers(tmp_path):
+    text = in_two(OEM, repeated=lambda line: line[:-1] + ("1" if line[-1] != "1" else "2"))
+    words = refused(pair(tmp_path, text), fly=in_orbit)
+    assert "a.oem:40: is at the epoch of the last row of the segment before, with other numbers" in words
+    lines = in_two(OEM).splitlines()
+    lines.insert(20, lines[19])
+    words = refused(pair(tmp_path, "\n".join(lines)), fly=in_orbit)
+    assert "a.oem:21: time 50.000000 s does not follow on 50.000000 s in the row before" in words
 
 
 def test_an_attitude_message_of_another_kind(tmp_path):
