@@ -12,7 +12,7 @@ from shefex_nav.log.other_solutions import Other, check_name
 from shefex_nav.log.run_data import stack
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
-from shefex_nav.onboard.own_software import is_symmetric
+from shefex_nav.onboard.own_software import covariance_fault
 from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
 from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.report.pairing import same_times
@@ -136,8 +136,9 @@ def _checked(given):
 
 def _check_covariances(t_s, P):
     for time, one in zip(t_s.tolist(), P, strict=True):
-        if not (one.diagonal() > 0.0).all() or not is_symmetric(one):
-            raise ValueError(f"P: no covariance at T{time:+.2f} s; expected symmetric, variances over zero")
+        if fault := covariance_fault(one):
+            words = f"P: no covariance at T{time:+.2f} s, it {fault}"
+            raise ValueError(f"{words}; expected symmetric, positive definite")
 
 
 def _unpaired(truth_s, t_s):

@@ -27,6 +27,13 @@ def sky(default_scenario, tmp_path_factory):
     return shefex_nav.fly(scenario, seed=3, log=tmp_path_factory.mktemp("sky") / "sky.mcap")
 
 
+def _correlated(P, rho):
+    """Covariances of which the third has a correlation of position and velocity."""
+    P = P.copy()
+    P[2, 0, 3] = P[2, 3, 0] = rho * np.sqrt(P[2, 0, 0] * P[2, 3, 3])
+    return P
+
+
 def covariances(n):
     """(n, 9, 9) diagonal: 2 m, 0.1 m/s, 1 mrad."""
     return np.tile(np.diag(np.repeat([2.0, 0.1, 1e-3], 3) ** 2), (n, 1, 1))
@@ -97,7 +104,15 @@ def test_earth_fixed_axes_give_the_same(sky, mine):
             {"v": lambda v: np.where(np.arange(len(v))[:, None] == 7, np.nan, v)},
             r"v: NaN or infinity at T\+0\.08",
         ),
-        ({"P": lambda P: -P}, "P: no covariance at T"),
+        ({"P": lambda P: -P}, r"P: no covariance at T\+0\.01 s, it has a negative variance"),
+        (
+            {"P": lambda P: _correlated(P, 2.0)},
+            r"P: no covariance at T\+0\.03 s, it is not positive definite; expected",
+        ),
+        (
+            {"P": lambda P: _correlated(P, 1.0)},
+            r"P: no covariance at T\+0\.03 s, it is not positive definite",
+        ),
         ({"name": lambda _: "My Filter"}, "name 'My Filter': expected lower-case letters"),
         ({"frame": lambda _: "n"}, "frame 'n': expected 'i'"),
     ],
