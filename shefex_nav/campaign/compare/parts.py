@@ -120,7 +120,10 @@ def _shares(one):
         found = row.difference
         bounds = "-" if found.low is None else f"{_percent(found.low)} to {_percent(found.high)}"
         rows.append((row.name, *cells, _percent(found.mean), bounds, verdict(found, one)))
-    lines = ("Intervals of Clopper and Pearson; of the difference, from the pairs that differ (McNemar).",)
+    lines = (
+        "Intervals of Clopper and Pearson, of the difference of Bonett and Price; the verdict is McNemar's "
+        "exact test of the pairs that differ.",
+    )
     return Part("Requirements and failures", heads, tuple(rows), lines)
 
 
