@@ -14,7 +14,7 @@ from scipy import stats
 from short_campaign import HereLane, fly, write
 
 from shefex_nav import plugins
-from shefex_nav.campaign.compare import comparison, flying, given, paired, parts, sides
+from shefex_nav.campaign.compare import comparison, flying, given, paired, parts, sides, summary
 from shefex_nav.campaign.compare.given import CompareError
 from shefex_nav.scenario import load
 
@@ -84,11 +84,32 @@ def test_a_campaign_with_itself_differs_in_nothing(whole):
     assert len(found.seeds) == RUNS and not found.different and not found.notes
     assert len(found.rows) >= 10
     for one in (*found.rows, *found.shares):
+        if isinstance(one, comparison.Row) and one.quantity.wall:
+            assert (one.difference.mean, one.difference.verdict) == (0.0, paired.NOT_JUDGED), one
+            continue
         assert (one.difference.mean, one.difference.verdict) == (0.0, paired.NOT_SEEN), one
     text = json.dumps(
         [str(cell) for part in parts.parts([a, b], [found]) for cells in part.rows for cell in cells]
     )
     assert "better" not in re.sub(r"0 of \d", "", text)
+
+
+def test_wall_time_is_shown_but_not_judged(whole):
+    """Side B was flown while the machine had something else to do."""
+    folder, _ = whole
+    a, b = sided([folder, folder])
+    for k, (seed, one) in enumerate(b.runs.items()):
+        wall_s = {"wall_s": (2.0 + 0.01 * k) * one.get("wall_s")}
+        b.runs[seed] = one._replace(get=lambda path, one=one, told=wall_s: told.get(path, one.get(path)))
+    found = comparison.compare(a, b)
+    timed = next(one for one in found.rows if one.quantity.name.startswith("time per tick"))
+    assert timed.b.median > 1.9 * timed.a.median and timed.difference.better == 0
+    assert timed.difference.verdict == paired.NOT_JUDGED
+    cells = next(cells for cells in parts.parts([a, b], [found])[1].rows if cells[0] == timed.quantity.name)
+    assert cells[-1] == "not judged: flown one after the other" and cells[2] != cells[3]
+    (told,) = summary.summary([a, b], [found])["comparisons"]
+    one = row(told, timed.quantity.name)
+    assert one["difference"]["verdict"] is None and one["why"] == "flown one after the other"
 
 
 def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole, scenario, tmp_path):

@@ -10,6 +10,7 @@ from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES
 from shefex_nav.scenario import differences, software
 
 MOST_SEEDS = 3  # that are named
+IN_TURN = "flown one after the other"
 
 
 class Row(NamedTuple):
@@ -89,6 +90,8 @@ def _row(quantity, a, b, seeds):
     named, of_a, of_b = zip(*both, strict=True)
     x, y = ([quantity.compared(value) for value in side] for side in (of_a, of_b))
     found = paired.difference(x, y, larger_is_better=quantity.better == LARGER)
+    if quantity.wall:
+        found = found._replace(verdict=paired.NOT_JUDGED, why=IN_TURN)
     return Row(quantity, *samples, found, named, np.array(y) - np.array(x), found.why)
 
 

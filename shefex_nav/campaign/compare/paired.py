@@ -14,7 +14,8 @@ import numpy as np
 from shefex_nav.report import intervals
 
 CONFIDENCE = intervals.CONFIDENCE
-A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is none
+A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is no interval
+NOT_JUDGED = 2  # verdict where the difference is not that of the two sides alone
 
 
 class Sample(NamedTuple):
@@ -36,7 +37,7 @@ class Difference(NamedTuple):
     better: int  # pairs in which B is better
     worse: int  # in which A is
     verdict: int | None
-    why: str = ""  # there is no interval
+    why: str = ""  # there is no interval, or it is not judged
 
 
 class Share(NamedTuple):

@@ -84,6 +84,8 @@ def verdict(found, one):
     """The verdict of a Difference or ShareDifference of a Comparison, for people."""
     if found.verdict is None:
         return f"no interval: {found.why}"
+    if found.verdict == paired.NOT_JUDGED:
+        return f"not judged: {found.why}"
     if found.verdict == paired.NOT_SEEN:
         return "no difference seen"
     return Loud(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
