@@ -14,6 +14,7 @@ Definitions
   and principal point.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - The star phase is from the first frame in the window to the last, whatever software flies.
+- `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
   that the filter accepts to entry, or to the end of a run without one. Software that tells of no gates begins
   where its solution is star aided, or where it never is, at the first star fix of the log.
@@ -266,7 +267,9 @@ def _navigation(data, height, entry):
         np.linalg.norm(error, axis=1) for error in (errors.position_i, errors.velocity_i, errors.attitude_b)
     )
     attitude_deg = np.degrees(attitude)
+    ticks = len(data.truth.t_s)
     return {
+        "solution_share": len(errors.t_s) / ticks if ticks else None,
         "position_error_m": {"rms": _rms(position), "max": _max(position)},
         "velocity_error_m_s": {"rms": _rms(velocity), "max": _max(velocity)},
         "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},

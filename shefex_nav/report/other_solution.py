@@ -41,8 +41,9 @@ def other(data, given, frame, name):
     if frame not in FRAMES:
         raise ValueError(f"frame {frame!r}: expected 'i', inertial axes, or 'e', Earth-fixed ones")
     given = _checked(given)
-    if len(data.truth.t_s) and not len(same_times(data.truth.t_s, given.t_s)[0]):
-        raise ValueError(_unpaired(data.truth.t_s, given.t_s))
+    paired = len(same_times(data.truth.t_s, given.t_s)[0])
+    if len(data.truth.t_s) and 2 * paired < len(given.t_s):
+        raise ValueError(_unpaired(data.truth.t_s, given.t_s, paired))
     if frame == "e":
         given = _inertial(data.mission.earth, given)
     start_s, earth = data.mission.start_s, data.mission.earth
@@ -141,10 +142,11 @@ def _check_covariances(t_s, P):
             raise ValueError(f"{words}; expected symmetric, positive definite")
 
 
-def _unpaired(truth_s, t_s):
+def _unpaired(truth_s, t_s, paired):
+    few = f"only {paired} of the {len(t_s)} times" if paired else "none of the times"
     span = f"T{truth_s[0]:+.2f} to T{truth_s[-1]:+.2f} s"
     return (
-        f"t_s: none of the times, T{t_s[0]:+.4f} to T{t_s[-1]:+.4f} s, is one of the log's: {span}, "
+        f"t_s: {few}, T{t_s[0]:+.4f} to T{t_s[-1]:+.4f} s, is one of the log's: {span}, "
         f"{TICK_HZ} a second at most (run.truth.t_s)"
     )
 

@@ -115,7 +115,7 @@ class Run:
 
         Parameters
         ----------
-        t_s : (N,) s, mission times, increasing; those that are times of `truth` have errors
+        t_s : (N,) s, mission times, increasing; those that are times of `truth` have errors, half at least
         r, v : (N, 3) m, m/s, of the IMU; v relative to the axes of r
         q : (N, 4) attitude, body axes to those of r, Hamilton, scalar first
         P : (N, 9, 9) covariance of the errors, truth minus estimate: position and velocity in the axes of r,

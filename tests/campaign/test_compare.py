@@ -112,6 +112,31 @@ def test_wall_time_is_shown_but_not_judged(whole):
     assert one["difference"]["verdict"] is None and one["why"] == "flown one after the other"
 
 
+def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
+    """Side B has the smaller errors, over 0.2 % or 0.05 % fewer ticks of one of its runs."""
+    folder, _ = whole
+    spoken = ("position, rms of the run", "velocity, largest", "attitude, largest")
+    for fewer, verdict in ((0.002, paired.NOT_JUDGED), (0.0005, paired.B_BETTER)):
+        a, b = sided([folder, folder])
+        for k, (seed, one) in enumerate(b.runs.items()):
+            told = {"navigation.solution_share": one.get("navigation.solution_share") - fewer * (k == 2)}
+            for path in ("position_error_m.rms", "velocity_error_m_s.max", "attitude_error_deg.max"):
+                told[f"navigation.{path}"] = one.get(f"navigation.{path}") - 1.0 - 0.01 * k
+            b.runs[seed] = one._replace(get=lambda path, one=one, told=told: told.get(path, one.get(path)))
+        found = comparison.compare(a, b)
+        rows = {one.quantity.name: one for one in found.rows}
+        assert {rows[name].difference.verdict for name in spoken} == {verdict}, fewer
+        share = rows["ticks with a solution"]
+        assert share.a.median == pytest.approx(100.0) and share.difference.mean == pytest.approx(
+            -25.0 * fewer
+        )
+        cells = {cells[0]: cells[-1] for cells in parts.parts([a, b], [found])[1].rows}
+        if verdict == paired.NOT_JUDGED:
+            words = "not judged: A has a solution at 100 % of the ticks, B at 99.8 %"
+            assert {cells[name] for name in spoken} == {words}
+        assert "not judged" not in cells["ticks with a solution"]
+
+
 def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole, scenario, tmp_path):
     """B has other fixes, five of its six runs: its figures less those of A's run of the same seed."""
     folder, _ = whole

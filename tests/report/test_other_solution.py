@@ -148,6 +148,29 @@ def test_it_is_written_into_a_copy_of_the_log_and_read_again(sky, mine, tmp_path
     assert np.abs(last.others["mine"].errors().position_i).max() < 1e-8
 
 
+def test_times_that_are_no_ticks_are_told_and_refused_if_they_are_most(sky, tmp_path, command):
+    """Every third time lies between two ticks; then every second and a few more."""
+    t_s, *rest = _truth(sky)
+    shifted = np.where(np.arange(len(t_s)) % 3 == 1, t_s + 0.004, t_s)
+    log, alone = tmp_path / "both.mcap", int((np.arange(len(t_s)) % 3 == 1).sum())
+    found = sky.with_solution(shifted, *rest, name="mine")
+    share = found.summary()["navigation"]["solution_share"]
+    assert share == pytest.approx(1.0 - alone / len(t_s)) and share < 0.7
+    sky.write_solution(found, log)
+    run = command("compare", str(log), f"{log}:mine", "--json")
+    assert run.code == 0, run.err
+    (told,) = json.loads(run.out)["comparisons"]
+    assert f"B: {alone} of its {len(t_s)} times are no tick of the log: they have no errors" in told["notes"]
+    row = next(one for one in told["figures"] if one["name"] == "position, rms of the run")
+    assert row["difference"]["verdict"] is None and "of the ticks, B at 66" in row["why"]
+    most = np.where((np.arange(len(t_s)) % 2 == 1) | (np.arange(len(t_s)) < 9), t_s + 0.004, t_s)
+    ticks = int((most == t_s).sum())
+    with pytest.raises(
+        ValueError, match=rf"t_s: only {ticks} of the {len(t_s)} times, T.* is one of the log's"
+    ):
+        sky.with_solution(most, *rest, name="mine")
+
+
 def _truth(run):
     return run.truth.t_s, run.truth.r_i, run.truth.v_i, run.truth.q_ib
 
