@@ -13,7 +13,6 @@ from shefex_nav.log.run_data import stack
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
 from shefex_nav.onboard.own_software import covariance_fault
-from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
 from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.report.pairing import same_times
 
@@ -46,13 +45,13 @@ def other(data, given, frame, name):
         raise ValueError(_unpaired(data.truth.t_s, given.t_s, paired))
     if frame == "e":
         given = _inertial(data.mission.earth, given)
-    start_s, earth = data.mission.start_s, data.mission.earth
+    earth = data.mission.earth
     solutions, covariances, unknown = [], [], np.full(3, np.nan)
     for k, t_s in enumerate(given.t_s.tolist()):
         P = None if given.P is None else given.P[k]
         estimate = Estimate(given.r[k], given.v[k], given.q[k], P)
         solutions.append(own_navigation.solution(estimate, t_s, unknown, earth))
-        if P is not None and round((t_s - start_s) * TICK_HZ) % COVARIANCE_TICKS == 0:
+        if P is not None:
             covariances.append(own_navigation.covariance(estimate, t_s))
     return Other(stack(NavSolution, solutions), stack(NavCovariance, covariances))
 

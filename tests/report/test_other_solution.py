@@ -14,7 +14,7 @@ import shefex_nav
 from shefex_nav import runs
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.log.topics import LogError
-from shefex_nav.report import viewer
+from shefex_nav.report import metrics, viewer
 
 BRIEF = {"mission.time_limit": "4 s", "star_tracker.off": "4 s"}
 OFF_I = np.array([3.0, -4.0, 12.0])  # m, of which the size is 13 m
@@ -169,6 +169,26 @@ def test_times_that_are_no_ticks_are_told_and_refused_if_they_are_most(sky, tmp_
         ValueError, match=rf"t_s: only {ticks} of the {len(t_s)} times, T.* is one of the log's"
     ):
         sky.with_solution(most, *rest, name="mine")
+
+
+def test_every_covariance_is_kept_whatever_its_times(sky):
+    """Ten a second, half-way between those of the log: NEES once a second, from the first star fix."""
+    t_s, *rest = _truth(sky)
+    some = np.flatnonzero(np.round(t_s * 100.0) % 10 == 5)
+    truth = (t_s[some], rest[0][some] - OFF_I, *(one[some] for one in rest[1:]))
+    found = sky.with_solution(*truth, covariances(len(some)), name="mine")
+    assert np.array_equal(found.data.covariance.t_s, t_s[some])
+    told = found.summary()["navigation"]["nees"]
+    assert told["mean"] == pytest.approx(13.0**2 / 2.0**2) and told["samples"] == 2  # 2.05, 3.05 s
+
+
+def test_nees_is_of_whole_seconds_where_there_are_some():
+    tenths = np.arange(1, 31) / 10.0
+    assert tenths[metrics._seconds(tenths)].tolist() == [1.0, 2.0, 3.0]
+    assert (tenths + 0.05)[metrics._seconds(tenths + 0.05)].tolist() == pytest.approx(
+        [0.15, 1.05, 2.05, 3.05]
+    )
+    assert not len(metrics._seconds(np.zeros(0)))
 
 
 def _truth(run):
