@@ -13,6 +13,7 @@ from recorded import chunks
 import shefex_nav
 from shefex_nav import runs
 from shefex_nav.geometry import frames, rotation
+from shefex_nav.log import other_solutions
 from shefex_nav.log.topics import LogError
 from shefex_nav.report import metrics, viewer
 
@@ -146,6 +147,27 @@ def test_it_is_written_into_a_copy_of_the_log_and_read_again(sky, mine, tmp_path
     last = again.write_solution(better, tmp_path / "four.mcap")
     assert sorted(last.others) == ["mine", "third"]
     assert np.abs(last.others["mine"].errors().position_i).max() < 1e-8
+
+
+def test_only_another_solution_of_this_flight_is_written(sky, mine, tmp_path):
+    path = tmp_path / "both.mcap"
+    with pytest.raises(LogError, match="has no other filter's solution; expected a Run of with_solution"):
+        sky.write_solution(sky, path)
+    flown = (("navigation", "my_fsw", ""),)  # a program on board, whose name would do
+    own = runs.Run(sky.data._replace(mission=sky.data.mission._replace(software=flown)), sky.log)
+    with pytest.raises(LogError, match=r"my_fsw.* has no other filter's solution"):
+        sky.write_solution(own, path)
+    for change in ({"seed": 4}, {"scenario_text": sky.data.mission.scenario_text + "\n"}):
+        changed = sky.data._replace(mission=sky.data.mission._replace(**change))
+        with pytest.raises(LogError, match="is not the flight that 'mine' is about"):
+            runs.Run(changed, sky.log).write_solution(mine, path)
+    moved = sky.data._replace(truth=sky.truth._replace(r_i=sky.truth.r_i + 1e-3))
+    with pytest.raises(LogError, match="is not the flight that 'mine' is about"):
+        runs.Run(moved, sky.log).write_solution(mine, path)
+    with pytest.raises(ValueError, match=r"name 'my_fsw\.py:Filter': expected lower-case letters"):
+        other_solutions.write(sky.log, path, sky.data.mission, {"my_fsw.py:Filter": None})
+    assert not path.exists()
+    assert list(runs.open_run(sky.log).write_solution(mine, path).others) == ["mine"]  # read again
 
 
 def test_times_that_are_no_ticks_are_told_and_refused_if_they_are_most(sky, tmp_path, command):
