@@ -44,9 +44,12 @@ def compare(
     """Compare logs, campaigns or flight software, each with the first, run by run of one seed."""
     from shefex_nav.campaign.compare import flying
     from shefex_nav.campaign.compare import given as words
+    from shefex_nav.campaign.compare.sides import LETTERS
 
     if len(given) < 2:
         raise typer.BadParameter(f"only {given[0]}; expected two or more to compare")
+    if len(given) > len(LETTERS):
+        raise typer.BadParameter(f"{len(given)} to compare; expected {len(LETTERS)} at most")
     if html is not None:
         check_file(html, "--html", force=force)
     told = [words.read(text) for text in given]

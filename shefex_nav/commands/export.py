@@ -11,9 +11,10 @@ from typing import Annotated, NamedTuple
 import typer
 
 from shefex_nav.commands.flights import about, tell_if_cut, tell_of_plugins
-from shefex_nav.commands.options import Overrides, is_log, mission_time
+from shefex_nav.commands.options import Overrides, mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
+from shefex_nav.log.mcap_file import is_log
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
 

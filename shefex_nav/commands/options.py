@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 Scenario = Annotated[
     str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
 ]
@@ -51,12 +50,3 @@ def quantity(text, unit, option, example, *, positive=False):
         return QuantitySpec(unit, example, positive=positive).read(text)
     except PydanticCustomError as error:
         raise typer.BadParameter(error.message(), param_hint=option) from None
-
-
-def is_log(path):
-    """Whether a file is an MCAP file, or is called one; whoever reads it says what is wrong."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC or path.suffix == ".mcap"
-    except OSError:
-        return path.suffix == ".mcap"

@@ -11,9 +11,10 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
-from shefex_nav.commands.options import Json, is_log, mission_time
+from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, stdout
+from shefex_nav.log.mcap_file import is_log
 
 
 def replay(

@@ -53,10 +53,12 @@ def write(source, path, mission, others):
     """Copy a log to a path with other solutions in it; those of the same name are replaced.
 
     source, path : files;  mission : Mission of the log;  others : {name: Other}
-    Raises LogError where `path` exists or cannot be written.
+    Raises LogError where `path` exists or cannot be written, ValueError for a name that no reader would find.
     """
     from mcap.writer import Writer
 
+    for name in others:
+        check_name(name)
     path = Path(path)
     if path.exists():
         raise LogError(f"{path}: exists already; choose another name")

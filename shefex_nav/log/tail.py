@@ -12,9 +12,9 @@ from io import BytesIO
 from pathlib import Path
 
 from shefex_nav.log import topics
+from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.topics import LogError, Mission
 
-MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7  # opcodes
 _ATTACHMENT, _METADATA = 9, 12
 _HEAD = struct.Struct("<BQ")  # opcode, length

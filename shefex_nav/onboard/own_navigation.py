@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
-from shefex_nav.onboard.own_software import OwnSoftware, is_symmetric
+from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
 from shefex_nav.onboard.star_context import PREDICTION_FLOOR
 from shefex_nav.onboard.startracker.tracker import NO_CONTEXT, Context
 from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
@@ -195,10 +195,8 @@ class OwnNavigation:
             if value is not None or field in ("r_i", "v_i"):
                 arrays[field] = self._own.numbers(self.now_s, f"{field} of its Estimate", value, *shape)
         arrays["q_ib"] = self._own.quaternion(self.now_s, "q_ib of its Estimate", estimate.q_ib)
-        if "P" in arrays and (arrays["P"].diagonal() < 0.0).any():
-            raise self._error("P of its Estimate has a negative variance")
-        if "P" in arrays and not is_symmetric(arrays["P"]):
-            raise self._error("P of its Estimate is not symmetric")
+        if "P" in arrays and (fault := covariance_fault(arrays["P"])):
+            raise self._error(f"P of its Estimate {fault}")
         usable = estimate.usable
         if not isinstance(usable, tuple | list) or len(usable) != len(QUANTITIES):
             raise self._error(f"usable of its Estimate must be of {', '.join(QUANTITIES)}, got {usable!r}")
@@ -212,6 +210,9 @@ class OwnNavigation:
             if missing := [name for name, value in record._asdict().items() if value is None]:
                 raise self._error(f"gave a NavSolution without {missing[0]}")
             self._own.quaternion(self.now_s, "q_ib of its NavSolution", record.q_ib)
+        if isinstance(record, NavCovariance) and np.isfinite(record.P).all():  # NaN: it does not say
+            if fault := covariance_fault(np.asarray(record.P)):
+                raise self._error(f"P of its NavCovariance {fault}")
         return record
 
     def _checked_context(self, context):

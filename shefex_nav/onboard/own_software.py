@@ -8,6 +8,7 @@ import numpy as np
 from shefex_nav.errors import CodeError, SoftwareError
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
+LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
@@ -59,7 +60,19 @@ class OwnSoftware:
         return q / norm
 
 
-def is_symmetric(P):
-    """Whether a covariance is symmetric, each element against its own two sigmas. (n, n), diagonal >= 0"""
-    sigma = np.sqrt(P.diagonal())
-    return bool((np.abs(P - P.T) <= SYMMETRIC * np.outer(sigma, sigma)).all())
+def covariance_fault(P):
+    """What keeps a matrix of finite numbers from being a covariance, in words; '' if it is one. (n, n)"""
+    variances = P.diagonal()
+    if (variances < 0.0).any():
+        return "has a negative variance"
+    if not variances.all():
+        return "has a variance of zero"
+    sigma = np.sqrt(variances)
+    correlation = P / np.outer(sigma, sigma)
+    if (np.abs(correlation - correlation.T) > SYMMETRIC).any():
+        return "is not symmetric"
+    try:
+        np.linalg.cholesky(correlation - LEAST_EIGENVALUE * np.eye(len(P)))
+    except np.linalg.LinAlgError:
+        return "is not positive definite"
+    return ""

@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from shefex_nav.onboard.own_software import OwnSoftware, is_symmetric
+from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
 
@@ -109,7 +109,7 @@ class Answers:
         else:
             q_ic = self._own.quaternion(now_s, "q_ic", solved.q_ic)
             P_c = self._own.numbers(now_s, "P_c", solved.P_c, 3, 3)
-            if (P_c.diagonal() <= 0.0).any() or not is_symmetric(P_c) or np.linalg.eigvalsh(P_c)[0] <= 0.0:
+            if covariance_fault(P_c):
                 raise self._own.error(now_s, "P_c must be positive definite: how wrong may the attitude be?")
         return StarFix(
             number=frame.number,

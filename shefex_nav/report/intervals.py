@@ -32,6 +32,30 @@ def proportion(k, n, confidence=CONFIDENCE):
     return low, high
 
 
+def paired_shares(only_a, only_b, n, confidence=CONFIDENCE):
+    """Interval of the difference B - A of two probabilities, from n pairs (Bonett and Price 2012).
+
+    Wald's interval with one pair more of each of the two kinds that differ. It covers the truth in 94.4 % of
+    samples at least for n = 20 and 100 and probabilities of 0.02 to 0.5, correlated or not.
+
+    Parameters
+    ----------
+    only_a, only_b : int, pairs in which it happened to one of the two alone
+    n : int, all pairs, >= 1
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    if not (n >= 1 and only_a >= 0 and only_b >= 0 and only_a + only_b <= n):
+        raise ValueError(f"expected pairs among n >= 1, got {only_a} and {only_b} of {n}")
+    p_a, p_b = (only_a + 1) / (n + 2), (only_b + 1) / (n + 2)
+    middle = p_b - p_a
+    half = stats.norm.ppf(0.5 + 0.5 * confidence) * np.sqrt((p_a + p_b - middle**2) / (n + 2))
+    return float(max(middle - half, -1.0)), float(min(middle + half, 1.0))
+
+
 def percentile(values, q, confidence=CONFIDENCE):
     """Interval of the q-th percentile of the distribution that independent values were drawn from.
 

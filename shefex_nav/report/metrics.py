@@ -14,9 +14,11 @@ Definitions
   and principal point.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - The star phase is from the first frame in the window to the last, whatever software flies.
+- `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
   that the filter accepts to entry, or to the end of a run without one. Software that tells of no gates begins
-  where its solution is star aided, or where it never is, at the first star fix of the log.
+  where its solution is star aided, or where it never is, at the first star fix of the log. Where no
+  covariance is of a whole second, the first in each second counts.
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none. Without truth the flight is that of the solution
   (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
@@ -266,7 +268,9 @@ def _navigation(data, height, entry):
         np.linalg.norm(error, axis=1) for error in (errors.position_i, errors.velocity_i, errors.attitude_b)
     )
     attitude_deg = np.degrees(attitude)
+    ticks = len(data.truth.t_s)
     return {
+        "solution_share": len(errors.t_s) / ticks if ticks else None,
         "position_error_m": {"rms": _rms(position), "max": _max(position)},
         "velocity_error_m_s": {"rms": _rms(velocity), "max": _max(velocity)},
         "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
@@ -330,12 +334,20 @@ def _nees_summary(data, errors, end_s):
     if since is None:
         return nothing
     t_s, squares, _ = normalised_errors(data, errors)
-    since_s = t_s - data.mission.start_s
-    is_second = np.abs(since_s - np.round(since_s)) <= SAME_S
-    chosen = squares[is_second & (t_s >= since) & (t_s <= end_s) & np.isfinite(squares)]
+    chosen = squares[
+        _seconds(t_s - data.mission.start_s) & (t_s >= since) & (t_s <= end_s) & np.isfinite(squares)
+    ]
     if not len(chosen):
         return nothing
     return {"mean": float(chosen.mean()), "dof": NEES_DOF, "samples": len(chosen)}
+
+
+def _seconds(since_s):
+    """Which times (K,) since the start are at whole seconds; where none is, the first in each second."""
+    whole = np.abs(since_s - np.round(since_s)) <= SAME_S
+    if whole.any():
+        return whole
+    return np.diff(np.floor(since_s), prepend=-np.inf) > 0.0
 
 
 def _star_aided_from(data):

@@ -12,8 +12,7 @@ from shefex_nav.log.other_solutions import Other, check_name
 from shefex_nav.log.run_data import stack
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
-from shefex_nav.onboard.own_software import is_symmetric
-from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
+from shefex_nav.onboard.own_software import covariance_fault
 from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.report.pairing import same_times
 
@@ -41,17 +40,18 @@ def other(data, given, frame, name):
     if frame not in FRAMES:
         raise ValueError(f"frame {frame!r}: expected 'i', inertial axes, or 'e', Earth-fixed ones")
     given = _checked(given)
-    if len(data.truth.t_s) and not len(same_times(data.truth.t_s, given.t_s)[0]):
-        raise ValueError(_unpaired(data.truth.t_s, given.t_s))
+    paired = len(same_times(data.truth.t_s, given.t_s)[0])
+    if len(data.truth.t_s) and 2 * paired < len(given.t_s):
+        raise ValueError(_unpaired(data.truth.t_s, given.t_s, paired))
     if frame == "e":
         given = _inertial(data.mission.earth, given)
-    start_s, earth = data.mission.start_s, data.mission.earth
+    earth = data.mission.earth
     solutions, covariances, unknown = [], [], np.full(3, np.nan)
     for k, t_s in enumerate(given.t_s.tolist()):
         P = None if given.P is None else given.P[k]
         estimate = Estimate(given.r[k], given.v[k], given.q[k], P)
         solutions.append(own_navigation.solution(estimate, t_s, unknown, earth))
-        if P is not None and round((t_s - start_s) * TICK_HZ) % COVARIANCE_TICKS == 0:
+        if P is not None:
             covariances.append(own_navigation.covariance(estimate, t_s))
     return Other(stack(NavSolution, solutions), stack(NavCovariance, covariances))
 
@@ -136,14 +136,16 @@ def _checked(given):
 
 def _check_covariances(t_s, P):
     for time, one in zip(t_s.tolist(), P, strict=True):
-        if not (one.diagonal() > 0.0).all() or not is_symmetric(one):
-            raise ValueError(f"P: no covariance at T{time:+.2f} s; expected symmetric, variances over zero")
+        if fault := covariance_fault(one):
+            words = f"P: no covariance at T{time:+.2f} s, it {fault}"
+            raise ValueError(f"{words}; expected symmetric, positive definite")
 
 
-def _unpaired(truth_s, t_s):
+def _unpaired(truth_s, t_s, paired):
+    few = f"only {paired} of the {len(t_s)} times" if paired else "none of the times"
     span = f"T{truth_s[0]:+.2f} to T{truth_s[-1]:+.2f} s"
     return (
-        f"t_s: none of the times, T{t_s[0]:+.4f} to T{t_s[-1]:+.4f} s, is one of the log's: {span}, "
+        f"t_s: {few}, T{t_s[0]:+.4f} to T{t_s[-1]:+.4f} s, is one of the log's: {span}, "
         f"{TICK_HZ} a second at most (run.truth.t_s)"
     )
 

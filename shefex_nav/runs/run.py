@@ -48,12 +48,14 @@ class Run:
     data : RunData, every record of the log
     log : Path of the log
     real_time : pacing.RealTime, how well it has kept its pace; None of one that had none
+    filter : name of another filter whose solution it has (`with_solution`, `others`); '' of what flew
     """
 
-    def __init__(self, data, log, folder=None, real_time=None):
+    def __init__(self, data, log, folder=None, real_time=None, filter=""):
         self.data = data
         self.log = log
         self.real_time = real_time
+        self.filter = filter
         self._folder = folder  # a temporary log is deleted with it
 
     def __repr__(self):
@@ -104,9 +106,7 @@ class Run:
     @property
     def others(self):
         """{name: Run} of what other filters say of this flight in its log (`write_solution`)."""
-        return {
-            name: Run(self.data.with_other(name, one), self.log) for name, one in self.data.others.items()
-        }
+        return {name: self._with_other(name, one) for name, one in self.data.others.items()}
 
     def with_solution(self, t_s, r, v, q, P=None, *, frame="i", name="other"):
         """What another filter says of this flight, as a Run: with errors, NEES and figures of its own.
@@ -115,7 +115,7 @@ class Run:
 
         Parameters
         ----------
-        t_s : (N,) s, mission times, increasing; those that are times of `truth` have errors
+        t_s : (N,) s, mission times, increasing; those that are times of `truth` have errors, half at least
         r, v : (N, 3) m, m/s, of the IMU; v relative to the axes of r
         q : (N, 4) attitude, body axes to those of r, Hamilton, scalar first
         P : (N, 9, 9) covariance of the errors, truth minus estimate: position and velocity in the axes of r,
@@ -126,20 +126,28 @@ class Run:
         from shefex_nav.report import other_solution
 
         given = other_solution.Given(t_s, r, v, q, P)
-        return Run(self.data.with_other(name, other_solution.other(self.data, given, frame, name)), self.log)
+        return self._with_other(name, other_solution.other(self.data, given, frame, name))
+
+    def _with_other(self, name, other):
+        """Run of this flight with log.other_solutions.Other of a filter."""
+        return Run(self.data.with_other(name, other), self.log, filter=name)
 
     def write_solution(self, other, log):
         """Write a copy of this run's log with what another filter says in it. -> the Run of the copy
 
-        other : Run of `with_solution`, under its name;  log : path of the copy, which must not exist
+        other : Run of `with_solution` or of `others` of this flight, under its name
+        log : path of the copy, which must not exist
         Raises LogError.
         """
         from shefex_nav.log import other_solutions
 
+        if not other.filter:
+            raise LogError(f"{other!r} has no other filter's solution; expected a Run of with_solution")
+        if not _is_one_flight(self.data, other.data):
+            raise LogError(f"{self.log}: is not the flight that {other.filter!r} is about, {other!r}")
         if self.data.ended_early and not self.data.failure:
             raise LogError(f"{self.log}: was not closed, its run was killed; it cannot be copied whole")
-        name = other.data.mission.software[0][1]
-        found = {name: other_solutions.Other(other.data.nav, other.data.covariance)}
+        found = {other.filter: other_solutions.Other(other.data.nav, other.data.covariance)}
         other_solutions.write(self.log, log, self.data.mission, found)
         return open_run(log)
 
@@ -201,3 +209,12 @@ class Run:
             raise FileExistsError(f"{path}: exists already; choose another name")
         shutil.copyfile(self.log, path)
         return path
+
+
+def _is_one_flight(data, other):
+    """Whether two RunData have one scenario, seed and truth."""
+    told = [(one.mission.scenario_text, one.mission.seed, one.mission.epoch_utc) for one in (data, other)]
+    truths = ((one.truth.t_s, one.truth.r_i, one.truth.v_i, one.truth.q_ib) for one in (data, other))
+    return told[0] == told[1] and all(
+        np.array_equal(*pair, equal_nan=True) for pair in zip(*truths, strict=True)
+    )

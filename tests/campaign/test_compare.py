@@ -14,7 +14,7 @@ from scipy import stats
 from short_campaign import HereLane, fly, write
 
 from shefex_nav import plugins
-from shefex_nav.campaign.compare import comparison, flying, given, paired, parts, sides
+from shefex_nav.campaign.compare import comparison, flying, given, paired, parts, sides, summary
 from shefex_nav.campaign.compare.given import CompareError
 from shefex_nav.scenario import load
 
@@ -84,11 +84,57 @@ def test_a_campaign_with_itself_differs_in_nothing(whole):
     assert len(found.seeds) == RUNS and not found.different and not found.notes
     assert len(found.rows) >= 10
     for one in (*found.rows, *found.shares):
+        if isinstance(one, comparison.Row) and one.quantity.wall:
+            assert (one.difference.mean, one.difference.verdict) == (0.0, paired.NOT_JUDGED), one
+            continue
         assert (one.difference.mean, one.difference.verdict) == (0.0, paired.NOT_SEEN), one
     text = json.dumps(
         [str(cell) for part in parts.parts([a, b], [found]) for cells in part.rows for cell in cells]
     )
     assert "better" not in re.sub(r"0 of \d", "", text)
+
+
+def test_wall_time_is_shown_but_not_judged(whole):
+    """Side B was flown while the machine had something else to do."""
+    folder, _ = whole
+    a, b = sided([folder, folder])
+    for k, (seed, one) in enumerate(b.runs.items()):
+        wall_s = {"wall_s": (2.0 + 0.01 * k) * one.get("wall_s")}
+        b.runs[seed] = one._replace(get=lambda path, one=one, told=wall_s: told.get(path, one.get(path)))
+    found = comparison.compare(a, b)
+    timed = next(one for one in found.rows if one.quantity.name.startswith("time per tick"))
+    assert timed.b.median > 1.9 * timed.a.median and timed.difference.better == 0
+    assert timed.difference.verdict == paired.NOT_JUDGED
+    cells = next(cells for cells in parts.parts([a, b], [found])[1].rows if cells[0] == timed.quantity.name)
+    assert cells[-1] == "not judged: flown one after the other" and cells[2] != cells[3]
+    (told,) = summary.summary([a, b], [found])["comparisons"]
+    one = row(told, timed.quantity.name)
+    assert one["difference"]["verdict"] is None and one["why"] == "flown one after the other"
+
+
+def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
+    """Side B has the smaller errors, over 0.2 % or 0.05 % fewer ticks of one of its runs."""
+    folder, _ = whole
+    spoken = ("position, rms of the run", "velocity, largest", "attitude, largest")
+    for fewer, verdict in ((0.002, paired.NOT_JUDGED), (0.0005, paired.B_BETTER)):
+        a, b = sided([folder, folder])
+        for k, (seed, one) in enumerate(b.runs.items()):
+            told = {"navigation.solution_share": one.get("navigation.solution_share") - fewer * (k == 2)}
+            for path in ("position_error_m.rms", "velocity_error_m_s.max", "attitude_error_deg.max"):
+                told[f"navigation.{path}"] = one.get(f"navigation.{path}") - 1.0 - 0.01 * k
+            b.runs[seed] = one._replace(get=lambda path, one=one, told=told: told.get(path, one.get(path)))
+        found = comparison.compare(a, b)
+        rows = {one.quantity.name: one for one in found.rows}
+        assert {rows[name].difference.verdict for name in spoken} == {verdict}, fewer
+        share = rows["ticks with a solution"]
+        assert share.a.median == pytest.approx(100.0) and share.difference.mean == pytest.approx(
+            -25.0 * fewer
+        )
+        cells = {cells[0]: cells[-1] for cells in parts.parts([a, b], [found])[1].rows}
+        if verdict == paired.NOT_JUDGED:
+            words = "not judged: A has a solution at 100 % of the ticks, B at 99.8 %"
+            assert {cells[name] for name in spoken} == {words}
+        assert "not judged" not in cells["ticks with a solution"]
 
 
 def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole, scenario, tmp_path):
@@ -351,6 +397,7 @@ def test_what_cannot_be_compared_is_one_line(text, words, command):
         (("built-in", "there.py:Filter", "--scenario", "night_sky"), "'there.py' cannot be read"),
         (("built-in", "built-in", "--scenario", "no_such"), "no_such"),
         (("a.mcap", "b.mcap"), "a.mcap: cannot be read"),
+        ((*["built-in"] * 26, "last.mcap", "--scenario", "night_sky"), "27 to compare; expected 26 at most"),
     ],
 )
 def test_bad_input_is_refused_before_anything_flies(words, says, command, tmp_path, monkeypatch):

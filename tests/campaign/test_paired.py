@@ -83,9 +83,37 @@ def test_how_often_something_happened():
     assert failed.verdict == paired.B_BETTER
     assert stats.binomtest(0, 6).pvalue < 0.05 < stats.binomtest(0, 5).pvalue  # McNemar's exact test
     five = paired.share_difference(a, [False] * 5 + [True] * 5, good=True)
-    assert five.verdict == paired.NOT_SEEN and five.low < 0.0 < five.high
+    assert five.verdict == paired.NOT_SEEN  # the exact test, which is stricter than the interval
+    half = 1.959964 * np.sqrt((7.0 / 12.0 - (5.0 / 12.0) ** 2) / 12.0)  # Bonett and Price
+    assert (five.low, five.high) == pytest.approx((-5.0 / 12.0 - half, -5.0 / 12.0 + half))
     same = paired.share_difference(a, a, good=True)
     assert (same.mean, same.low, same.verdict) == (0.0, None, paired.NOT_SEEN)
+
+
+@pytest.mark.parametrize("n", [20, 100])
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_the_interval_of_a_difference_of_shares_covers_it(n, rho):
+    """Exactly: the law of the pairs that differ, over all that can happen; 95 % is claimed."""
+    only_a, only_b = (k.ravel() for k in np.indices((n + 1, n + 1)))
+    only_a, only_b = (k[only_a + only_b <= n] for k in (only_a, only_b))
+    bounds = np.array([_shares(*one, n) for one in zip(only_a.tolist(), only_b.tolist(), strict=True)])
+    for p_a in (0.02, 0.07, 0.2, 0.5):
+        for p_b in (0.02, 0.07, 0.2, 0.5):
+            both = p_a * p_b + rho * np.sqrt(p_a * (1.0 - p_a) * p_b * (1.0 - p_b))
+            if both > min(p_a, p_b):
+                continue  # no two shares are so correlated
+            law = [p_a - both, p_b - both, 1.0 - p_a - p_b + 2.0 * both]
+            chance = stats.multinomial.pmf(np.stack([only_a, only_b, n - only_a - only_b], axis=1), n, law)
+            covered = (bounds[:, 0] <= p_b - p_a + 1e-12) & (p_b - p_a - 1e-12 <= bounds[:, 1])
+            assert chance @ covered > 0.93, (p_a, p_b)
+
+
+def _shares(only_a, only_b, n):
+    """Interval that is told; without one, of pairs that are all equal, what says least."""
+    a = [True] * only_a + [False] * (n - only_a)
+    b = [False] * only_a + [True] * only_b + [False] * (n - only_a - only_b)
+    found = paired.share_difference(a, b, good=True)
+    return (-1.0, 1.0) if found.low is None else (found.low, found.high)
 
 
 def test_a_share_has_the_interval_of_clopper_and_pearson():

@@ -7,8 +7,9 @@ import pytest
 import synthetic_run
 
 from shefex_nav.log import reader
+from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import join
-from shefex_nav.log.tail import MAGIC, Tail
+from shefex_nav.log.tail import Tail
 from shefex_nav.log.topics import LogError
 from shefex_nav.log.writer import LogWriter
 

@@ -13,8 +13,9 @@ from recorded import chunks
 import shefex_nav
 from shefex_nav import runs
 from shefex_nav.geometry import frames, rotation
+from shefex_nav.log import other_solutions
 from shefex_nav.log.topics import LogError
-from shefex_nav.report import viewer
+from shefex_nav.report import metrics, viewer
 
 BRIEF = {"mission.time_limit": "4 s", "star_tracker.off": "4 s"}
 OFF_I = np.array([3.0, -4.0, 12.0])  # m, of which the size is 13 m
@@ -25,6 +26,13 @@ def sky(default_scenario, tmp_path_factory):
     """Four seconds under the night sky, with a log."""
     scenario = shefex_nav.Scenario.load(default_scenario.with_name("night_sky.yaml"), BRIEF)
     return shefex_nav.fly(scenario, seed=3, log=tmp_path_factory.mktemp("sky") / "sky.mcap")
+
+
+def _correlated(P, rho):
+    """Covariances of which the third has a correlation of position and velocity."""
+    P = P.copy()
+    P[2, 0, 3] = P[2, 3, 0] = rho * np.sqrt(P[2, 0, 0] * P[2, 3, 3])
+    return P
 
 
 def covariances(n):
@@ -97,7 +105,15 @@ def test_earth_fixed_axes_give_the_same(sky, mine):
             {"v": lambda v: np.where(np.arange(len(v))[:, None] == 7, np.nan, v)},
             r"v: NaN or infinity at T\+0\.08",
         ),
-        ({"P": lambda P: -P}, "P: no covariance at T"),
+        ({"P": lambda P: -P}, r"P: no covariance at T\+0\.01 s, it has a negative variance"),
+        (
+            {"P": lambda P: _correlated(P, 2.0)},
+            r"P: no covariance at T\+0\.03 s, it is not positive definite; expected",
+        ),
+        (
+            {"P": lambda P: _correlated(P, 1.0)},
+            r"P: no covariance at T\+0\.03 s, it is not positive definite",
+        ),
         ({"name": lambda _: "My Filter"}, "name 'My Filter': expected lower-case letters"),
         ({"frame": lambda _: "n"}, "frame 'n': expected 'i'"),
     ],
@@ -131,6 +147,70 @@ def test_it_is_written_into_a_copy_of_the_log_and_read_again(sky, mine, tmp_path
     last = again.write_solution(better, tmp_path / "four.mcap")
     assert sorted(last.others) == ["mine", "third"]
     assert np.abs(last.others["mine"].errors().position_i).max() < 1e-8
+
+
+def test_only_another_solution_of_this_flight_is_written(sky, mine, tmp_path):
+    path = tmp_path / "both.mcap"
+    with pytest.raises(LogError, match="has no other filter's solution; expected a Run of with_solution"):
+        sky.write_solution(sky, path)
+    flown = (("navigation", "my_fsw", ""),)  # a program on board, whose name would do
+    own = runs.Run(sky.data._replace(mission=sky.data.mission._replace(software=flown)), sky.log)
+    with pytest.raises(LogError, match=r"my_fsw.* has no other filter's solution"):
+        sky.write_solution(own, path)
+    for change in ({"seed": 4}, {"scenario_text": sky.data.mission.scenario_text + "\n"}):
+        changed = sky.data._replace(mission=sky.data.mission._replace(**change))
+        with pytest.raises(LogError, match="is not the flight that 'mine' is about"):
+            runs.Run(changed, sky.log).write_solution(mine, path)
+    moved = sky.data._replace(truth=sky.truth._replace(r_i=sky.truth.r_i + 1e-3))
+    with pytest.raises(LogError, match="is not the flight that 'mine' is about"):
+        runs.Run(moved, sky.log).write_solution(mine, path)
+    with pytest.raises(ValueError, match=r"name 'my_fsw\.py:Filter': expected lower-case letters"):
+        other_solutions.write(sky.log, path, sky.data.mission, {"my_fsw.py:Filter": None})
+    assert not path.exists()
+    assert list(runs.open_run(sky.log).write_solution(mine, path).others) == ["mine"]  # read again
+
+
+def test_times_that_are_no_ticks_are_told_and_refused_if_they_are_most(sky, tmp_path, command):
+    """Every third time lies between two ticks; then every second and a few more."""
+    t_s, *rest = _truth(sky)
+    shifted = np.where(np.arange(len(t_s)) % 3 == 1, t_s + 0.004, t_s)
+    log, alone = tmp_path / "both.mcap", int((np.arange(len(t_s)) % 3 == 1).sum())
+    found = sky.with_solution(shifted, *rest, name="mine")
+    share = found.summary()["navigation"]["solution_share"]
+    assert share == pytest.approx(1.0 - alone / len(t_s)) and share < 0.7
+    sky.write_solution(found, log)
+    run = command("compare", str(log), f"{log}:mine", "--json")
+    assert run.code == 0, run.err
+    (told,) = json.loads(run.out)["comparisons"]
+    assert f"B: {alone} of its {len(t_s)} times are no tick of the log: they have no errors" in told["notes"]
+    row = next(one for one in told["figures"] if one["name"] == "position, rms of the run")
+    assert row["difference"]["verdict"] is None and "of the ticks, B at 66" in row["why"]
+    most = np.where((np.arange(len(t_s)) % 2 == 1) | (np.arange(len(t_s)) < 9), t_s + 0.004, t_s)
+    ticks = int((most == t_s).sum())
+    with pytest.raises(
+        ValueError, match=rf"t_s: only {ticks} of the {len(t_s)} times, T.* is one of the log's"
+    ):
+        sky.with_solution(most, *rest, name="mine")
+
+
+def test_every_covariance_is_kept_whatever_its_times(sky):
+    """Ten a second, half-way between those of the log: NEES once a second, from the first star fix."""
+    t_s, *rest = _truth(sky)
+    some = np.flatnonzero(np.round(t_s * 100.0) % 10 == 5)
+    truth = (t_s[some], rest[0][some] - OFF_I, *(one[some] for one in rest[1:]))
+    found = sky.with_solution(*truth, covariances(len(some)), name="mine")
+    assert np.array_equal(found.data.covariance.t_s, t_s[some])
+    told = found.summary()["navigation"]["nees"]
+    assert told["mean"] == pytest.approx(13.0**2 / 2.0**2) and told["samples"] == 2  # 2.05, 3.05 s
+
+
+def test_nees_is_of_whole_seconds_where_there_are_some():
+    tenths = np.arange(1, 31) / 10.0
+    assert tenths[metrics._seconds(tenths)].tolist() == [1.0, 2.0, 3.0]
+    assert (tenths + 0.05)[metrics._seconds(tenths + 0.05)].tolist() == pytest.approx(
+        [0.15, 1.05, 2.05, 3.05]
+    )
+    assert not len(metrics._seconds(np.zeros(0)))
 
 
 def _truth(run):

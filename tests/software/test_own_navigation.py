@@ -12,6 +12,7 @@ from shefex_nav.errors import SoftwareError
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
+from shefex_nav.onboard.own_software import covariance_fault
 from shefex_nav.records import Doubt, NavCovariance, NavSolution, StarFix
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.software import NotBuiltIn, refuse_own
@@ -107,6 +108,48 @@ def test_mistakes_of_the_software_are_told_with_the_mission_time(tmp_path, here,
     with pytest.raises(SoftwareError, match=r"navigation software own\.py:Reckoning, ") as told:
         flown("night_sky", f"navigation.software={path}:Reckoning", until_s=1.0)
     assert re.search(words, str(told.value)), told.value
+
+
+INDEFINITE = "import numpy as np; P = np.eye(9); P[0, 4] = P[4, 0] = 2.0; P *= 1e-6"
+SINGULAR = "import numpy as np; P = np.eye(9); P[0, 4] = P[4, 0] = 1.0; P *= 1e-6"
+GIVES = "; return Estimate(self.r, self.v, self.q, P if self.ticks == 50 else None)"
+
+
+@pytest.mark.parametrize(
+    ("here", "words"),
+    [
+        (INDEFINITE + GIVES, r"T\+0.50 s: P of its Estimate is not positive definite"),
+        (SINGULAR + GIVES, r"T\+0.50 s: P of its Estimate is not positive definite"),
+        (
+            "import numpy as np; P = np.diag([0.0, *[1.0] * 8])" + GIVES,
+            r"T\+0.50 s: P of its Estimate has a variance of zero",
+        ),
+        (
+            "import numpy as np; P = -np.eye(9)" + GIVES,
+            r"T\+0.50 s: P of its Estimate has a negative variance",
+        ),
+        (
+            "import numpy as np; P = np.eye(9); P[0, 4] = 0.1" + GIVES,
+            r"T\+0.50 s: P of its Estimate is not symmetric",
+        ),
+        (
+            f"{INDEFINITE}; from shefex_nav.records import NavCovariance as N; z = np.zeros(3); "
+            "return [N(imu.t_valid_s, P, z, z, z, z, np.ones(12))]",
+            r"T\+0.01 s: P of its NavCovariance is not positive definite",
+        ),
+    ],
+)
+def test_a_matrix_that_is_no_covariance_is_told_when_it_comes(tmp_path, here, words):
+    path = reckoning(tmp_path, here)
+    with pytest.raises(SoftwareError, match=words):
+        flown("night_sky", f"navigation.software={path}:Reckoning", until_s=0.6)
+
+
+def test_a_covariance_of_different_units_and_strong_correlations_is_one():
+    """Nine states of 1e-6 to 1e6, of which each pair is correlated to 0.999999."""
+    correlation = np.full((9, 9), 0.999999) + 1e-6 * np.eye(9)
+    sigma = np.logspace(-6, 6, 9)
+    assert covariance_fault(correlation * np.outer(sigma, sigma)) == ""
 
 
 def test_what_flies_cannot_change_what_is_logged(tmp_path):

@@ -6,10 +6,12 @@ import numpy as np
 
 from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG, CompareError
-from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES
+from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES, SOLUTION_SHARE
 from shefex_nav.scenario import differences, software
 
 MOST_SEEDS = 3  # that are named
+IN_TURN = "flown one after the other"
+SAME_SHARE = 1e-3  # of the ticks with a solution, by which two sides of a seed may differ
 
 
 class Row(NamedTuple):
@@ -89,7 +91,25 @@ def _row(quantity, a, b, seeds):
     named, of_a, of_b = zip(*both, strict=True)
     x, y = ([quantity.compared(value) for value in side] for side in (of_a, of_b))
     found = paired.difference(x, y, larger_is_better=quantity.better == LARGER)
+    if why := _unfair(quantity, a, b, named):
+        found = found._replace(verdict=paired.NOT_JUDGED, why=why)
     return Row(quantity, *samples, found, named, np.array(y) - np.array(x), found.why)
+
+
+def _unfair(quantity, a, b, seeds):
+    """Why a difference of a quantity over pairs is not that of the sides alone; '' if it may be judged."""
+    if quantity.wall:
+        return IN_TURN
+    if not quantity.spoken:
+        return ""
+    shares = [[side.runs[seed].get(SOLUTION_SHARE) for side in (a, b)] for seed in seeds]
+    apart = [one for one in shares if None not in one and abs(one[1] - one[0]) > SAME_SHARE]
+    if not apart:
+        return ""
+    of_a, of_b = max(apart, key=lambda one: abs(one[1] - one[0]))
+    return (
+        f"{a.letter} has a solution at {100.0 * of_a:.4g} % of the ticks, {b.letter} at {100.0 * of_b:.4g} %"
+    )
 
 
 def _failed(a, b, seeds):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav.errors import UserError
+from shefex_nav.log.mcap_file import is_log
 from shefex_nav.scenario import software
 
 LOG, CAMPAIGN, SOFTWARE, SCENARIO = "log", "campaign", "software", "scenario"
@@ -13,7 +14,6 @@ SOLUTION = "solution"  # a CSV: what another filter says of the flight of the fi
 IN_LOG = re.compile(r"(.+\.mcap):([a-z][a-z0-9_]*)")  # such a solution, by its name in a log
 FLOWN = SOFTWARE, SCENARIO  # kinds that have to fly first
 BUILT_IN = "built-in"
-MAGIC = b"\x89MCAP0\r\n"
 FORMS = (
     "expected a log (.mcap), the folder of a campaign, a scenario (.yaml), what a filter says of the first "
     "log (.csv, or run.mcap:name), or software: built-in, my_filter.py:MyFilter, package.module:Class or "
@@ -37,7 +37,7 @@ def read(text):
     path = Path(text)
     if path.is_dir():
         return Given(text, CAMPAIGN)
-    if path.suffix == ".mcap" or IN_LOG.fullmatch(text) or _is_log(path):
+    if IN_LOG.fullmatch(text) or is_log(path):
         return Given(text, LOG)
     if text in (BUILT_IN, software.BUILT_IN) or _is_software(text):
         return Given(text, SOFTWARE)
@@ -48,14 +48,6 @@ def read(text):
     if path.suffix == ".py":
         raise CompareError(f"{text}: names no class; expected {text}:MyFilter")
     raise CompareError(f"{text}: there is no such thing to compare; {FORMS}")
-
-
-def _is_log(path):
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
 
 
 def _is_software(text):

@@ -1,10 +1,10 @@
 """Two samples of the same seeds: their difference, how certain it is, and what may be said of it.
 
 Of a figure: mean of the differences B - A of the pairs, with Student's interval over the pairs. Of what
-happened or did not (a requirement met, a run failed): the pairs in which it happened to one of the two alone
-decide, and the interval is that of Clopper and Pearson for B's part of these (McNemar's exact test). Neither
-draws random numbers. The confidence of each interval is 95 %: of twenty rows without a difference, one shows
-one by chance.
+happened or did not (a requirement met, a run failed): difference of the shares, with the interval of Bonett
+and Price. Its verdict is McNemar's exact test over the pairs in which it happened to one of the two alone; of
+few pairs that is stricter than the interval. Neither draws random numbers. The confidence of each interval is
+95 %: of twenty rows without a difference, one shows one by chance.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,8 @@ import numpy as np
 from shefex_nav.report import intervals
 
 CONFIDENCE = intervals.CONFIDENCE
-A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is none
+A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is no interval
+NOT_JUDGED = 2  # verdict where the difference is not that of the two sides alone
 
 
 class Sample(NamedTuple):
@@ -36,7 +37,7 @@ class Difference(NamedTuple):
     better: int  # pairs in which B is better
     worse: int  # in which A is
     verdict: int | None
-    why: str = ""  # there is no interval
+    why: str = ""  # there is no interval, or it is not judged
 
 
 class Share(NamedTuple):
@@ -91,7 +92,7 @@ def _no_interval(found):
 
 
 def _verdict(low, high, larger_is_better):
-    """Verdict of an interval of B - A."""
+    """Verdict of an interval of B - A, or of what has its sign."""
     if low <= 0.0 <= high:
         return NOT_SEEN
     return B_BETTER if (low > 0.0) == larger_is_better else A_BETTER
@@ -116,5 +117,6 @@ def share_difference(a, b, *, good):
         return ShareDifference(n, mean, None, None, None, "one pair")
     if not apart:
         return ShareDifference(n, 0.0, None, None, NOT_SEEN)
-    low, high = ((2.0 * p - 1.0) * apart / n for p in intervals.proportion(only_b, apart))
-    return ShareDifference(n, mean, low, high, _verdict(low, high, good))
+    low, high = (p - 0.5 for p in intervals.proportion(only_b, apart))
+    verdict = _verdict(low, high, good)
+    return ShareDifference(n, mean, *intervals.paired_shares(only_a, only_b, n), verdict)

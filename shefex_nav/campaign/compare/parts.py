@@ -84,6 +84,8 @@ def verdict(found, one):
     """The verdict of a Difference or ShareDifference of a Comparison, for people."""
     if found.verdict is None:
         return f"no interval: {found.why}"
+    if found.verdict == paired.NOT_JUDGED:
+        return f"not judged: {found.why}"
     if found.verdict == paired.NOT_SEEN:
         return "no difference seen"
     return Loud(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
@@ -120,7 +122,10 @@ def _shares(one):
         found = row.difference
         bounds = "-" if found.low is None else f"{_percent(found.low)} to {_percent(found.high)}"
         rows.append((row.name, *cells, _percent(found.mean), bounds, verdict(found, one)))
-    lines = ("Intervals of Clopper and Pearson; of the difference, from the pairs that differ (McNemar).",)
+    lines = (
+        "Intervals of Clopper and Pearson, of the difference of Bonett and Price; the verdict is McNemar's "
+        "exact test of the pairs that differ.",
+    )
     return Part("Requirements and failures", heads, tuple(rows), lines)
 
 

@@ -19,6 +19,8 @@ class Quantity(NamedTuple):
     )
     better: str = SMALLER
     timed: bool = False  # of the whole simulation: not compared where one wrote a log and one did not
+    wall: bool = False  # measured in wall time, in which two sides are not flown at once: no verdict
+    spoken: bool = False  # over the ticks that have a solution: no verdict where one side has fewer
 
     def compared(self, value):
         """The number whose difference is told: the value, or how far it is from what it should be."""
@@ -55,20 +57,26 @@ def _tick_ms(get):
 
 
 _NAV = "navigation."
+SOLUTION_SHARE = _NAV + "solution_share"
 QUANTITIES = (
     Quantity("position at entry", "m", _at(_NAV + "at_entry.position_error_m")),
     Quantity("velocity at entry", "m/s", _at(_NAV + "at_entry.velocity_error_m_s")),
     Quantity("attitude at entry", "deg", _norm(_NAV + "at_entry.attitude_error_deg")),
-    Quantity("position, rms of the star phase", "m", _at(_NAV + "star_phase.position_rms_m")),
-    Quantity("velocity, rms of the star phase", "m/s", _at(_NAV + "star_phase.velocity_rms_m_s")),
-    Quantity("attitude, rms of the star phase", "deg", _at(_NAV + "star_phase.attitude_rms_deg")),
-    Quantity("position, rms of the run", "m", _at(_NAV + "position_error_m.rms")),
-    Quantity("velocity, rms of the run", "m/s", _at(_NAV + "velocity_error_m_s.rms")),
-    Quantity("attitude, rms of the run", "deg", _at(_NAV + "attitude_error_deg.rms")),
-    Quantity("position, largest", "m", _at(_NAV + "position_error_m.max")),
-    Quantity("velocity, largest", "m/s", _at(_NAV + "velocity_error_m_s.max")),
-    Quantity("attitude, largest", "deg", _at(_NAV + "attitude_error_deg.max")),
+    Quantity("position, rms of the star phase", "m", _at(_NAV + "star_phase.position_rms_m"), spoken=True),
+    Quantity(
+        "velocity, rms of the star phase", "m/s", _at(_NAV + "star_phase.velocity_rms_m_s"), spoken=True
+    ),
+    Quantity(
+        "attitude, rms of the star phase", "deg", _at(_NAV + "star_phase.attitude_rms_deg"), spoken=True
+    ),
+    Quantity("position, rms of the run", "m", _at(_NAV + "position_error_m.rms"), spoken=True),
+    Quantity("velocity, rms of the run", "m/s", _at(_NAV + "velocity_error_m_s.rms"), spoken=True),
+    Quantity("attitude, rms of the run", "deg", _at(_NAV + "attitude_error_deg.rms"), spoken=True),
+    Quantity("position, largest", "m", _at(_NAV + "position_error_m.max"), spoken=True),
+    Quantity("velocity, largest", "m/s", _at(_NAV + "velocity_error_m_s.max"), spoken=True),
+    Quantity("attitude, largest", "deg", _at(_NAV + "attitude_error_deg.max"), spoken=True),
     Quantity(f"NEES, {NEES_DOF} expected", "", _at(_NAV + "nees.mean"), NEARER),
+    Quantity("ticks with a solution", "%", _at(SOLUTION_SHARE, 100.0), LARGER),
     Quantity("usable, of the time", "%", _at(_NAV + "integrity.usable_share", 100.0), LARGER),
     Quantity("misleading, of the time", "%", _at(_NAV + "integrity.misleading_share", 100.0)),
     Quantity(
@@ -76,6 +84,6 @@ QUANTITIES = (
     ),
     Quantity("star fixes of the window", "%", _star_fixes, LARGER),
     Quantity("wrong star fixes", "", _at("star_tracker.wrong")),
-    Quantity("time per star frame", "ms", _at("star_tracker.chain_ms.median")),
-    Quantity("time per tick, with the simulator", "ms", _tick_ms, timed=True),
+    Quantity("time per star frame", "ms", _at("star_tracker.chain_ms.median"), wall=True),
+    Quantity("time per tick, with the simulator", "ms", _tick_ms, timed=True, wall=True),
 )

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign import results, store
 from shefex_nav.campaign.compare.given import IN_LOG, LOG, CompareError
+from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario import document
 from shefex_nav.scenario import software as own
 
@@ -73,7 +74,7 @@ def of(kind, text, letter, label=None):
     if name not in data.others:
         names = ", ".join(data.others) or "none but the log's own"
         raise CompareError(f"{text}: the log has no solution {name!r}; it has: {names}")
-    return _of_data(Path(path), data.with_other(name, data.others[name]), letter, label)
+    return _of_other(Path(path), data, name, data.others[name], letter, label)
 
 
 def of_solution(path, letter, first):
@@ -89,7 +90,17 @@ def of_solution(path, letter, first):
         other = other_solution.other(first.data, given, "i", name)
     except ValueError as error:
         raise CompareError(f"{path}: {error}") from None
-    return _of_data(first.where, first.data.with_other(name, other), letter, str(path))
+    return _of_other(first.where, first.data, name, other, letter, str(path))
+
+
+def _of_other(path, data, name, other, letter, label):
+    """Side of what another filter says of the flight of a log, with a note of times that have no truth."""
+    side = _of_data(path, data.with_other(name, other), letter, label)
+    n = len(other.nav.t_s)
+    if alone := n - len(same_times(data.truth.t_s, other.nav.t_s)[0]):
+        note = f"{letter}: {alone} of its {n} times are no tick of the log: they have no errors"
+        side = side._replace(notes=(*side.notes, note))
+    return side
 
 
 def _of_data(path, data, letter, label):

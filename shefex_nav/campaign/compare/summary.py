@@ -6,7 +6,13 @@ from shefex_nav.campaign.compare import paired, parts
 from shefex_nav.scenario import differences
 from shefex_nav.scenario.document import dotted
 
-VERDICTS = {paired.A_BETTER: "a", paired.B_BETTER: "b", paired.NOT_SEEN: "none", None: None}
+VERDICTS = {
+    paired.A_BETTER: "a",
+    paired.B_BETTER: "b",
+    paired.NOT_SEEN: "none",
+    paired.NOT_JUDGED: None,
+    None: None,
+}
 
 
 def summary(sides, found):
