@@ -22,7 +22,7 @@ Camera = Annotated[
     str | None,
     typer.Option(
         metavar="FILE",
-        help="Camera file (`export --frames` writes one) or scenario: the star tracker that flies solves "
+        help="Camera file (the export of frames writes one) or scenario: the star tracker that flies solves "
         "the pictures, with covariance.",
     ),
 ]

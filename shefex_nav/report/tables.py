@@ -7,6 +7,7 @@ run.tables["nav"].to_pandas()    # where pandas is installed
 
 from collections.abc import Mapping
 from functools import cached_property
+from importlib.util import find_spec
 
 from shefex_nav.report import export
 
@@ -48,13 +49,11 @@ class Table:
 
     def to_pandas(self):
         """The pandas.DataFrame; ModuleNotFoundError says what to do where pandas is not installed."""
-        try:
-            import pandas  # noqa: F401
-        except ModuleNotFoundError:
+        if find_spec("pandas") is None:
             raise ModuleNotFoundError(
                 "to_pandas needs pandas, which is not installed: pip install pandas; without it, "
                 ".arrow is a pyarrow.Table and [column] a NumPy array"
-            ) from None
+            )
         return self.arrow.to_pandas()
 
 

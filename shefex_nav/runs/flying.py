@@ -72,8 +72,11 @@ def fly(
     told : function of what the scenario gets wrong of the flight, a tuple of report.programme.Warned, called
         before the sensors see it
 
-    -> Run. Raises LogError if the log cannot be written, FlightError if the vehicle cannot be flown,
-    TypeError or ValueError for what is no scenario, seed or time.
+    Returns
+    -------
+    Run
+
+    LogError if the log cannot be written, FlightError if the vehicle cannot be flown, TypeError or ValueError.
     """
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate

@@ -13,7 +13,7 @@ from astropy import units as u
 from astropy.coordinates import ITRS, TEME, CartesianRepresentation
 from astropy.time import Time
 from astropy.utils import iers
-from drive import ALONG, ORIGIN, at, flown, in_orbit, reckoned, scenario
+from given_flight import ALONG, ORIGIN, at, flown, in_orbit, reckoned, scenario
 from made import AEM, EARTH, EPOCH, OEM, Path3, csv, rocket, satellite, write_ccsds
 
 from shefex_nav.geometry import euler, frames, rotation, wgs84

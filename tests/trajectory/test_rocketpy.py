@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drive import at, dead_reckoning, scenario
+from given_flight import at, dead_reckoning, scenario
 from imu_settings import PERFECT
 
 from shefex_nav import prepare

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from drive import EXAMPLE, scenario
+from given_flight import EXAMPLE, scenario
 from made import AEM, OEM, ROOT
 from made import EXAMPLE as FILE
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from drive import ALONG, EXAMPLE, ORIGIN, flown, in_orbit, scenario
+from given_flight import ALONG, EXAMPLE, ORIGIN, flown, in_orbit, scenario
 from made import AEM, OEM, csv, rocket, satellite, write_ccsds
 from made import EXAMPLE as FILE
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drive import EXAMPLE, at, reckoned
+from given_flight import EXAMPLE, at, reckoned
 from made import EARTH, J2, ROLL, rocket, thrust
 
 from shefex_nav import prepare
