@@ -1,5 +1,6 @@
 """What is said to people instead of a traceback."""
 
+import os
 import traceback
 
 
@@ -19,8 +20,10 @@ class CodeError(UserError):
     def __init__(self, words, cause=None):
         if cause is not None:
             frames = traceback.extract_tb(cause.__traceback__)[1:]  # the first is the program's call
+            own = [one for one in frames if one.filename == frames[0].filename]
+            place = f" ({os.path.basename(own[-1].filename)}:{own[-1].lineno})" if own else ""
             where = "".join(traceback.format_list(frames))
-            words = f"{words}: {type(cause).__name__}: {cause}\n{where}".rstrip()
+            words = f"{words}{place}: {type(cause).__name__}: {cause}\n{where}".rstrip()
         super().__init__(words)
 
 

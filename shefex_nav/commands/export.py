@@ -175,11 +175,11 @@ def _write_frames(source, wanted, *, of_log):
             if asked:
                 raise KeyboardInterrupt
     if not n:
-        on, off = flight.scenario.star_tracker.on, flight.scenario.star_tracker.off
-        say(
-            f"{source}: there is no frame between these times; "
-            f"the star tracker is on from T{on:+g} to {off:+g} s"
-        )
+        if not any(wanted.folder.iterdir()):
+            wanted.folder.rmdir()
+        on_s, off_s = flight.scenario.star_tracker.on, min(flight.scenario.star_tracker.off, flight.until_s)
+        words = f"there is no frame between these times; there are some from T{on_s:+g} to {off_s:+g} s"
+        raise flown.FramesError(f"{source}: {words}")
     say(f"wrote {n} frames, {export.TRUTH}, {export.TOLD} and {export.TRUE} into {wanted.folder}")
 
 

@@ -34,7 +34,8 @@ def write(folder, flight, shots, kind="png"):
             rows.append(truth.row(name, shot, mission.epoch))
             yield shot
     finally:  # of an export that ends early, what there is has its truth
-        truth.write(folder / TRUTH, rows)
-        for name, true in ((TOLD, False), (TRUE, True)):
-            text = camera_file.written(scenario, flight.world, true=true)
-            (folder / name).write_text(text, encoding="utf-8")
+        if rows:
+            truth.write(folder / TRUTH, rows)
+            for name, true in ((TOLD, False), (TRUE, True)):
+                text = camera_file.written(scenario, flight.world, true=true)
+                (folder / name).write_text(text, encoding="utf-8")

@@ -76,7 +76,7 @@ def fly(
     -------
     Run
 
-    LogError if the log cannot be written, FlightError if the vehicle cannot be flown, TypeError or ValueError.
+    LogError if the log cannot be written, FlightError if the vehicle cannot be flown; TypeError, ValueError.
     """
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate

@@ -206,8 +206,8 @@ def test_a_folder_with_something_in_it_is_not_written_to(tmp_path):
 
 def test_times_without_a_frame(tmp_path):
     done = command("night_sky", "--frames", tmp_path / "out", "--until", "0.5s")
-    assert done.exit_code == 0 and "there is no frame between these times" in done.stderr
-    assert table(tmp_path / "out") == []
+    assert done.exit_code == 2 and "there is no frame between these times" in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_that_is_written_again_has_no_frames_of_another_flight(tmp_path):

@@ -104,7 +104,7 @@ def test_a_log_says_that_its_flight_failed(tmp_path, command):
     last = data.events[-1]
     assert last.name == topics.FAILED and data.ended_early and data.failure == last.detail
     assert last.t_s == pytest.approx(1.5, abs=0.011) and abs(last.altitude_m - 600.0) < 1e4
-    why = "T+1.50 s: failed in step: ZeroDivisionError: division by zero"
+    why = "T+1.50 s: failed in step (own.py:15): ZeroDivisionError: division by zero"
     assert why in data.failure and "failed at T+1.5" in repr(runs.open_run(log))
     report = command("report", str(log), "--html", str(tmp_path / "page.html"))
     assert report.code == 0 and "the flight failed" in report.err
