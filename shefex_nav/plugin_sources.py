@@ -11,13 +11,15 @@ import sys
 import sysconfig
 from contextlib import contextmanager
 
+from shefex_nav.errors import UserError
+
 INSTALLED = (
     *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")),
     os.path.dirname(__file__),
 )
 
 
-class LateImportError(Exception):
+class LateImportError(UserError):
     """What lies beside a file is imported when the file has been read already; the text says where."""
 
 
