@@ -74,9 +74,7 @@ def fly(
 
     Returns
     -------
-    Run
-
-    LogError if the log cannot be written, FlightError if the vehicle cannot be flown; TypeError, ValueError.
+    Run; LogError if the log cannot be written, FlightError if the vehicle cannot be flown
     """
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
