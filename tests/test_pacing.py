@@ -9,6 +9,7 @@ from shefex_nav import prepare, simulate
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.pacing import Pace
 from shefex_nav.records import ComputeTime
+from shefex_nav.report import table
 from shefex_nav.scenario.load import load
 from tests.software.own_flights import same
 
@@ -118,3 +119,10 @@ def test_a_pace_that_is_none(command, tmp_path, pace):
     done = command("run", "night_sky", "--pace", pace, "--out", tmp_path / "none.mcap")
     assert done.code == 2 and "above 0; 1 is real time" in done.err.replace("\n", " ").replace("│", "")
     assert not list(tmp_path.iterdir())
+
+
+def test_long_durations_are_told_in_seconds():
+    spread = {"median": 0.00014, "p99": 0.9996, "max": 25.04892}
+    kept = {"pace": 1.0, "ticks": 2000, "mission_s": 20.0, "elapsed_s": 28.72, "late_answers": 26}
+    rows = dict(table._real_time_rows(kept | {"begin_late_s": spread, "answer_s": spread}))
+    assert rows["answer to a tick"] == "0.14 ms median, 99 % below 999.60 ms, 25.05 s at most"

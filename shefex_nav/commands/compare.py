@@ -1,7 +1,7 @@
 """`shefex-nav compare`: logs, campaigns and software, run by run of one seed.
 
-Exit codes: 0 compared, 1 runs were lost (the same command flies them), 2 bad input or nothing that can be
-paired, 130 interrupted; the same command goes on.
+Exit codes: 0 compared, 1 runs were lost (the same command flies them) or no pair flew to its end, 2 bad input
+or nothing that can be paired, 130 interrupted; the same command goes on.
 """
 
 from pathlib import Path
@@ -60,8 +60,10 @@ def compare(
     how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
     flights = flying.planned([one for one in told if one.kind in words.FLOWN], how)
     lost = _fly(flights, how)
-    _show(*_compared(told, flights), html, json)
-    raise typer.Exit(1 if lost else 0)
+    sides, found = _compared(told, flights)
+    _show(sides, found, html, json)
+    nothing = any(not any(row.seeds for row in one.rows) for one in found)
+    raise typer.Exit(1 if lost or nothing else 0)
 
 
 def _fly(flights, how):

@@ -3,6 +3,8 @@
 from contextlib import contextmanager
 
 from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.progress import bar
+from shefex_nav.stopping import wishes
 
 
 @contextmanager
@@ -57,3 +59,33 @@ def show_campaign(campaign, series):
     from shefex_nav.campaign.tables import tables
 
     stdout(160, highlight=False).print(tables(parts(campaign, series)))
+
+
+def _interruptible(records):
+    """The same records; Ctrl-C takes effect between two of them, never inside compiled code."""
+    with wishes() as asked:
+        for record in records:
+            if asked:
+                raise KeyboardInterrupt
+            yield record
+
+
+def watched(records, start_s, end_s):
+    """The same records; mission time, phase and speed are shown on stderr, and Ctrl-C ends them.
+
+    start_s, end_s: of the flight, for the bar.
+    """
+    from rich.progress import BarColumn, TextColumn
+
+    from shefex_nav.records import Phase, TruthSample
+
+    words = "T{task.fields[t_s]:+8.1f} s  {task.fields[phase]:<9} {task.fields[speed]:6.0f} x real time"
+    with bar(BarColumn(), TextColumn(words)) as progress:
+        task = progress.add_task("fly", total=end_s - start_s, t_s=start_s, phase="", speed=0.0)
+        for record in _interruptible(records):
+            if type(record) is TruthSample and record.t_s % 1.0 < 0.005:
+                elapsed = max(progress.tasks[0].elapsed or 0.0, 1e-3)
+                phase = Phase(record.phase).name.lower()
+                done_s = record.t_s - start_s
+                progress.update(task, completed=done_s, t_s=record.t_s, phase=phase, speed=done_s / elapsed)
+            yield record

@@ -9,12 +9,10 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import about, show_run, warn
+from shefex_nav.commands.flights import about, show_run, warn, watched
 from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
-from shefex_nav.progress import bar
-from shefex_nav.stopping import wishes
 
 Until = Annotated[
     str | None,
@@ -64,7 +62,7 @@ def run(
             log=path,
             overwrite=force,
             pace=pace,
-            watch=lambda records, start_s, end_s: _interruptible(watched(records, start_s, end_s)),
+            watch=watched,
             told=lambda warnings: warn(loaded, warnings),
         )
     if until is not None and flown.data.until_s is None:
@@ -99,33 +97,3 @@ def _free_name(name, seed):
         n += 1
         path = path.with_name(f"{name}-seed{seed}-{n}.mcap")
     return path
-
-
-def _interruptible(records):
-    """The same records; Ctrl-C takes effect between two of them, never inside compiled code."""
-    with wishes() as asked:
-        for record in records:
-            if asked:
-                raise KeyboardInterrupt
-            yield record
-
-
-def watched(records, start_s, end_s):
-    """The same records; shows mission time, phase and speed on stderr while they pass.
-
-    start_s, end_s: of the flight, for the bar.
-    """
-    from rich.progress import BarColumn, TextColumn
-
-    from shefex_nav.records import Phase, TruthSample
-
-    words = "T{task.fields[t_s]:+8.1f} s  {task.fields[phase]:<9} {task.fields[speed]:6.0f} x real time"
-    with bar(BarColumn(), TextColumn(words)) as progress:
-        task = progress.add_task("fly", total=end_s - start_s, t_s=start_s, phase="", speed=0.0)
-        for record in records:
-            if type(record) is TruthSample and record.t_s % 1.0 < 0.005:
-                elapsed = max(progress.tasks[0].elapsed or 0.0, 1e-3)
-                phase = Phase(record.phase).name.lower()
-                done_s = record.t_s - start_s
-                progress.update(task, completed=done_s, t_s=record.t_s, phase=phase, speed=done_s / elapsed)
-            yield record

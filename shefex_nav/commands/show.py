@@ -6,8 +6,12 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Seed, quantity
+from shefex_nav.commands.flights import about, watched
+from shefex_nav.commands.options import quantity
 from shefex_nav.commands.printing import say, stdout
+from shefex_nav.log.mcap_file import is_log
+
+FIRST_SEED = 1  # as of `shefex-nav run`
 
 
 def show(
@@ -20,7 +24,9 @@ def show(
     display: Annotated[
         bool, typer.Option("--display", help="Show them: serve the screen to a browser on this machine.")
     ] = False,
-    seed: Seed = 1,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of a scenario that is flown; default 1.")
+    ] = None,
     collimator: Annotated[
         str | None,
         typer.Option(
@@ -47,25 +53,31 @@ def show(
     for option, value in (("--gamma", gamma), ("--white", white), ("--pace", pace)):
         if value is not None and not 0.0 < value < float("inf"):
             raise typer.BadParameter(f"{value:g} is not above 0", param_hint=option)
-    lengths = None
-    if collimator is not None:
-        lengths = (
-            quantity(collimator, "m", "--collimator", "500 mm", positive=True),
-            quantity(dot_pitch, "m", "--dot-pitch", "0.1 mm", positive=True),
-        )
+    lengths = None if collimator is None else _lengths(collimator, dot_pitch)
+    of_log = is_log(Path(source))
+    if of_log and seed is not None:
+        raise typer.BadParameter("a log has its own; give the scenario in its place", param_hint="--seed")
     with tempfile.TemporaryDirectory() as folder:
-        log = Path(source) if source.endswith(".mcap") else _flown(source, seed, Path(folder))
+        log = Path(source) if of_log else _flown(source, FIRST_SEED if seed is None else seed, Path(folder))
         _show(log, lengths, (gamma, white), pace, port if display else None)
+
+
+def _lengths(collimator, dot_pitch):
+    """Metres of both options."""
+    return (
+        quantity(collimator, "m", "--collimator", "500 mm", positive=True),
+        quantity(dot_pitch, "m", "--dot-pitch", "0.1 mm", positive=True),
+    )
 
 
 def _flown(scenario, seed, folder):
     """Log of a flight of a scenario."""
     from shefex_nav import runs
-    from shefex_nav.commands.run import watched
     from shefex_nav.scenario import load
 
     log = folder / "run.mcap"
-    runs.fly(load.load(scenario), seed, log=log, watch=watched)
+    with about(scenario):
+        runs.fly(load.load(scenario), seed, log=log, watch=watched)
     return log
 
 

@@ -282,14 +282,19 @@ def _level_rows(navigation):
         yield name, f"{values} {unit} {since}, {sigmas} times the sigmas"
 
 
+def _duration(duration_s):
+    """Milliseconds, or seconds from one on, for people."""
+    return number(duration_s, 2, "s") if duration_s >= 1.0 else number(1e3 * duration_s, 2, "ms")
+
+
 def _real_time_rows(kept):
     yield (
         "pace",
         f"{kept['mission_s']:.1f} s of mission in {kept['elapsed_s']:.2f} s, {kept['pace']:g} wanted",
     )
     for name, key in (("ticks begin late by", "begin_late_s"), ("answer to a tick", "answer_s")):
-        ms = {word: number(1e3 * value, 2, "ms") for word, value in kept[key].items()}
-        yield name, f"{ms['median']} median, 99 % below {ms['p99']}, {ms['max']} at most"
+        told = {word: _duration(value) for word, value in kept[key].items()}
+        yield name, f"{told['median']} median, 99 % below {told['p99']}, {told['max']} at most"
     late = kept["late_answers"]
     share = f"{late} of {kept['ticks']}, longer than a tick"
     yield "late answers", Text(share, style="bold red" if late else "")
@@ -300,7 +305,8 @@ def _run_rows(summary):
     span = "" if since is None else f", from T{since:+.1f} s to T{since + summary['simulated_s']:+.1f} s"
     yield "simulated", number(summary["simulated_s"], 1, "s") + span
     if summary["wall_s"] is not None:
-        factor = number(summary["real_time_factor"], 0)
+        is_slow = (summary["real_time_factor"] or 0.0) < 10.0
+        factor = number(summary["real_time_factor"], 2 if is_slow else 0)
         yield "took", f"{number(summary['wall_s'], 1, 's')}, {factor} x real time"
     if summary["failure"]:
         yield (

@@ -301,7 +301,7 @@ def test_software_that_always_fails_says_why(tmp_path, command):
     own = standing(tmp_path, "assert self.ticks < 150, 'no such mode'")
     words = ("--scenario", str(short(tmp_path)), "--runs", "2", "--trust", "--out", str(tmp_path / "flown"))
     run = command("compare", "built-in", own, *words)
-    assert run.code == 0, run.err
+    assert run.code == 1, run.err
     assert "B failed, run 0: SoftwareError: navigation software own.py:Standing, T+1.50 s" in run.out
     assert "no such mode" in re.sub(r"\s+", " ", run.out) and "better" not in run.out.replace("better in", "")
 
@@ -324,7 +324,7 @@ def test_a_log_whose_flight_failed_is_a_failed_run(tmp_path, command):
     assert command("run", str(scenario), *failed).code == 3
     page = tmp_path / "page.html"
     run = command("compare", *map(str, logs), "--json", "--html", str(page))
-    assert run.code == 0 and "A better" not in page.read_text(), run.err
+    assert run.code == 1 and "A better" not in page.read_text(), run.err
     (found,) = json.loads(run.out)["comparisons"]
     assert [(one["name"], one["a"]["k"], one["b"]["k"]) for one in found["shares"][:1]] == [
         ("failed runs", 0, 1)

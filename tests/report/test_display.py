@@ -145,3 +145,8 @@ def test_the_table_says_what_screen_is_wanted(command, log):
     assert done.code == 0
     assert f"{round(camera.width_px * dots)} x {round(camera.height_px * dots)} dots" in done.out
     assert "not true to angle" in command("show", log).out
+
+
+def test_a_log_has_a_seed_already(command, log):
+    done = command("show", log, "--seed", "3")
+    assert done.code == 2 and "--seed" in done.err and "a log has its own" in done.err

@@ -1,6 +1,7 @@
 """The frames of a log as a screen gets them, by number."""
 
 from io import BytesIO
+from operator import attrgetter
 
 from shefex_nav.log import pixels
 from shefex_nav.log.topics import LogError, epoch_ns, log_time_ns
@@ -38,14 +39,11 @@ class Player:
         """Frame k of `times_s` as a PNG picture of the screen's dots: bytes. IndexError"""
         from PIL import Image
 
-        found = min(pixels.between(self._log, self._frames[k][0], self._frames[k][0] + 1), key=_is_full)
+        ns = self._frames[k][0]
+        # without the background of the sky if it is kept so: the noise of one camera is not for another
+        found = min(pixels.between(self._log, ns, ns + 1), key=attrgetter("is_full"))
         stored = BytesIO()
         Image.fromarray(optics.drawn(found.image_dn, self._display, self._codes)).save(
             stored, "PNG", compress_level=1
         )
         return stored.getvalue()
-
-
-def _is_full(one):
-    """Those without the background of the sky come first: the noise of one camera is not for another."""
-    return one.is_full

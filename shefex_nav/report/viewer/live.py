@@ -28,9 +28,7 @@ from shefex_nav.report.viewer.sender import Sender
 
 ASKED_S = 0.1  # between two looks at the log
 GROWN = 1.6  # by which the scene is larger before the eye moves back
-FARTHEST = np.cos(
-    np.radians(35.0)
-)  # of the boresight from the middle of the map of stars, before it is drawn anew
+FARTHEST = np.cos(np.radians(35.0))  # of the boresight from the middle of the map, before a new one
 _KEPT_S = 0.2  # between two points of the path that is drawn again and again
 
 
