@@ -19,7 +19,10 @@ def parts(sides, found):
     made = [_sides(sides)]
     for one in found:
         made += [_figures(one), _shares(one)]
-    return [*made, Part("See for yourself", lines=tuple(map(Command, commands(found[0]))))]
+    return [
+        *made,
+        Part("The pair that differs most, by the first row", lines=tuple(map(Command, commands(found[0])))),
+    ]
 
 
 def _sides(sides):
@@ -92,10 +95,11 @@ def verdict(found, one):
 
 
 def _lines(one):
+    a, b = one.a.letter, one.b.letter
     lines = [
-        f"{one.b.letter} - {one.a.letter}: mean of the differences, run by run of one seed, with Student's "
-        "interval of it; a verdict is given where that does not hold zero. Of twenty rows without a "
-        "difference one shows one by chance."
+        f"{a} and {b} are medians of the runs. {b} - {a} is the mean of the differences of runs of one seed, "
+        "with Student's interval; the difference of the medians may be another. There is a verdict where the "
+        "interval does not include zero. Of twenty rows without a difference, one shows one by chance."
     ]
     if any(row.quantity.better == NEARER for row in one.rows):
         lines.append("NEES: the difference is of |ln(NEES / 9)|, how far it is from what it should be.")
