@@ -17,7 +17,7 @@ from shefex_nav.commands.check import check
 from shefex_nav.commands.compare import compare
 from shefex_nav.commands.export import export
 from shefex_nav.commands.new import new
-from shefex_nav.commands.refusal import PlainGroup
+from shefex_nav.commands.refusal import TRUST_HELP, PlainGroup
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
 from shefex_nav.commands.report import report
@@ -37,28 +37,28 @@ app = typer.Typer(
     name="shefex-nav",
     cls=PlainGroup,
     help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites. "
-    "--trust, with any command, is consent to run the code that a scenario names.",
+    f"In every command, {TRUST_HELP}",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
 )
 app.command(cls=ListingCommand)(reproduce)
-app.command()(solve)
+app.command(epilog=TRUST_HELP)(solve)
 app.command()(characterise)
-app.command()(replay)
-app.command()(smooth)
-app.command()(campaign)
-app.command()(compare)
-app.command()(repeat)
-app.command()(export)
+app.command(epilog=TRUST_HELP)(replay)
+app.command(epilog=TRUST_HELP)(smooth)
+app.command(epilog=TRUST_HELP)(campaign)
+app.command(epilog=TRUST_HELP)(compare)
+app.command(epilog=TRUST_HELP)(repeat)
+app.command(epilog=TRUST_HELP)(export)
 app.command()(scenarios)
 app.command()(new)
-app.command()(warmup)
-app.command()(run)
-app.command()(report)
-app.command()(view)
-app.command()(show)
-app.command()(check)
+app.command(epilog=TRUST_HELP)(warmup)
+app.command(epilog=TRUST_HELP)(run)
+app.command(epilog=TRUST_HELP)(report)
+app.command(epilog=TRUST_HELP)(view)
+app.command(epilog=TRUST_HELP)(show)
+app.command(epilog=TRUST_HELP)(check)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")
 

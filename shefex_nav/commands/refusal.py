@@ -18,6 +18,7 @@ except ModuleNotFoundError:
     from click import exceptions as refused
 
 PROGRAM, TRUST = "shefex-nav", "--trust"
+TRUST_HELP = f"{TRUST} is consent to run the code that a scenario names: plug-ins and own software."
 _WHOLE, _NUMBER = "expected a whole number", "expected a number"
 _KINDS = {
     "int_parsing": _WHOLE,

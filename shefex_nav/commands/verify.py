@@ -4,6 +4,7 @@ over what the filter says of them.
 
 import typer
 
+from shefex_nav.commands.refusal import TRUST_HELP
 from shefex_nav.commands.verify_bound import bound
 from shefex_nav.commands.verify_consistency import consistency
 from shefex_nav.commands.verify_nesc import nesc
@@ -13,9 +14,9 @@ app = typer.Typer(
     help="Compare flights with published check-cases, and navigation with what is possible.",
     no_args_is_help=True,
 )
-app.command()(bound)
-app.command()(consistency)
-app.command()(robustness)
+app.command(epilog=TRUST_HELP)(bound)
+app.command(epilog=TRUST_HELP)(consistency)
+app.command(epilog=TRUST_HELP)(robustness)
 app.command()(nesc)
 
 

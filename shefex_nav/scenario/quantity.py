@@ -33,7 +33,7 @@ _LEVELS = {"dB": "a level in dB", "mag": "a magnitude"}  # astropy would convert
 
 @cache
 def _own_units():
-    """Units that astropy lacks: gee with prefixes, parts per million, turns."""
+    """Units that astropy does not read by itself: gee, ppm, turns, feet and pounds."""
     import astropy.units as u
 
     names = {}
@@ -45,6 +45,13 @@ def _own_units():
     u.def_unit(["sec"], u.s, namespace=names)
     u.def_unit(["px"], u.pix, namespace=names)
     u.def_unit(["e-"], u.electron, namespace=names)
+    u.def_unit(["ft"], 0.3048 * u.m, namespace=names)
+    u.def_unit(["inch"], 0.0254 * u.m, namespace=names)
+    u.def_unit(["mi"], 1609.344 * u.m, namespace=names)
+    u.def_unit(["kn"], 1852.0 / 3600.0 * u.m / u.s, namespace=names)
+    u.def_unit(["lb"], 0.45359237 * u.kg, namespace=names)
+    u.def_unit(["lbf"], 0.45359237 * STANDARD_GRAVITY * u.N, namespace=names)
+    u.def_unit(["psi"], 0.45359237 * STANDARD_GRAVITY / 0.0254**2 * u.Pa, namespace=names)
     return list(names.values())
 
 

@@ -17,6 +17,8 @@ from shefex_nav.trajectory.rows import (
 )
 from shefex_nav.world.flight import track
 
+LENGTHS = {"m": 1.0, "km": 1e3, "ft": 0.3048}  # that positions may be in by mistake
+
 
 def read(given, earth):
     """Rows of a scenario.trajectory.Csv."""
@@ -80,6 +82,12 @@ def _velocities(given, table, here, where):
     for unit, of_one in (("km/s", 1e3), ("km/h", 1.0 / 3.6), ("ft/s", 0.3048), ("m/s", 1.0)):
         v_i = placing.velocities(here, r_i, values * of_one, given.velocity_frame)
         others.append((f"velocity_unit: {unit}", v_i))
+    if given.position_frame != "geodetic":  # lengths of another unit: velocities that are as much longer
+        for unit, of_one in LENGTHS.items():
+            ratio = given.position_unit.factor / of_one
+            if ratio != 1.0:
+                v_i = placing.velocities(here, r_i, told * ratio, given.velocity_frame)
+                others.append((f"position_unit: {unit}", v_i))
     v_i = placing.velocities(here, r_i, told, given.velocity_frame)
     return v_i, rounding(values) * given.velocity_unit.factor, tuple(others)
 

@@ -16,6 +16,7 @@ DEEPEST_M, FARTHEST_M = -20e3, 5e8  # heights that can be meant
 FASTEST = 2e4  # m/s, inertial
 STILL = 0.5  # m/s relative to the Earth, of a vehicle that stands
 MISFIT, FITS = 0.3, 0.1  # share of the way by which positions and velocities differ: refused; what fits
+ALIKE = 0.01  # two explanations that fit equally well
 ODD = 0.02
 MOVES = 5.0  # m/s, above which velocities are held against positions
 STEP_M, STEP_SHARE = 1.0, 0.2  # a position that steps aside by this, and this share of the way of a row
@@ -50,7 +51,8 @@ def refuse(rows, earth):
     share, gap = _misfit(rows, rows.v_i, earth)
     if share > MISFIT:
         fitting = [(found[0], words) for words, v_i in rows.others if (found := _misfit(rows, v_i, earth))]
-        hint = f"; they fit with {min(fitting)[1]}" if fitting and min(fitting)[0] < FITS else ""
+        best = [words for found, words in fitting if found < min(FITS, min(fitting)[0] + ALIKE)]
+        hint = f"; they fit with {' or '.join(best)}" if best else ""
         words = f"velocities differ from the change of the positions by {gap:.3g} m/s"
         more = "" if hint else "; check units, frames and lift_off"
         raise DataError(f"{rows.table.file}: {words} ({100.0 * share:.0f} % of the way, median){hint}{more}")

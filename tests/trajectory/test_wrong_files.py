@@ -83,6 +83,7 @@ def test_rows_that_are_none(tmp_path, line, text, words):
     "more, words",
     [
         ({"velocity_unit": "km/h"}, "they fit with velocity_unit: m/s"),
+        ({"position_unit": "ft"}, "they fit with velocity_unit: ft/s or position_unit: m"),
         ({"velocity_frame": "ecef"}, "they fit with velocity_frame: enu"),
         ({"velocity_frame": "inertial"}, "velocities differ from the change of the positions by"),
         ({"position_frame": "ecef"}, "km from the centre of the Earth; check position_frame and its unit"),
