@@ -11,6 +11,7 @@ content (SHA-256) once it has been read, so a log tells which one flew and anoth
 
 import os
 import shlex
+from difflib import get_close_matches
 from typing import Any, Literal
 
 from pydantic import Field
@@ -75,7 +76,10 @@ def _form(value):
     for name, key in (("program", COMMAND), ("reached", CONNECT)):
         if isinstance(value, FORMS[name]) or (isinstance(value, dict) and key in value):
             return f"<{name}>"
-    if isinstance(value, dict | Own):
+    if isinstance(value, dict):  # a misspelt key
+        meant = [one for key in value for one in get_close_matches(str(key), (COMMAND, CONNECT), 1)]
+        return {COMMAND: "<program>", CONNECT: "<reached>"}[meant[0]] if meant else "<own>"
+    if isinstance(value, Own):
         return "<own>"
     return f"<{BUILT_IN}>" if value == BUILT_IN else "<name>"
 
@@ -146,6 +150,8 @@ def pin(tree, places, trust=False):
 
 def _pinned(given, trust):
     """What is to fly, with its content; PluginError."""
+    if len(keys := [key for key in (PYTHON, COMMAND, CONNECT) if key in given]) > 1:
+        raise plugins.PluginError(f"names {' and '.join(keys)}; expected one of them")
     if PYTHON in given:
         plugin, cls = plugins.software(given[PYTHON], None, trust)
         for method in ("start", "step"):

@@ -19,6 +19,10 @@ class Silent(Exception):
     """No answer has come in time, or the other end is gone; the text says which."""
 
 
+class Late(Silent):
+    """There is no answer by the time at which there must be one."""
+
+
 class Pipe:
     """A program that has been started, by its standard input and output; what it prints to stderr is shown.
 
@@ -204,7 +208,7 @@ def _wait(read, write, until_s):
     """Until a file can be read or written. Silent"""
     left_s = None if until_s is None else until_s - time.monotonic()
     if (left_s is not None and left_s <= 0.0) or not any(select.select(read, write, [], left_s)):
-        raise Silent("no answer in time")
+        raise Late
 
 
 class _Buffer:

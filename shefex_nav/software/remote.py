@@ -65,11 +65,17 @@ class _Wire:
 
     def _ask(self, records, last, until_s=None):
         """Send records; what comes until a record of type `last`, that included: list of records."""
+        is_tick = until_s is None
         until_s, found = until_s or time.monotonic() + self._within_s, []
         try:
             self._channel.send(b"".join(map(messages.pack, records)), until_s)
             while not found or not isinstance(found[-1], last):
                 found.append(self._record(*self._channel.receive(until_s)))
+        except channels.Late:
+            limit = (
+                f"answer_within: {self._within_s:g} s" if is_tick else f"{START_WITHIN_S:g} s for the start"
+            )
+            raise CodeError(f"no answer in time ({limit})") from None
         except channels.Silent as error:
             raise CodeError(str(error)) from None
         return found

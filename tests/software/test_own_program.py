@@ -74,7 +74,7 @@ ENDS = (  # what a program does at tick 50, and what is said
     ("sys.exit(4)", "T+0.50 s: it ended with exit code 4"),
     ("os.kill(os.getpid(), 9)", "T+0.50 s: it was killed by signal 9"),
     ("1 / 0", r"T+0.50 s: failed:"),
-    ("time.sleep(30)", "T+0.50 s: no answer in time"),
+    ("time.sleep(30)", "T+0.50 s: no answer in time (answer_within: 5 s)"),
 )
 OTHER = """
 import os, sys, time
@@ -104,6 +104,27 @@ def test_how_a_program_ends_is_told(tmp_path, here, words):
     software = f"{{command: {sys.executable} {path}, answer_within: 5 s}}"
     with pytest.raises(SoftwareError, match=re.escape(words)):
         flown("night_sky", f"navigation.software={software}", until_s=1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("{comand: ./fsw}", "navigation.software.comand: unknown key; did you mean 'command'?"),
+        (
+            "{conect: 'tcp://127.0.0.1:5005'}",
+            "navigation.software.conect: unknown key; did you mean 'connect'?",
+        ),
+        (
+            "{command: ./fsw, connect: 'tcp://127.0.0.1:5005'}",
+            "names command and connect; expected one of them",
+        ),
+    ],
+)
+def test_keys_that_are_none(given, words):
+    with pytest.raises(ScenarioError) as caught:
+        load("night_sky", [f"navigation.software={given}"])
+    assert words in str(caught.value)
+    assert "python" not in str(caught.value)
 
 
 RAW = """
