@@ -22,6 +22,7 @@ INTERNAL = {  # caught inside the package, which says it in other words, or of t
     "scenario.fields.NoField",
     "scenario.files.Unreadable",
     "scenario.partial._Unknown",
+    "software.channels.Late",
     "software.channels.Silent",
     "scenario.tables.BadTable",
     "scenario.tables.NoColumn",

@@ -9,7 +9,6 @@ from shefex_nav import __version__
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
-from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import fusion
@@ -19,6 +18,7 @@ from shefex_nav.replay import (
     align,
     clocks,
     dataset,
+    own,
     params,
     plausible,
     pressure,
@@ -27,10 +27,8 @@ from shefex_nav.replay import (
     said,
     settle,
 )
-from shefex_nav.scenario import plugged
+from shefex_nav.scenario import plugged, software
 from shefex_nav.scenario.data_table import DataError
-
-NO_CAMERA = pinhole(1, 1, 1.0)
 
 
 class Replay(NamedTuple):
@@ -125,9 +123,10 @@ def mission(replay):
         launch_latitude=latitude,
         launch_longitude=longitude,
         launch_height=height,
-        camera=NO_CAMERA,
+        camera=own.NO_CAMERA,
         C_bc=np.eye(3),
         plugins=plugged.pinned(scenario),
+        software=software.flown(scenario),
     )
 
 
@@ -143,17 +142,23 @@ def run(replay, clock):
     yield alignment
     height = mission(replay).launch_height
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
-    nav = fusion.start(params.nav_params(scenario, float(replay.blocks.dt_s[0])), alignment, replay.earth)
+    flies = own.navigation(scenario, alignment, replay.earth) or _built_in(replay)
     said = [one for one in replay.data.received if one.t_valid_s > alignment.t_valid_s]
     said = Recorded(replay.blocks.t_valid_s, sorted(said, key=lambda one: one.t_available_s))
     truth = _truth_samples(replay.truth)
-    for k, arrived, outputs in _timed(drive(Navigator(nav), replay.blocks, said), clock):
+    for k, arrived, outputs in _timed(drive(flies, replay.blocks, said), clock):
         block = row(replay.blocks, k)
         if block.t_valid_s in truth:
             yield truth[block.t_valid_s]
         yield block
         yield from arrived
         yield from outputs
+
+
+def _built_in(replay):
+    """Navigator with the filter at the alignment of a Replay."""
+    nav_params = params.nav_params(replay.scenario, float(replay.blocks.dt_s[0]))
+    return Navigator(fusion.start(nav_params, replay.alignment, replay.earth))
 
 
 def _timed(steps, clock):
@@ -186,5 +191,6 @@ def warm_up(replay):
         at_s = float(brief.t_valid_s[5] - 0.3 * brief.dt_s[5])
         fixes = [fixes[0]._replace(t_valid_s=at_s, t_available_s=float(brief.t_valid_s[8]))]
     data = replay.data._replace(fixes=fixes)
-    for _ in run(replay._replace(blocks=brief, data=data), Clock()):
+    scenario = software.with_built_in(replay.scenario)  # software of a user's own flies once, not here
+    for _ in run(replay._replace(scenario=scenario, blocks=brief, data=data), Clock()):
         pass

@@ -25,6 +25,7 @@ from shefex_nav.onboard.navigation.state import NavParams
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Reason, TruthSample, row
 from shefex_nav.replay import load as external_load
+from shefex_nav.replay import own as external_own
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard, software, surroundings
@@ -128,7 +129,11 @@ def _configuration(data, name, overrides):
     text = data.mission.scenario_text
     if local_level.is_replay(data):
         scenario = external_load.load_text(text, name, overrides)
-        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None, None, ()
+        nav_params = external_params.nav_params(scenario, float(data.imu.dt_s[0]))
+        own = None
+        if software.flying(scenario) is not None:
+            own = partial(external_own.navigation, scenario, data.alignment, data.mission.earth)
+        return nav_params, scenario.source, None, own, software.flown(scenario)
     scenario = load.load_text(text, name, overrides)
     known = surroundings.gravity(scenario)
     scenario = prepare.settled(scenario)

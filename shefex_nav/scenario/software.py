@@ -165,6 +165,13 @@ def _pinned(given, trust):
     return {}
 
 
+def _owned(scenario):
+    """(section, what flies in it) of the sections with software of a user's own."""
+    for section, _ in PATHS:  # a replay has no star tracker and no computer
+        if section in type(scenario).model_fields and (found := own(getattr(scenario, section))) is not None:
+            yield section, found
+
+
 def own(block):
     """What flies in a section `navigation`, `star_tracker` or `computer`; None: the built-in software."""
     return block.software if isinstance(block.software, tuple(FORMS.values())) else None
@@ -186,10 +193,10 @@ def contradictions(scenario):
 
 def with_built_in(scenario):
     """The same Scenario with the built-in software."""
-    sections = {
-        section: getattr(scenario, section) for section, _ in PATHS if own(getattr(scenario, section))
+    told = {
+        section: getattr(scenario, section).model_copy(update={SOFTWARE: BUILT_IN})
+        for section, _ in _owned(scenario)
     }
-    told = {key: block.model_copy(update={"software": BUILT_IN}) for key, block in sections.items()}
     return scenario.model_copy(update=told) if told else scenario
 
 
@@ -211,8 +218,8 @@ class NotBuiltIn(UserError):
 
 def flying(scenario, section="navigation"):
     """The section whose own software does what `section` is about; None: the built-in one does."""
-    sections = (COMPUTER, section)
-    return next((one for one in sections if own(getattr(scenario, one)) is not None), None)
+    found = [one for one, _ in _owned(scenario)]
+    return next((one for one in (COMPUTER, section) if one in found), None)
 
 
 def refuse_own(scenario, what, section="navigation"):
@@ -225,26 +232,24 @@ def refuse_own(scenario, what, section="navigation"):
 
 def refuse_reached(scenario):
     """NotBuiltIn if a scenario flies a program that is running: it is one, and flights are many."""
-    for section, _ in PATHS:
-        if isinstance(found := own(getattr(scenario, section)), Reached):
+    for section, found in _owned(scenario):
+        if isinstance(found, Reached):
             words = f"{found.connect} is one program, which flies once; a campaign starts one for each run"
-            raise NotBuiltIn(scenario.line_about((section, "software"), f"{words}: give its command"))
+            raise NotBuiltIn(scenario.line_about((section, SOFTWARE), f"{words}: give its command"))
 
 
 def refuse_changed(scenario):
     """PluginError if software of a user's own has another content than the scenario says, or no consent."""
-    for section, key in PATHS:
-        one = own(getattr(scenario, section))
+    for section, one in _owned(scenario):
         try:
             if isinstance(one, Own):
                 plugins.software(one.python, one.sha256)
             elif isinstance(one, Program):
                 plugins.program(words_of(one), one.sha256)
         except plugins.PluginError as error:
-            raise plugins.PluginError(f"{section}.{key}: {error}") from None
+            raise plugins.PluginError(f"{section}.{SOFTWARE}: {error}") from None
 
 
 def flown(scenario):
     """Software of a user's own that a scenario flies: tuple of (section, name, SHA-256 or '')."""
-    found = ((section, own(getattr(scenario, section))) for section, _ in PATHS)
-    return tuple((section, name(one), getattr(one, HASH, None) or "") for section, one in found if one)
+    return tuple((section, name(one), getattr(one, HASH, None) or "") for section, one in _owned(scenario))

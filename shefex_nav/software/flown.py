@@ -27,7 +27,14 @@ def _navigating(kind, block, scenario, params, alignment, earth):
     own = software.own(block)
     if own is None:
         return None
-    mission = mission_data(scenario, params, earth, own.settings)
+    return started(kind, own, alignment, mission_data(scenario, params, earth, own.settings))
+
+
+def started(kind, own, alignment, mission):
+    """An OwnNavigation or OwnComputer (kind), started.
+
+    own : scenario.software.Own, Program or Reached;  mission : MissionData
+    """
     return kind(_made(own), software.name(own), alignment, mission)
 
 
