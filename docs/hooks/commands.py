@@ -47,6 +47,9 @@ def _command(name, command):
     yield "\n\n".join(_unwrapped(part) for part in (command.help or "").split("\n\n"))
     rows = [f"| `{_usage(one)}` | {_cell(one.help)} | |" for one in arguments]
     rows += [f"| `{_option(one)}` | {_cell(one.help)} | {_default(one)} |" for one in options]
+    if command.epilog:  # --trust, which belongs to all that read scenarios
+        option, _, words = command.epilog.partition(" is ")
+        rows.append(f"| `{option}` | {words} | |")
     if rows:
         yield "\n".join(["| argument, option | | default |", "|---|---|---|", *rows])
 

@@ -141,3 +141,16 @@ def test_a_formula_that_is_wrong_is_noticed():
     assert "<mfrac>" in formulas.mathml(r"\frac{1}{2}")
     with pytest.raises(ValueError, match="nonsense"):
         formulas.mathml(r"\nonsense{1}")
+
+
+def test_reference_of_messages_has_every_field():
+    """Every message of the .proto file, with its fields."""
+    from shefex_nav.software.messages import proto
+
+    text = hook("messages").text()
+    for name, body in re.findall(r"^message (\w+) \{\n(.*?)^\}", proto(), re.M | re.S):
+        section = text.partition(f"\n### {name}\n")[2].partition("\n### ")[0]
+        fields = re.findall(r"^  (?:optional |repeated )?\w+ (\w+) = \d+;", body, re.M)
+        assert fields.pop(0) == "timestamp_ns" and section, name
+        assert all(f"| `{one}` |" in section for one in fields), name
+    assert "| `dv_b_m_s` | double (n, 3) | integrated specific force, body axes, n x 3 [m/s] |" in text
