@@ -219,18 +219,21 @@ def test_killed_run_is_readable_to_its_last_second(size, killed, default_data, c
     assert recording.stat().st_size > 0
 
 
-def test_interrupted_run_closes_its_log(default_scenario, tmp_path):
+def test_interrupted_run_closes_its_log_which_says_so(default_scenario, command, tmp_path):
     out = tmp_path / "run.mcap"
     process = start_run(default_scenario, out)
     wait_for_bytes(out, 2e6, process)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert b"Traceback" not in err
+    assert err.decode().splitlines()[-2:] == [f"{out}: what was flown until now", "interrupted"]
 
     from shefex_nav.log import reader
 
-    assert not reader.read(out).ended_early
+    data = reader.read(out)
+    assert data.ended_early and data.last_t_s > 0.0
+    summary = json.loads(command("report", out, "--json").out)
+    assert summary["ended_early"] is True and summary["flight"]["apogee_km"] is None
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,14 @@ class PlainGroup(typer.core.TyperGroup):
                 return self._alone(args, more)
             return super().main(args, standalone_mode=False, **more)
 
+    def invoke(self, ctx):
+        """Run a command; typer ends one that is interrupted without a word."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            raise
+
     def _alone(self, args, more):
         """The whole life of the process."""
         try:

@@ -4,6 +4,7 @@ import math
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -54,7 +55,7 @@ def run(
     if live:
         _open_viewer(path)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
-    with about(scenario):
+    with about(scenario), _kept(path):
         flown = runs.fly(
             loaded,
             seed,
@@ -68,6 +69,17 @@ def run(
     if until is not None and flown.data.until_s is None:
         say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
     show_run(flown.summary(), json, flown.data)
+
+
+@contextmanager
+def _kept(log):
+    """Says where a flight is that is interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if log.exists():
+            say(f"{log}: what was flown until now")
+        raise
 
 
 def _check_until(until, until_s, start_s, earliest_s):

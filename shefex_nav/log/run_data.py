@@ -55,7 +55,7 @@ class RunData(NamedTuple):
     events: list[Event]
     alignment: Alignment | None
     summary: RunSummary | None
-    ended_early: bool  # the log was not closed, or the flight's software failed
+    ended_early: bool  # the flight was interrupted, killed, or failed
     last_t_s: float  # mission time of the last truth; NaN without any
     others: dict = {}  # noqa: RUF012 - name -> other_solutions.Other, what other filters say of the flight
 

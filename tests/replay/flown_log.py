@@ -12,7 +12,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, pinhole
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.thinning import thinned
-from shefex_nav.log.topics import Mission
+from shefex_nav.log.topics import Mission, RunSummary
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
@@ -178,4 +178,5 @@ def write(path, options=None):
     with LogWriter(path, head, FramePolicy(0, "none", 4.0)) as log:
         for record in thinned(stream, options.rate_hz, head.start_s):
             log.write(record)
+        log.write(RunSummary(END_S, 1.0, 0.0))
     return path
