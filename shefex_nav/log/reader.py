@@ -6,21 +6,25 @@ way: reading stops at the first record that is not complete.
 
 import json
 import struct
+import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import plugins
 from shefex_nav.log import other_solutions, topics, wire
+from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
 from shefex_nav.records import Alignment
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7  # opcodes
-_ATTACHMENT, _METADATA = 9, 12
+_ATTACHMENT, _METADATA, _DATA_END = 9, 12, 15
 _LONGEST = 4 << 30  # bytes of a record; what claims more is no record
+_LARGEST_CHUNK = 1 << 28  # bytes unpacked; what claims more is not unpacked
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 _CHANNEL_OF = struct.Struct("<H")  # the first of it
+_CHECKSUM = struct.Struct("<I")  # CRC-32; 0: there is none
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence number, log time, publish time
 
 
@@ -39,7 +43,7 @@ def read(path):
     raw, is_complete = _read_file(Path(path))
     arrays, lists, single, steady = {}, {}, {}, kept_as_arrays()
     for topic in _stored_topics(path, raw):
-        decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
+        decoded = _decoded(path, topic, raw.messages.get(topic.topic, []))
         if topic.record in steady:
             arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
         elif topic.record in LISTS:
@@ -54,6 +58,18 @@ def read(path):
     return data._replace(
         others=other_solutions.read(raw), ended_early=data.ended_early or data.summary is None
     )
+
+
+def _decoded(path, topic, messages):
+    """What wire.codec(topic) makes of the messages; LogError if that is nothing."""
+    from google.protobuf.message import DecodeError
+
+    try:
+        return wire.codec(topic).decode(messages)
+    except (DecodeError, ValueError, IndexError, struct.error) as error:
+        raise LogError(
+            f"{path}: damaged: {topic.topic} has a message that cannot be read: {error}"
+        ) from error
 
 
 def _stored_topics(path, raw):
@@ -100,7 +116,7 @@ def _mission(numbers, raw):
     """The constants with the texts, which the metadata hold."""
     return numbers._replace(
         scenario=raw.metadata["scenario"],
-        scenario_text=raw.attachments.get(topics.ATTACHMENT, b"").decode(),
+        scenario_text=raw.attachments.get(topics.ATTACHMENT, b"").decode(errors="replace"),
         seed=int(raw.metadata["seed"]),
         version=raw.metadata["version"],
         epoch_utc=raw.metadata["epoch_utc"],
@@ -164,7 +180,7 @@ def _records(file):
     from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
     from mcap.stream_reader import read_magic
 
-    opcode = None
+    opcode, checksum = None, zlib.crc32(MAGIC)
     while opcode != _FOOTER:
         head = file.read(_RECORD_HEAD.size)
         if len(head) < _RECORD_HEAD.size:
@@ -172,14 +188,22 @@ def _records(file):
         opcode, length = _RECORD_HEAD.unpack(head)
         if length > _LONGEST:
             raise RecordLengthLimitExceeded(opcode, length, _LONGEST)
-        if opcode == _MESSAGE_INDEX:
-            file.seek(length, 1)
-            continue
         content = file.read(length)
         if len(content) < length:
             raise EndOfFile
-        yield opcode, content
+        if opcode == _DATA_END:
+            _check(checksum, content, "of all before it")
+        checksum = zlib.crc32(content, zlib.crc32(head, checksum))
+        if opcode != _MESSAGE_INDEX:
+            yield opcode, content
     read_magic(ReadDataStream(file))
+
+
+def _check(checksum, stored, of):
+    """ValueError if a checksum is not the one that the last four bytes of `stored` hold."""
+    (expected,) = _CHECKSUM.unpack(stored[-_CHECKSUM.size :])
+    if expected not in (0, checksum):
+        raise ValueError(f"the checksum {of} is wrong")
 
 
 def cut_errors():
@@ -191,9 +215,10 @@ def cut_errors():
 
 def _damage_errors():
     """What mcap raises on a record whose content is cut off or wrong."""
+    from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    return ZstdError, ValueError
+    return ZstdError, ValueError, McapError
 
 
 def _take(opcode, content, raw):
@@ -204,7 +229,10 @@ def _take(opcode, content, raw):
 
     stream = ReadDataStream(BytesIO(content))
     if opcode == _CHUNK:
-        unpacked, length = get_chunk_data_stream(Chunk.read(stream), validate_crc=True)
+        chunk = Chunk.read(stream)
+        if _unpacked_size(chunk) > _LARGEST_CHUNK:
+            raise ValueError(f"a chunk claims more than {_LARGEST_CHUNK >> 20} MB unpacked")
+        unpacked, length = get_chunk_data_stream(chunk, validate_crc=True)
         _take_chunk(unpacked.read(length), raw)
     elif opcode == _SCHEMA:
         schema = Schema.read(stream)
@@ -220,7 +248,17 @@ def _take(opcode, content, raw):
             _load_plugins(raw.metadata)
     elif opcode == _ATTACHMENT:
         record = Attachment.read(stream)
+        _check(zlib.crc32(content[: -_CHECKSUM.size]), content, f"of the attachment {record.name}")
         raw.attachments[record.name] = record.data
+
+
+def _unpacked_size(chunk):
+    """How large a mcap Chunk will be, by what it says and what its compression says: bytes."""
+    from zstandard import frame_content_size
+
+    if chunk.compression != "zstd":
+        return chunk.uncompressed_size
+    return max(chunk.uncompressed_size, frame_content_size(chunk.data))
 
 
 def _own(metadata, key):

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 import synthetic_run
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk
 from mcap.writer import Writer
 
 from shefex_nav.log import reader, run_data, topics, wire
@@ -102,6 +105,29 @@ def test_damage_in_the_middle_is_an_error(run, tmp_path):
     damaged.write_bytes(data)
     with pytest.raises(LogError, match="damaged"):
         reader.read(damaged)
+
+
+@pytest.mark.parametrize("where", [b"epoch_utc", b"scenario.yaml"])
+def test_a_bit_outside_of_the_chunks_is_noticed(run, where, tmp_path):
+    """In the scenario, which is an attachment, and in the metadata."""
+    path, _ = run
+    data = bytearray(path.read_bytes())
+    at = data.find(where) + len(where) + 12
+    assert at > 100
+    data[at] ^= 0x01
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    with pytest.raises(LogError, match="damaged"):
+        reader.read(tmp_path / "damaged.mcap")
+
+
+def test_a_chunk_that_would_fill_the_memory_is_refused(run, tmp_path):
+    """A hundred megabytes of zeros are a few kilobytes packed."""
+    path, _ = run
+    builder = RecordBuilder()
+    Chunk("zstd", zstandard.compress(bytes(300 << 20)), 0, 0, 0, 100).write(builder)
+    (tmp_path / "bomb.mcap").write_bytes(path.read_bytes()[:8] + builder.end() + bytes(9))
+    with pytest.raises(LogError, match="a chunk claims more than 256 MB unpacked"):
+        reader.read(tmp_path / "bomb.mcap")
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"hello, I am a text file\n"])
