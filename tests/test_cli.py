@@ -250,3 +250,12 @@ def test_flights_that_cannot_be_are_one_message(command, default_scenario, tmp_p
     assert words in result.err
     assert "Traceback" not in result.err
     assert not out.exists()
+
+
+def test_names_are_shown_as_they_are(tmp_path, process):
+    """Brackets are no markup, and letters that the terminal does not know are shown as ?."""
+    log = tmp_path / "[red]é[bold].mcap"
+    flown = process("run", "night_sky", "--until", "1s", "--out", log, PYTHONIOENCODING="ascii")
+    assert flown.code == 0, flown.err
+    assert "Traceback" not in flown.err
+    assert "[red]?[bold].mcap" in flown.out.replace("\n", "")

@@ -20,10 +20,13 @@ def print_json(found):
 
 
 def stdout(width, **more):
-    """rich Console of stdout, as wide as the terminal or, where there is none, `width` characters."""
+    """rich Console of stdout, as wide as the terminal or, where there is none, `width` characters.
+
+    Names and paths of users are shown as they are: brackets in them are no markup.
+    """
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else width, **more)
+    return Console(width=None if sys.stdout.isatty() else width, markup=False, **more)
 
 
 @contextmanager

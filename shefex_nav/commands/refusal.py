@@ -7,6 +7,7 @@ UserError, has its words already.
 import re
 import sys
 from contextlib import nullcontext
+from io import TextIOWrapper
 
 import typer.core
 
@@ -61,6 +62,9 @@ class PlainGroup(typer.core.TyperGroup):
 
     def _alone(self, args, more):
         """The whole life of the process."""
+        for stream in (sys.stdout, sys.stderr):  # a terminal of plain ASCII shows ? for other letters
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(errors="replace")
         try:
             code = super().main(args, standalone_mode=False, **more)
         except refused.NoArgsIsHelpError as error:  # which has printed it

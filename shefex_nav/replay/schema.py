@@ -17,7 +17,7 @@ from shefex_nav.replay.schema_data import formats
 from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import close
-from shefex_nav.scenario.mission import Epoch
+from shefex_nav.scenario.mission import LONGEST_NAME, Epoch
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.plugged import PLUGINS, Plugins
@@ -41,7 +41,12 @@ FIND = (("find", float("inf")),)
 class ReplayMission(Block):
     """What is replayed, and when."""
 
-    name: str = Field(min_length=1, pattern=r"^[\w.-]+$", description="one word, for tables and logs")
+    name: str = Field(
+        min_length=1,
+        max_length=LONGEST_NAME,
+        pattern=r"^[\w.-]+$",
+        description="one word, for tables and logs",
+    )
     description: str = Field(default="", description="for people")
     epoch: Epoch
     start: Time("10 s", "of the navigation, after the first IMU sample", non_negative=True) = "0 s"

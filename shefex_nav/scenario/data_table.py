@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
-from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 from shefex_nav.scenario.quantity import quoted
 
 MOST_ERRORS = 5  # of one file; a file of the wrong kind is wrong in every line
@@ -163,7 +163,7 @@ def _lines(path):
 def _numbered_text(path):
     """(number, text) of every line."""
     try:
-        text = read_text(path, "a table")
+        text = read_text(path, "a table", LARGEST_DATA)
     except Unreadable as error:
         raise DataError(f"{path} {error}") from None
     return enumerate(text.splitlines(), 1)

@@ -13,6 +13,7 @@ STR, INT, FLOAT, BOOL, NULL = (
     f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
 )
 TEXT_TAGS = (STR, "tag:yaml.org,2002:timestamp")
+MOST_VALUES = 50_000  # of a file; aliases may make a short one endless
 REMOVED = object()  # the value `null`, written out
 
 
@@ -101,6 +102,9 @@ def _mark(node, file):
 
 def _build(node, path, file, document, parents):
     """Plain value of `node`; its marks and errors go into `document`."""
+    if len(document.values) > MOST_VALUES:
+        words = f"more than {MOST_VALUES} values, those of aliases counted each time; put lists into tables"
+        raise BadText(_mark(node, file), words)
     document.values[path] = _mark(node, file)
     if any(node is parent for parent in parents):
         document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
@@ -114,7 +118,14 @@ def _build(node, path, file, document, parents):
         return [
             _build(item, (*path, index), file, document, parents) for index, item in enumerate(node.value)
         ]
-    return _mapping(node, path, file, document, parents)
+    if node.tag == "tag:yaml.org,2002:map":
+        return _mapping(node, path, file, document, parents)
+    return _unused_tag(node, path, file, document)
+
+
+def _unused_tag(node, path, file, document):
+    """None; that the tag of a node has no meaning here becomes an error."""
+    document.errors.append((_mark(node, file), f"{dotted(path)}: tag {node.tag} is not used in scenarios"))
 
 
 def _is_null(node):
@@ -162,8 +173,7 @@ def _scalar(node, path, file, document):
             return text
     if node.tag == FLOAT:
         return float(re.sub(r"\.(?=[in])", "", text.replace("_", "").lower()))
-    document.errors.append((_mark(node, file), f"{dotted(path)}: tag {node.tag} is not used in scenarios"))
-    return None
+    return _unused_tag(node, path, file, document)
 
 
 def dotted(path):

@@ -1,15 +1,36 @@
 """Text of the files that make up a scenario."""
 
+import os
+import stat
+
 from shefex_nav.scenario import kind
+
+LARGEST, LARGEST_DATA = 2 << 20, 1 << 30  # bytes of a part of a scenario, and of recorded data
+DEVICES = (
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
 
 
 class Unreadable(Exception):
     """A file that cannot be read; the text says why."""
 
 
-def read_text(path, expected):
-    """Text of the UTF-8 file at `path`; Unreadable otherwise. `expected` says what it should have been."""
+def read_text(path, expected, largest=LARGEST):
+    """Text of the UTF-8 file at `path`; Unreadable otherwise.
+
+    expected : says what it should have been;  largest : bytes
+    """
     try:
+        found = os.stat(path)
+        for is_one, what in DEVICES:  # of which there may be no end
+            if is_one(found.st_mode):
+                raise Unreadable(f"is {what}, expected a file")
+        if found.st_size > largest:
+            words = f"has {found.st_size / 1e6:.3g} MB; {expected} has {largest / 1e6:.3g} MB at most"
+            raise Unreadable(words)
         with open(path, encoding="utf-8-sig") as stream:
             return stream.read()
     except FileNotFoundError:

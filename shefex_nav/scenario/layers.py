@@ -26,7 +26,7 @@ from shefex_nav.scenario.document import BadText, Mark, dotted, placed
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.use import USE
 
-EXTENDS = "extends"
+EXTENDS, ENDINGS = "extends", (".yaml", ".yml")
 
 
 class ScenarioError(UserError):
@@ -219,6 +219,8 @@ def _instrument(section, name, folder, said, texts):
 
 def _read(path, said):
     """Text of the scenario file at `path`; complaints as of `_unreadable`."""
+    if said is not None and not path.endswith(ENDINGS):  # a scenario of others names any file, and quotes it
+        raise ScenarioError([said.line(f"'{path}' is no scenario file; expected {' or '.join(ENDINGS)}")])
     try:
         return read_text(path, "a scenario file")
     except Unreadable as error:

@@ -186,6 +186,8 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
         return mark, f"expected a text, got {describe(value)}"
     if kind == "string_too_short":
         return mark, "must not be empty"
+    if kind == "string_too_long":
+        return mark, f"has {len(value)} characters, expected {error['ctx']['max_length']} at most"
     if kind == "string_pattern_mismatch":
         return mark, f"{quoted(value)} must be one word of letters, digits, '.', '-' and '_'"
     if kind == "bool_type":

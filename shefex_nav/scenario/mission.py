@@ -16,6 +16,7 @@ from shefex_nav.scenario.quantity import Count, Quantity, Time, quoted, refuse
 from shefex_nav.world.flight import settings
 
 EPOCH_EXAMPLE = "2012-06-22T19:18:00Z"
+LAST_YEAR, LONGEST_NAME = 2100, 100
 
 
 def _read_epoch(value):
@@ -30,6 +31,8 @@ def _read_epoch(value):
         raise refuse(f"{quoted(value)} is not marked as UTC; end it with Z, such as {EPOCH_EXAMPLE}")
     if when.year < 1973:
         raise refuse(f"{value!r} is before 1973, from when on the orientation of the Earth is tabulated")
+    if when.year > LAST_YEAR:
+        raise refuse(f"{value!r} is after {LAST_YEAR}, to which logs and ephemerides reach")
     return when.replace(tzinfo=None).isoformat()
 
 
@@ -45,7 +48,12 @@ Epoch = Annotated[
 class Mission(Block):
     """What is flown and when."""
 
-    name: str = Field(min_length=1, pattern=r"^[\w.-]+$", description="one word, used for file names")
+    name: str = Field(
+        min_length=1,
+        max_length=LONGEST_NAME,
+        pattern=r"^[\w.-]+$",
+        description="one word, used for file names",
+    )
     description: str = Field(description="for people")
     epoch: Epoch
     start: Time("-10 s", "start of the simulation, on the pad", at_most="0 s", at_least="-1 h")

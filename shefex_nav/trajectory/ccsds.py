@@ -13,7 +13,7 @@ import numpy as np
 from shefex_nav.geometry import frames
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.scenario.data_table import DataError, Table
-from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 from shefex_nav.trajectory import placing
 from shefex_nav.trajectory.rows import Attitudes, Rows, ascending, rounding, unit_quaternions
 
@@ -110,7 +110,7 @@ def _read(path, version, letter, widths):
 def _lines(path, version):
     """[(number, text)] of the lines below the first that are no comment."""
     try:
-        text = read_text(path, f"a CCSDS message ({version})")
+        text = read_text(path, f"a CCSDS message ({version})", LARGEST_DATA)
     except Unreadable as error:
         raise DataError(f"{path} {error}") from None
     lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1)]

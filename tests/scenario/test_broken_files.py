@@ -1,11 +1,16 @@
 """Files that are no scenario, or cannot be read: one clear message with file, line and column."""
 
+import os
+
 import pytest
 from broken import TEXT, the_message
 
 from shefex_nav.scenario import files as files_module
-from shefex_nav.scenario.load import load
+from shefex_nav.scenario.load import ScenarioError, load
 
+ALIASES = "a0: &a0 [1,1,1,1,1,1,1,1,1]\n" + "".join(
+    f"a{k}: &a{k} [{','.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 9)
+)  # 9^9 values in 300 bytes
 # kind: (whole file, place, words)
 NOT_A_SCENARIO = {
     "empty file": ("", "1:1", "the file is empty"),
@@ -21,6 +26,10 @@ NOT_A_SCENARIO = {
     "alias to nothing": ("mission: *m\n", "1:10", "undefined alias 'm'"),
     "alias to itself": ("mission: &m\n  name: *m\n", "1:10", "must not contain itself"),
     "foreign tag": ("mission: !!binary abcd\n", "1:10", "is not used in scenarios"),
+    "foreign tag of a list": ("mission: !foo [1, 2]\n", "1:10", "mission: tag !foo is not used in scenarios"),
+    "foreign tag of a section": ("mission: !!python/x {a: 1}\n", "1:10", "is not used in scenarios"),
+    "extends something else": ("extends: /etc/passwd\n", "1:10", "no scenario file; expected .yaml or .yml"),
+    "aliases without end": (ALIASES, "1:12", "more than 50000 values, those of aliases counted each time"),
     "extends nothing": ("extends:\n", "1:1", "expected the name of a scenario file"),
     "extends a missing file": ("extends: nowhere.yaml\n", "1:10", "nowhere.yaml' there is no such file"),
     "extends itself": ("extends: broken.yaml\n", "1:10", "extends itself in a circle"),
@@ -69,4 +78,29 @@ def test_a_file_without_permission(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(files_module, "open", locked, raising=False)
+    (tmp_path / "x.yaml").touch()
     assert the_message(tmp_path / "x.yaml") == f"{tmp_path / 'x.yaml'}: cannot be read: Permission denied"
+
+
+def test_a_large_file_is_not_read(tmp_path):
+    path = tmp_path / "large.yaml"
+    path.write_text("# nothing\n" * 300_000)
+    assert the_message(path) == f"{path}: has 3 MB; a scenario file has 2.1 MB at most"
+
+
+def test_what_has_no_end_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    assert the_message(tmp_path / "pipe.yaml") == f"{tmp_path / 'pipe.yaml'}: is a pipe, expected a file"
+    assert the_message("/dev/zero") == "/dev/zero: is a device, expected a file"
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("mission.epoch=9999-12-31T23:59:59Z", "is after 2100, to which logs and ephemerides reach"),
+        (f"mission.name={'a' * 300}", "has 300 characters, expected 100 at most"),
+    ],
+)
+def test_what_no_log_can_hold(override, words):
+    with pytest.raises(ScenarioError, match=words):
+        load("night_sky", [override])
