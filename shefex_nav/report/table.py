@@ -42,7 +42,7 @@ def summary_table(summary, judged=()):
     )
     table.add_column(style="bold", no_wrap=True)
     table.add_column(no_wrap=True)
-    table.add_column()
+    table.add_column(overflow="fold")  # of a long path nothing is left out
     for section, lines in rows(summary, judged):
         for k, (name, value) in enumerate(lines):
             table.add_row(section if k == 0 else "", name, value)
