@@ -260,3 +260,18 @@ def test_names_are_shown_as_they_are(tmp_path, process):
     assert flown.code == 0, flown.err
     assert "Traceback" not in flown.err
     assert "[red]?[bold].mcap" in re.sub(r"[|\s]", "", flown.out)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.parametrize("json_too", [(), ("--json",)])
+def test_a_full_disk_is_one_message(json_too):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "shefex_nav", "scenarios", *json_too],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr == "the output cannot be written: No space left on device\n"

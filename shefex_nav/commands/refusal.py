@@ -4,6 +4,8 @@ Typer would draw a box around a sentence of its own or of pydantic's. What turns
 UserError, has its words already.
 """
 
+import errno
+import os
 import re
 import sys
 from contextlib import nullcontext
@@ -20,6 +22,7 @@ except ModuleNotFoundError:
 
 PROGRAM, TRUST = "shefex-nav", "--trust"
 TRUST_HELP = f"{TRUST} is consent to run the code that a scenario names: plug-ins and own software."
+MACHINE = errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO  # no fault of the program
 _WHOLE, _NUMBER = "expected a whole number", "expected a number"
 _KINDS = {
     "int_parsing": _WHOLE,
@@ -75,6 +78,11 @@ class PlainGroup(typer.core.TyperGroup):
         except UserError as error:
             print(error, file=sys.stderr)
             sys.exit(error.exit_code)
+        except OSError as error:
+            if error.errno not in MACHINE:
+                raise
+            print(f"{_place(error)} cannot be written: {os.strerror(error.errno)}", file=sys.stderr)
+            sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -85,6 +93,11 @@ def _trusting(every):
     from shefex_nav import plugins
 
     return plugins.trusting()
+
+
+def _place(error):
+    """What could not be written; errors of libraries do not say it."""
+    return f"{error.filename}:" if error.filename else "the output"
 
 
 def line(error):

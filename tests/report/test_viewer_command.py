@@ -30,6 +30,15 @@ def test_a_log_without_a_flight_is_a_clear_error(tmp_path):
         viewer.view(path, save=tmp_path / "empty.rrd")
 
 
+def test_a_disk_without_space_is_a_clear_error(log, tmp_path, monkeypatch):
+    """rerun would wait for ever."""
+    usage = shutil.disk_usage(tmp_path)._replace(free=log.stat().st_size)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(OSError, match="No space left on device"):
+        recording.build([log], tmp_path / "view.rrd")
+    assert not (tmp_path / "view.rrd").exists()
+
+
 def test_a_time_outside_the_log_is_a_clear_error(log, tmp_path):
     with pytest.raises(ViewerError, match="covers 231 s to 241 s, not 300 s"):
         viewer.view(log, screenshot=tmp_path / "picture.png", at_s=300.0)

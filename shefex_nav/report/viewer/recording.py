@@ -6,7 +6,9 @@ figures of `metrics`. Other logs are drawn over the first one: their paths and t
 their own.
 """
 
+import errno
 import os
+import shutil
 from itertools import cycle
 from pathlib import Path
 
@@ -31,6 +33,7 @@ from shefex_nav.report.viewer import (
 from shefex_nav.report.viewer.program import ViewerError
 from shefex_nav.report.viewer.sender import Sender
 
+TIMES_THE_LOG = 2.5  # that a recording has at most: a log without pictures has twice as much
 APPLICATION = "shefex_nav"
 ENDING = ".view.rrd"  # of the recording kept beside its log
 OVERLAY = {
@@ -102,6 +105,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     from shefex_nav.report.viewer import pages
 
     runs = [read(log) for log in logs] if runs is None else runs
+    _check_space(logs, Path(rrd_path).parent)
     first, others = runs[0], names(runs)[1:]
     stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
     shown = scene(first)
@@ -120,6 +124,13 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     legend.send(sender, names(runs)[0], words, counts.limit(first))
     stream.flush()
     stream.disconnect()
+
+
+def _check_space(logs, folder):
+    """OSError where a recording would not fit: rerun waits without end for a disk that is full."""
+    needed = TIMES_THE_LOG * sum(os.path.getsize(log) for log in logs)
+    if shutil.disk_usage(folder).free < needed:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
 
 
 def _identifier(data):
