@@ -1,6 +1,6 @@
 """Picture files: grey values as they are, and when they were taken.
 
-In: FITS, PNG, JPEG, TIFF or what else Pillow reads, 8 or 16 bits, grey or colour. Out: the numbers of the
+In: FITS, and of what Pillow reads the FORMATS, 8 or 16 bits, grey or colour. Out: the numbers of the
 file (`stored`), or grey values as float32 (`read`). A file that is no single still picture of a usable size
 is refused with a PictureError.
 """
@@ -16,6 +16,7 @@ from shefex_nav.solve.header import julian_year, year_of
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
 FITS_MAGIC = b"SIMPLE  ="
+FORMATS = "PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF", "PPM"  # no others: EPS, for one, starts Ghostscript
 RAW = (".raw", ".bin")  # endings of files that hold grey values alone
 EXIF_TAKEN, EXIF_BLOCK = 36867, 34665  # DateTimeOriginal, and its block
 
@@ -60,13 +61,13 @@ def stored(path):
             with path.open("rb") as file:
                 if file.read(len(FITS_MAGIC)) == FITS_MAGIC:
                     return _of_fits(path)
-            with Image.open(path) as image:
+            with Image.open(path, formats=FORMATS) as image:
                 return _decoded(path, image)
     except PictureError:
         raise
     except UnidentifiedImageError:
         raise PictureError(
-            f"{path}: is not a picture that can be read; expected PNG, JPEG, TIFF or FITS"
+            f"{path}: is not a picture that can be read; expected PNG, JPEG, TIFF, WebP, BMP or FITS"
         ) from None
     except Image.DecompressionBombError:
         raise PictureError(

@@ -124,3 +124,11 @@ def test_missing_file_and_folder(tmp_path):
         read(tmp_path / "nowhere.png")
     with pytest.raises(PictureError, match="is a folder"):
         read(tmp_path)
+
+
+def test_a_format_that_runs_a_program_is_not_opened(tmp_path):
+    """Pillow would start Ghostscript for it."""
+    path = tmp_path / "picture.eps"
+    Image.new("L", (80, 80)).save(path, "EPS")
+    with pytest.raises(picture.PictureError, match="not a picture that can be read; expected PNG"):
+        picture.read(path)
