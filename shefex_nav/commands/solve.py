@@ -1,7 +1,7 @@
 """`shefex-nav solve`: attitude, field of view and stars of pictures of the night sky.
 
-Exit codes: 0 done, also when a picture could not be solved (the result says why), 2 a file that cannot be
-read or bad input.
+Exit codes: 0 solved, 1 a picture could not be solved (the result says why), 2 a file that cannot be read or
+bad input.
 """
 
 import re
@@ -11,9 +11,10 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json
+from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.log.mcap_file import is_log
 
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
@@ -28,12 +29,21 @@ Camera = Annotated[
 ]
 
 
+FrameTime = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIME",
+        help="Of a log in the place of pictures: solve its frame nearest to this mission time, e.g. 240s.",
+    ),
+]
+
+
 def solve(
     images: Annotated[
         list[Path],
         typer.Argument(
             metavar="IMAGE...",
-            help="Pictures of the night sky: PNG, JPEG, TIFF, FITS; with --camera .raw and .bin.",
+            help="Pictures of the night sky: PNG, JPEG, TIFF, FITS; with --camera .raw and .bin; or a log.",
         ),
     ],
     camera: Camera = None,
@@ -46,6 +56,7 @@ def solve(
             help="Julian year of the sky; default the date of the file, else today. Pixels as stored."
         ),
     ] = None,
+    frame: FrameTime = None,
     overlay: Annotated[
         Path | None, typer.Option(help="Draw detections and names into a new .png file.")
     ] = None,
@@ -53,9 +64,12 @@ def solve(
 ):
     """Find where pictures of the night sky look, without being told anything, or with a camera told.
 
-    Several pictures give one row each, with --json one object a line.
+    Several pictures give one row each, with --json one object a line. With --frame it is a frame of a log, by
+    the camera of its scenario, compared with what the flight said of it and with the truth.
     """
     _check(images, camera, fov, epoch, overlay)
+    if frame is not None or is_log(images[0]):
+        raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
     fov_deg = None if fov is None else _field_of_view(fov)
     solve_one = _told(camera, epoch) if camera else _blind(fov_deg, epoch)
     found = []
@@ -75,6 +89,35 @@ def solve(
 
         drawing.draw(picture.read(images[0]).grey, found[0][1], overlay)
         say(f"wrote {overlay}")
+    raise typer.Exit(0 if all(one.status == "ok" for _, one in found) else 1)
+
+
+def _frame_of_log(logs, frame, of_pictures, overlay, json):
+    """Solve a frame of a log. of_pictures : values of the options that belong to pictures -> exit code"""
+    log = logs[0]
+    if frame is None:
+        raise typer.BadParameter(f"{log} is a log; --frame 240s solves its frame of that time")
+    if len(logs) > 1 or not is_log(log):
+        raise typer.BadParameter(f"goes with one log, got {', '.join(map(str, logs))}", param_hint="--frame")
+    if any(value is not None for value in of_pictures):
+        words = "not together with --camera, --fov or --epoch: the log says them"
+        raise typer.BadParameter(words, param_hint="--frame")
+    t_s = mission_time(frame, "--frame", "240s")
+    from shefex_nav.frames import of_log
+    from shefex_nav.solve import overlay as drawing
+    from shefex_nav.solve import table
+
+    again = of_log.solve(log, t_s)
+    if json:
+        print_json(table.as_numbers(again.solution) | table.again_as_numbers(again))
+    else:
+        name = f"{log}, frame {again.number}, T{again.t_s:+.2f} s"
+        _show([(name, again.solution)], told=True)
+        stdout(100).print(table.again(again))
+    if overlay is not None:
+        drawing.draw(again.image_dn.astype("f4"), again.solution, overlay)
+        say(f"wrote {overlay}")
+    return 0 if again.solution.status == "ok" else 1
 
 
 def _check(images, camera, fov, epoch, overlay):

@@ -113,3 +113,19 @@ def stars(solution):
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
         table.add_row(str(star.hip), f"{star.vmag:.2f}", f"{star.x_px:.2f}", f"{star.y_px:.2f}")
     return table
+
+
+def again_as_numbers(found):
+    """What is known besides of a frame of a log that was solved again: dict. frames.of_log.Again"""
+    angles = {"from_flight_arcsec": found.from_flight, "from_truth_arcsec": found.from_truth}
+    return {"frame": found.number, "t_s": found.t_s} | {
+        name: None if angle is None else ARCSEC * angle for name, angle in angles.items()
+    }
+
+
+def again(found):
+    """rich Table of how far a frame of a log, solved again, is from flight and truth. frames.of_log.Again"""
+    table = Table(title="the attitude differs by", show_header=False)
+    for words, angle in (("from that in flight", found.from_flight), ("from the truth", found.from_truth)):
+        table.add_row(words, "-" if angle is None else f"{ARCSEC * angle:.1f} arcsec")
+    return table

@@ -49,18 +49,18 @@ def test_table_and_field_of_view(sky, fov):
         assert text in done.stdout
 
 
-def test_unsolved_is_no_error(tmp_path):
+def test_unsolved_ends_with_1(tmp_path):
     rng = np.random.default_rng(2)
     noise = np.clip(rng.normal(60.0, 5.0, (300, 400)), 0, 255).astype(np.uint8)
     Image.fromarray(noise).save(tmp_path / "noise.png")
     done = solve(tmp_path / "noise.png", "--json", "--overlay", tmp_path / "drawn.png")
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == 1, done.output
     result = json.loads(done.stdout)
     assert (result["status"], result["reason"]) == ("failed", "too_few_stars")
     assert result["ra_deg"] is None and result["matched"] == [] and result["false_probability"] == 1.0
     assert (tmp_path / "drawn.png").exists()
     done = solve(tmp_path / "noise.png")
-    assert done.exit_code == 0 and "not solved" in done.stdout and "too_few_stars" in done.stdout
+    assert done.exit_code == 1 and "not solved" in done.stdout and "too_few_stars" in done.stdout
 
 
 @pytest.mark.parametrize("name, content, says", test_picture.HOSTILE, ids=lambda value: str(value)[:16])
