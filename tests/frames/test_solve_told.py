@@ -199,7 +199,7 @@ def test_command_tells_why_one_is_not_solved(still, tmp_path):
     turned.save(tmp_path / "mirror.png")
     done = command(files(still)[1], tmp_path / "mirror.png", "--camera", still.folder / export.TOLD)
     words = " ".join(done.stdout.split())
-    assert done.exit_code == 0 and "mirrored: the stars fit only when the picture is mirrored" in words
+    assert done.exit_code == 1 and "mirrored: the stars fit only when the picture is mirrored" in words
 
 
 @pytest.mark.parametrize(
