@@ -275,3 +275,10 @@ def test_a_full_disk_is_one_message(json_too):
         )
     assert done.returncode == 2
     assert done.stderr == "the output cannot be written: No space left on device\n"
+
+
+def test_version_is_told(command):
+    from shefex_nav import __version__
+
+    result = command("--version")
+    assert (result.code, result.out) == (0, f"shefex-nav {__version__}\n")

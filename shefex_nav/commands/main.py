@@ -8,6 +8,7 @@ Commands import late what they need: the command line starts without it.
 """
 
 import sys
+from typing import Annotated
 
 import typer
 
@@ -17,7 +18,7 @@ from shefex_nav.commands.check import check
 from shefex_nav.commands.compare import compare
 from shefex_nav.commands.export import export
 from shefex_nav.commands.new import new
-from shefex_nav.commands.refusal import TRUST_HELP, PlainGroup
+from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
 from shefex_nav.commands.report import report
@@ -61,6 +62,24 @@ app.command(epilog=TRUST_HELP)(show)
 app.command(epilog=TRUST_HELP)(check)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")
+
+
+def _version(wanted):
+    """Print the version and end."""
+    if wanted:
+        from shefex_nav import __version__
+
+        typer.echo(f"{PROGRAM} {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+):
+    pass  # typer calls it before a command
 
 
 def main():

@@ -51,9 +51,10 @@ def solve(
         str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")
     ] = None,
     epoch: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            help="Julian year of the sky; default the date of the file, else today. Pixels as stored."
+            help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else "
+            "today. Pixels as stored."
         ),
     ] = None,
     frame: FrameTime = None,
@@ -67,7 +68,8 @@ def solve(
     Several pictures give one row each, with --json one object a line. With --frame it is a frame of a log, by
     the camera of its scenario, compared with what the flight said of it and with the truth.
     """
-    _check(images, camera, fov, epoch, overlay)
+    _check(images, camera, fov, overlay)
+    epoch = None if epoch is None else _julian_year(epoch)
     if frame is not None or is_log(images[0]):
         raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
     fov_deg = None if fov is None else _field_of_view(fov)
@@ -120,14 +122,10 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
     return 0 if again.solution.status == "ok" else 1
 
 
-def _check(images, camera, fov, epoch, overlay):
+def _check(images, camera, fov, overlay):
     """Refuse options that are wrong, or do not go together."""
     if fov is not None and camera is not None:
         raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
-    if epoch is not None and not 1900.0 < epoch < 2200.0:
-        raise typer.BadParameter(
-            f"expected a Julian year between 1900 and 2200, got {epoch}", param_hint="--epoch"
-        )
     if overlay is not None:
         check_picture(overlay, "--overlay", endings=(".png",))
         if len(images) > 1:
@@ -149,6 +147,27 @@ def _told(camera, epoch):
 
     told = camera_file.read(camera)
     return lambda path: solve_image(path, camera=told, epoch=epoch)
+
+
+def _julian_year(text):
+    """Julian year of a date such as 2012-06-22, or of a number that is one."""
+    from datetime import UTC, datetime
+
+    from shefex_nav.solve.header import julian_year
+
+    try:
+        year = float(text)
+    except ValueError:
+        try:
+            when = datetime.fromisoformat(text)
+        except ValueError:
+            words = f"{text}: expected a date such as 2012-06-22, or a Julian year such as 2012.47"
+            raise typer.BadParameter(words, param_hint="--epoch") from None
+        year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
+    if not 1900.0 < year < 2200.0:
+        words = f"expected a date between 1900 and 2200, got {text}"
+        raise typer.BadParameter(words, param_hint="--epoch")
+    return year
 
 
 def _field_of_view(text):

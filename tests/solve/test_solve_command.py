@@ -10,6 +10,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from shefex_nav.commands.main import app
+from shefex_nav.commands.solve import _julian_year
 from shefex_nav.solve.overlay import free_place
 
 
@@ -123,3 +124,9 @@ def test_names_cover_nothing():
         taken.append(box)
         placed += 1
     assert placed > 0.4 * n_stars
+
+
+def test_epoch_is_a_date_or_a_julian_year():
+    assert _julian_year("2012.5") == 2012.5
+    assert _julian_year("2000-01-01T12:00:00Z") == 2000.0
+    assert _julian_year("2012-06-22") == pytest.approx(2012.4709, abs=1e-4)
