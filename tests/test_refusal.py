@@ -17,7 +17,7 @@ REFUSALS = {
         "x.png",
         "--epoch",
         "today",
-    ): "--epoch: today: expected a date such as 2012-06-22, or a Julian year",
+    ): "--epoch: today: expected a date such as 2012-06-22",
     ("repeat", "folder", "last"): "RUN last: expected a whole number",
     ("run",): "SCENARIO: is missing; see `shefex-nav run --help`",
     ("view",): "LOG...: is missing; see `shefex-nav view --help`",

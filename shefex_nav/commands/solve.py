@@ -161,7 +161,7 @@ def _julian_year(text):
         try:
             when = datetime.fromisoformat(text)
         except ValueError:
-            words = f"{text}: expected a date such as 2012-06-22, or a Julian year such as 2012.47"
+            words = f"{text}: expected a date such as 2012-06-22"
             raise typer.BadParameter(words, param_hint="--epoch") from None
         year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
     if not 1900.0 < year < 2200.0:
