@@ -17,10 +17,12 @@ import platform
 import re
 import sys
 from contextlib import contextmanager, nullcontext
+from functools import cached_property
 
 import llvmlite
 import numba
 import numpy as np
+from llvmlite.binding import address_of_symbol
 from numba.core import config, types
 from numba.core.caching import NullCache, _cache_log
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
@@ -28,6 +30,7 @@ from numba.core.compiler_lock import global_compiler_lock, require_global_compil
 from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.extending import overload
 from numba.np import arrayobj
@@ -213,15 +216,17 @@ class Kernel(CPUDispatcher):
     def __init__(self, py_func, targetoptions):
         super().__init__(py_func, targetoptions=targetoptions)
         _use(self, _EntryCompiler)
-        self.callee = _Callee(py_func, targetoptions)
-        self._type = types.Dispatcher(self.callee)
         self.typingctx._remove_global(self)
-        self.typingctx.insert_global(self, self._type)
         self._cache = _Files(self)
 
-    @property
+    @cached_property
+    def callee(self):
+        """Made when the first kernel that calls this one is compiled, which is often never."""
+        return _Callee(self.py_func, self.targetoptions)
+
+    @cached_property
     def _numba_type_(self):
-        return self._type
+        return types.Dispatcher(self.callee)
 
     def __reduce__(self):
         return signature.find, (signature.name(self),)
@@ -289,7 +294,6 @@ class _Files(NullCache):
             for listen in begins_to_compile:
                 listen(self._kernel)
             return None
-        target_context.refresh()
         _cache_log("[cache] data loaded from %r", name)
         return _rebuilt(target_context, content)
 
@@ -313,18 +317,33 @@ def _reduced(cres):
     library, fndesc = cres.library, cres.fndesc
     fndesc.typemap = fndesc.calltypes = None
     module = library._final_module
-    names = [
-        one.name for of in (module.functions, module.global_variables) for one in of if not one.is_declaration
-    ]
-    parts = library.name, library._get_compiled_object(), names, fndesc, cres.environment, cres.signature
-    return dumps((*parts, cres.reload_init, cres._find_referenced_environments()))
+    names = {False: [], True: []}  # whether they are from elsewhere
+    for of in (module.functions, module.global_variables):
+        for one in of:
+            names[one.is_declaration].append(one.name)
+    wanted = [name for name in names[True] if not name.startswith("llvm.")]
+    parts = library.name, library._get_compiled_object(), names[False], wanted, fndesc, cres.environment
+    return dumps((*parts, cres.signature, cres.reload_init, cres._find_referenced_environments()))
+
+
+def _provide(target_context, names):
+    """Let code be linked that uses these names: without the address of one, LLVM would end the process.
+
+    Numba is set up for that only as far as it has to be: all of it would take a third of a second.
+    """
+    for set_up in (rtsys.initialize, type(target_context).refresh):
+        if all(map(address_of_symbol, names)):
+            return
+        set_up(target_context)
 
 
 def _rebuilt(target_context, content):
     """CompileResult of such a content."""
-    name, code, names, fndesc, environment, its_signature, reload_init, environments = pickle.loads(content)
+    name, code, names, wanted, fndesc, environment, *others = pickle.loads(content)
+    its_signature, reload_init, environments = others
     for function in reload_init:
         function()
+    _provide(target_context, wanted)
     codegen = target_context.codegen()
     library = codegen.create_library(name)
     library.enable_object_caching()
