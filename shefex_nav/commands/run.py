@@ -67,7 +67,7 @@ def run(
         )
     if until is not None and flown.data.until_s is None:
         say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
-    show_run(flown.summary(), json, flown.data)
+    show_run(flown.summary(), json, flown.data, flown.scenario)
 
 
 def _check_until(until, until_s, start_s, earliest_s):

@@ -94,7 +94,7 @@ def fly(
     clock = None if pace is None else Pace(pace)
     records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
     data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s)
-    return Run(data, path, folder, clock and clock.real_time())
+    return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 
 def _seen(world, scenario, seed, until_s, watch, pace):
