@@ -39,6 +39,7 @@ def run(
     json: Json = False,
 ):
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
+    from shefex_nav.log import thinning
     from shefex_nav.scenario import load
 
     until_s = math.inf if until is None else mission_time(until, "--until", "240s")
@@ -46,13 +47,13 @@ def run(
         words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
         raise typer.BadParameter(words, param_hint="--pace")
     loaded = load.load(scenario, overrides or ())
-    from shefex_nav import runs
-
-    _check_until(until, until_s, loaded.mission.start, runs.earliest_end(loaded))
+    _check_until(until, until_s, loaded.mission.start, thinning.earliest_end(loaded.mission.start))
     path = out or _free_name(loaded.mission.name, seed)
     check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
-    if live:
+    if live:  # it starts while this process imports the flight
         _open_viewer(path)
+    from shefex_nav import runs
+
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     with about(scenario):
         flown = runs.fly(
