@@ -16,6 +16,7 @@ import pickle
 import platform
 import re
 import sys
+from collections import Counter
 from contextlib import contextmanager, nullcontext
 from functools import cached_property
 
@@ -33,7 +34,6 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.extending import overload
-from numba.np import arrayobj
 
 from shefex_nav.compiled import digest, signature
 from shefex_nav.compiled.store import Store
@@ -161,6 +161,8 @@ def _raise_another_shape(shape, into):
 @contextmanager
 def _within_a_kernel():
     """What numba compiles of itself meanwhile, such as np.zeros, becomes part of the kernel that needs it."""
+    from numba.np import arrayobj
+
     codegen = cpu_target.target_context.codegen()
     before = codegen._library_class, _FunctionCompiler._customize_flags
     codegen._library_class, _FunctionCompiler._customize_flags = _LateLibrary, _of_numba
@@ -176,6 +178,10 @@ def _within_a_kernel():
 
 class _EntryCompiler(_FunctionCompiler):
     """Compiles what Python calls; nobody takes its address as C's."""
+
+    def compile(self, args, return_type):
+        with _within_a_kernel(), _uninterrupted_memory():
+            return super().compile(args, return_type)
 
     def _customize_flags(self, flags):
         flags.no_cfunc_wrapper = True
@@ -233,7 +239,7 @@ class Kernel(CPUDispatcher):
 
     def compile(self, sig):
         """Load or compile for these types of arguments, a tuple. -> what Python calls"""
-        with global_compiler_lock, _within_a_kernel(), _uninterrupted_memory(), self._cache.alone(sig):
+        with global_compiler_lock, self._cache.alone(sig):
             return super().compile(sig)
 
     def add_overload(self, cres):
@@ -323,7 +329,17 @@ def _reduced(cres):
             names[one.is_declaration].append(one.name)
     wanted = [name for name in names[True] if not name.startswith("llvm.")]
     parts = library.name, library._get_compiled_object(), names[False], wanted, fndesc, cres.environment
-    return dumps((*parts, cres.signature, cres.reload_init, cres._find_referenced_environments()))
+    return dumps((*parts, cres.signature, cres.reload_init, _environments(cres, str(module))))
+
+
+def _environments(cres, text):
+    """Environments that the code of a module, whose text this is, asks for: list.
+
+    numba lists those of all functions that were put into it. Each would be made when the code is loaded, with
+    all that its module imports.
+    """
+    named = Counter(re.findall(r'@"?(_ZN08NumbaEnv[^\s",)]*)', text))  # once where it is declared
+    return [one for one in cres._find_referenced_environments() if named[one.env_name] > 1 or one.consts]
 
 
 def _provide(target_context, names):
