@@ -1,29 +1,27 @@
-"""All that this project uses of numba's inside.
+"""All that this project uses of numba's inside, with `machine_code`.
 
 numba compiles, optimises and emits every function on its own, and again inside each function that calls it:
 a kernel at the end of five calls goes through the optimiser five times. Here a function that another kernel
 calls is translated to LLVM's language only; what Python calls is linked with everything it needs, optimised
 and emitted once. The result is kept in a file named by the digest of the whole, see `store`.
 
-Private interfaces of numba are used in this file and in no other; pyproject.toml pins numba for its sake.
+Private interfaces of numba are used in these two files and in no other; pyproject.toml pins numba for their
+sake.
 """
 
 import gc
 import hashlib
 import json
 import os
-import pickle
 import platform
 import re
 import sys
-from collections import Counter
 from contextlib import contextmanager, nullcontext
 from functools import cached_property
 
 import llvmlite
 import numba
 import numpy as np
-from llvmlite.binding import address_of_symbol
 from numba.core import config, types
 from numba.core.caching import NullCache, _cache_log
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
@@ -31,11 +29,9 @@ from numba.core.compiler_lock import global_compiler_lock, require_global_compil
 from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
 from numba.core.registry import CPUDispatcher, cpu_target
-from numba.core.runtime import rtsys
-from numba.core.serialize import dumps
 from numba.extending import overload
 
-from shefex_nav.compiled import digest, signature
+from shefex_nav.compiled import digest, machine_code, signature
 from shefex_nav.compiled.store import Store
 
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
@@ -301,12 +297,12 @@ class _Files(NullCache):
                 listen(self._kernel)
             return None
         _cache_log("[cache] data loaded from %r", name)
-        return _rebuilt(target_context, content)
+        return machine_code.rebuilt(target_context, content)
 
     def save_overload(self, sig, cres):
         if self._wanted is None or cres.library.has_dynamic_globals or not self._is_as_named(sig):
             return
-        if path := store().save(self._wanted, _reduced(cres)):
+        if path := store().save(self._wanted, machine_code.reduced(cres)):
             _cache_log("[cache] data saved to %r", path)
 
     def _is_as_named(self, args):
@@ -316,76 +312,6 @@ class _Files(NullCache):
         parts = digest.closure(self._kernel)
         unchanged = all(_compiled_from.get(function, one) == one for function, one in parts.items())
         return unchanged and self.name(args) == self._wanted
-
-
-def _reduced(cres):
-    """Content of the file of a compiled kernel: bytes. The bitcode, which numba keeps, nobody needs."""
-    library, fndesc = cres.library, cres.fndesc
-    fndesc.typemap = fndesc.calltypes = None
-    module = library._final_module
-    names = {False: [], True: []}  # whether they are from elsewhere
-    for of in (module.functions, module.global_variables):
-        for one in of:
-            names[one.is_declaration].append(one.name)
-    wanted = [name for name in names[True] if not name.startswith("llvm.")]
-    parts = library.name, library._get_compiled_object(), names[False], wanted, fndesc, cres.environment
-    return dumps((*parts, cres.signature, cres.reload_init, _environments(cres, str(module))))
-
-
-def _environments(cres, text):
-    """Environments that the code of a module, whose text this is, asks for: list.
-
-    numba lists those of all functions that were put into it. Each would be made when the code is loaded, with
-    all that its module imports.
-    """
-    named = Counter(re.findall(r'@"?(_ZN08NumbaEnv[^\s",)]*)', text))  # once where it is declared
-    return [one for one in cres._find_referenced_environments() if named[one.env_name] > 1 or one.consts]
-
-
-def _provide(target_context, names):
-    """Let code be linked that uses these names: without the address of one, LLVM would end the process.
-
-    Numba is set up for that only as far as it has to be: all of it would take a third of a second.
-    """
-    for set_up in (rtsys.initialize, type(target_context).refresh):
-        if all(map(address_of_symbol, names)):
-            return
-        set_up(target_context)
-
-
-def _rebuilt(target_context, content):
-    """CompileResult of such a content."""
-    name, code, names, wanted, fndesc, environment, *others = pickle.loads(content)
-    its_signature, reload_init, environments = others
-    for function in reload_init:
-        function()
-    _provide(target_context, wanted)
-    codegen = target_context.codegen()
-    library = codegen.create_library(name)
-    library.enable_object_caching()
-    library._set_compiled_object(code)
-    library._finalize_final_module()
-    codegen._engine._defined_symbols.update(names)
-    entry_point = target_context.get_executable(library, fndesc, environment)
-    for one in environments:
-        codegen.set_env(one.env_name, one)
-    return numba.core.compiler.CompileResult(
-        target_context=target_context,
-        typing_context=target_context.typing_context,
-        library=library,
-        environment=environment,
-        entry_point=entry_point,
-        fndesc=fndesc,
-        signature=its_signature,
-        objectmode=False,
-        lifted=(),
-        typing_error=None,
-        type_annotation="",
-        call_helper=None,
-        metadata=None,
-        reload_init=reload_init,
-        referenced_envs=environments,
-    )
 
 
 def _note_use(kernel, args):
@@ -419,7 +345,8 @@ _AT_FIRST = _settings()  # some are used when the compiler is set up, too
 def _kind():
     """Name of all that code depends on besides the kernels: versions, processor, settings of the compiler."""
     triple, processor, features = cpu_target.target_context.codegen().magic_tuple()
-    made_by = [_text(sys.modules[one]) for one in (__name__, digest.__name__, signature.__name__)]
+    makers = sys.modules[__name__], machine_code, digest, signature
+    made_by = [_text(one) for one in makers]
     rest = f"{triple} {features} {_AT_FIRST} {made_by}"
     numpy = ".".join(np.__version__.split(".")[:2])
     python = f"{sys.implementation.cache_tag}-{platform.machine()}-{sys.platform}"

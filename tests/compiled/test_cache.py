@@ -7,7 +7,7 @@ import time
 import pytest
 from kernel_package import LOWER, UPPER, Package
 
-from shefex_nav.compiled import numba_hooks, store
+from shefex_nav.compiled import machine_code, numba_hooks, store
 
 
 @pytest.fixture
@@ -168,8 +168,8 @@ def test_numba_is_set_up_for_code_that_names_what_is_missing(monkeypatch, more, 
         def refresh(self):
             done.append("all")
 
-    monkeypatch.setattr(numba_hooks.rtsys, "initialize", lambda context: done.append("runtime"))
-    numba_hooks._provide(Context(), ["PyErr_SetString", *more])
+    monkeypatch.setattr(machine_code.rtsys, "initialize", lambda context: done.append("runtime"))
+    machine_code.provide(Context(), ["PyErr_SetString", *more])
     assert done == expected
 
 
@@ -192,5 +192,5 @@ def test_environments_are_kept_that_code_asks_for():
     @words = constant c"missing Environment: _ZN08NumbaEnv5first"
     %1 = load ptr, ptr @"_ZN08NumbaEnv6second", align 8
     """
-    kept = numba_hooks._environments(Result(), text)
+    kept = machine_code.environments(Result(), text)
     assert [one.env_name for one in kept] == ["_ZN08NumbaEnv6second", "_ZN08NumbaEnv5other"]
