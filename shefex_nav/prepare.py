@@ -27,7 +27,6 @@ from shefex_nav.scenario import (
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
-from shefex_nav.trajectory import flight as given_flight
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.fault_settings import Faults
 from shefex_nav.world.flight import fly
@@ -166,13 +165,19 @@ def measured_by_instruments(scenario, seed, trajectory, earth, wrong):
 def truth(scenario, trajectory, earth):
     """What instruments may look at. -> instrument.Truth"""
     sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
-    at = None if scenario.trajectory is None else given_flight.begins_at(trajectory, earth)
+    at = None
+    if scenario.trajectory is not None:
+        from shefex_nav.trajectory import flight as given_flight
+
+        at = given_flight.begins_at(trajectory, earth)
     return Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario, at))
 
 
 def fly_vehicle(scenario, seed, *, brief=False):
     """The flight alone, without sensors; arguments as of `build_world`. -> Flight"""
     if scenario.trajectory is not None:
+        from shefex_nav.trajectory import flight as given_flight  # its splines are SciPy's, half a second
+
         return given_flight.fly(scenario, earth_rotation(scenario))
     flight_params = params.flight_params(scenario)
     if brief and scenario.launch is None:

@@ -43,14 +43,17 @@ def tell_if_cut(log, data):
         say(f"{log}: the mission was looked at until T{data.until_s:+.2f} s; this is about what there is")
 
 
-def show_run(summary, as_json, data):
-    """Print the summary of a RunData as one JSON object or, with what was required, as a table."""
+def show_run(summary, as_json, data, scenario=None):
+    """Print the summary of a RunData as one JSON object or, with what was required, as a table.
+
+    scenario : as of `configured.judged`
+    """
     if as_json:
         print_json(summary)
         return
     from shefex_nav.report import configured, table
 
-    stdout(100).print(table.summary_table(summary, configured.judged(data, summary)))
+    stdout(100).print(table.summary_table(summary, configured.judged(data, summary, scenario)))
 
 
 def show_campaign(campaign, series):

@@ -32,7 +32,7 @@ from shefex_nav.commands.solve import solve
 from shefex_nav.commands.verify import app as verify_app
 from shefex_nav.commands.view import view
 from shefex_nav.commands.warmup import warmup
-from shefex_nav.ending import end_quickly
+from shefex_nav.ending import end_quickly, search_seldom
 
 app = typer.Typer(
     name="shefex-nav",
@@ -84,6 +84,7 @@ def options(
 
 def main():
     """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
+    search_seldom()
     end_quickly()
     try:
         app()

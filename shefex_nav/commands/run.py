@@ -40,6 +40,7 @@ def run(
     json: Json = False,
 ):
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
+    from shefex_nav.log import thinning
     from shefex_nav.scenario import load
 
     until_s = math.inf if until is None else mission_time(until, "--until", "240s")
@@ -47,13 +48,13 @@ def run(
         words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
         raise typer.BadParameter(words, param_hint="--pace")
     loaded = load.load(scenario, overrides or ())
-    from shefex_nav import runs
-
-    _check_until(until, until_s, loaded.mission.start, runs.earliest_end(loaded))
+    _check_until(until, until_s, loaded.mission.start, thinning.earliest_end(loaded.mission.start))
     path = out or _free_name(loaded.mission.name, seed)
     check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
-    if live:
+    if live:  # it starts while this process imports the flight
         _open_viewer(path)
+    from shefex_nav import runs
+
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     with about(scenario), _kept(path):
         flown = runs.fly(
@@ -68,7 +69,7 @@ def run(
         )
     if until is not None and flown.data.until_s is None:
         say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
-    show_run(flown.summary(), json, flown.data)
+    show_run(flown.summary(), json, flown.data, flown.scenario)
 
 
 @contextmanager

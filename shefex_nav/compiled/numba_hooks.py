@@ -1,22 +1,23 @@
-"""All that this project uses of numba's inside.
+"""All that this project uses of numba's inside, with `machine_code`.
 
 numba compiles, optimises and emits every function on its own, and again inside each function that calls it:
 a kernel at the end of five calls goes through the optimiser five times. Here a function that another kernel
 calls is translated to LLVM's language only; what Python calls is linked with everything it needs, optimised
 and emitted once. The result is kept in a file named by the digest of the whole, see `store`.
 
-Private interfaces of numba are used in this file and in no other; pyproject.toml pins numba for its sake.
+Private interfaces of numba are used in these two files and in no other; pyproject.toml pins numba for their
+sake.
 """
 
 import gc
 import hashlib
 import json
 import os
-import pickle
 import platform
 import re
 import sys
 from contextlib import contextmanager, nullcontext
+from functools import cached_property
 
 import llvmlite
 import numba
@@ -28,11 +29,9 @@ from numba.core.compiler_lock import global_compiler_lock, require_global_compil
 from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
 from numba.core.registry import CPUDispatcher, cpu_target
-from numba.core.serialize import dumps
 from numba.extending import overload
-from numba.np import arrayobj
 
-from shefex_nav.compiled import digest, signature
+from shefex_nav.compiled import digest, machine_code, signature
 from shefex_nav.compiled.store import Store
 
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
@@ -158,6 +157,8 @@ def _raise_another_shape(shape, into):
 @contextmanager
 def _within_a_kernel():
     """What numba compiles of itself meanwhile, such as np.zeros, becomes part of the kernel that needs it."""
+    from numba.np import arrayobj
+
     codegen = cpu_target.target_context.codegen()
     before = codegen._library_class, _FunctionCompiler._customize_flags
     codegen._library_class, _FunctionCompiler._customize_flags = _LateLibrary, _of_numba
@@ -173,6 +174,10 @@ def _within_a_kernel():
 
 class _EntryCompiler(_FunctionCompiler):
     """Compiles what Python calls; nobody takes its address as C's."""
+
+    def compile(self, args, return_type):
+        with _within_a_kernel(), _uninterrupted_memory():
+            return super().compile(args, return_type)
 
     def _customize_flags(self, flags):
         flags.no_cfunc_wrapper = True
@@ -213,22 +218,24 @@ class Kernel(CPUDispatcher):
     def __init__(self, py_func, targetoptions):
         super().__init__(py_func, targetoptions=targetoptions)
         _use(self, _EntryCompiler)
-        self.callee = _Callee(py_func, targetoptions)
-        self._type = types.Dispatcher(self.callee)
         self.typingctx._remove_global(self)
-        self.typingctx.insert_global(self, self._type)
         self._cache = _Files(self)
 
-    @property
+    @cached_property
+    def callee(self):
+        """Made when the first kernel that calls this one is compiled, which is often never."""
+        return _Callee(self.py_func, self.targetoptions)
+
+    @cached_property
     def _numba_type_(self):
-        return self._type
+        return types.Dispatcher(self.callee)
 
     def __reduce__(self):
         return signature.find, (signature.name(self),)
 
     def compile(self, sig):
         """Load or compile for these types of arguments, a tuple. -> what Python calls"""
-        with global_compiler_lock, _within_a_kernel(), _uninterrupted_memory(), self._cache.alone(sig):
+        with global_compiler_lock, self._cache.alone(sig):
             return super().compile(sig)
 
     def add_overload(self, cres):
@@ -289,14 +296,13 @@ class _Files(NullCache):
             for listen in begins_to_compile:
                 listen(self._kernel)
             return None
-        target_context.refresh()
         _cache_log("[cache] data loaded from %r", name)
-        return _rebuilt(target_context, content)
+        return machine_code.rebuilt(target_context, content)
 
     def save_overload(self, sig, cres):
         if self._wanted is None or cres.library.has_dynamic_globals or not self._is_as_named(sig):
             return
-        if path := store().save(self._wanted, _reduced(cres)):
+        if path := store().save(self._wanted, machine_code.reduced(cres)):
             _cache_log("[cache] data saved to %r", path)
 
     def _is_as_named(self, args):
@@ -306,51 +312,6 @@ class _Files(NullCache):
         parts = digest.closure(self._kernel)
         unchanged = all(_compiled_from.get(function, one) == one for function, one in parts.items())
         return unchanged and self.name(args) == self._wanted
-
-
-def _reduced(cres):
-    """Content of the file of a compiled kernel: bytes. The bitcode, which numba keeps, nobody needs."""
-    library, fndesc = cres.library, cres.fndesc
-    fndesc.typemap = fndesc.calltypes = None
-    module = library._final_module
-    names = [
-        one.name for of in (module.functions, module.global_variables) for one in of if not one.is_declaration
-    ]
-    parts = library.name, library._get_compiled_object(), names, fndesc, cres.environment, cres.signature
-    return dumps((*parts, cres.reload_init, cres._find_referenced_environments()))
-
-
-def _rebuilt(target_context, content):
-    """CompileResult of such a content."""
-    name, code, names, fndesc, environment, its_signature, reload_init, environments = pickle.loads(content)
-    for function in reload_init:
-        function()
-    codegen = target_context.codegen()
-    library = codegen.create_library(name)
-    library.enable_object_caching()
-    library._set_compiled_object(code)
-    library._finalize_final_module()
-    codegen._engine._defined_symbols.update(names)
-    entry_point = target_context.get_executable(library, fndesc, environment)
-    for one in environments:
-        codegen.set_env(one.env_name, one)
-    return numba.core.compiler.CompileResult(
-        target_context=target_context,
-        typing_context=target_context.typing_context,
-        library=library,
-        environment=environment,
-        entry_point=entry_point,
-        fndesc=fndesc,
-        signature=its_signature,
-        objectmode=False,
-        lifted=(),
-        typing_error=None,
-        type_annotation="",
-        call_helper=None,
-        metadata=None,
-        reload_init=reload_init,
-        referenced_envs=environments,
-    )
 
 
 def _note_use(kernel, args):
@@ -384,7 +345,8 @@ _AT_FIRST = _settings()  # some are used when the compiler is set up, too
 def _kind():
     """Name of all that code depends on besides the kernels: versions, processor, settings of the compiler."""
     triple, processor, features = cpu_target.target_context.codegen().magic_tuple()
-    made_by = [_text(sys.modules[one]) for one in (__name__, digest.__name__, signature.__name__)]
+    makers = sys.modules[__name__], machine_code, digest, signature
+    made_by = [_text(one) for one in makers]
     rest = f"{triple} {features} {_AT_FIRST} {made_by}"
     numpy = ".".join(np.__version__.split(".")[:2])
     python = f"{sys.implementation.cache_tag}-{platform.machine()}-{sys.platform}"

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from shefex_nav.compiled import kernel
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.elementary import exp, log, power
 
 R_STAR = 8314.32  # J/(kmol K), table 2
@@ -57,7 +57,7 @@ def _layer_bases():
 LAYER_T, LAYER_P = _layer_bases()
 
 
-@kernel
+@inner
 def upper_temperature(height):
     """Kinetic temperature [K] above 86 km, equations 25, 27, 29 and 31; height in m."""
     z = 1e-3 * height
@@ -69,6 +69,15 @@ def upper_temperature(height):
         return 240.0 + 12.0 * (z - 110.0)
     xi = (z - 120.0) * (6356.766 + 120.0) / (6356.766 + z)
     return 1000.0 - (1000.0 - 360.0) * np.exp(-0.01875 * xi)
+
+
+@kernel
+def _upper_temperatures(height):
+    """The same of heights (n,)."""
+    out = np.empty(len(height))
+    for k in range(len(height)):
+        out[k] = upper_temperature(height[k])
+    return out
 
 
 def _cumulative(values, step):
@@ -138,7 +147,7 @@ def _upper_table():
     step = STEP / FINE
     height = np.arange(Z_86, TOP + 0.5 * step, step)
     z = 1e-3 * height
-    temperature = np.array([upper_temperature(h) for h in height])
+    temperature = _upper_temperatures(height)
     slope = np.gradient(temperature, step)
     gravity = G_0 * (EARTH_RADIUS / (EARTH_RADIUS + height)) ** 2
     grid = (z, step, temperature, slope, gravity)

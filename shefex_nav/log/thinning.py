@@ -11,6 +11,11 @@ LOWEST_HZ = 10  # as the covariance comes, so that its times are always among th
 _AT_EVERY_TICK = {TruthSample: "t_s", ImuBlock: "t_valid_s", NavSolution: "t_s"}  # and their time
 
 
+def earliest_end(start_s):
+    """Mission time [s] by which every log has a record of each kind that comes at a steady rate."""
+    return start_s + 1.0 / LOWEST_HZ
+
+
 def ticks(rate_hz):
     """Ticks from one record to the next; ValueError for another rate than 10, 20, 50 or 100 Hz."""
     every = round(TICK_HZ / rate_hz)

@@ -1,9 +1,9 @@
 """Writes a mission's records to an MCAP file as they come.
 
 Records wait until the next flush, because encoding a hundred of one type at once costs half as much as one by
-one; they are then written in the order in which they came. A flush is due at every whole second of mission
-time, at least once a second of the wall clock and after every event: a run that is killed keeps all but its
-last second.
+one; they are then written in the order in which they came. A flush is due after the first tenth of a second
+(who follows the log has something to show), at every whole second of mission time, at least once a second of
+the wall clock and after every event: a run that is killed keeps all but its last second.
 """
 
 import json
@@ -30,6 +30,7 @@ from shefex_nav.records import (
 )
 
 _FLUSH_WALL_S = 1.0
+_FIRST_FLUSH_S = 0.1
 _CHUNK_BYTES = 1 << 20
 
 
@@ -60,7 +61,7 @@ class LogWriter:
         self._waiting, self._last_truth = [], None
         self._open(overwrite)
         self._route(policy)
-        self._next_flush_s = mission.start_s + 1.0
+        self._next_flush_s = mission.start_s + _FIRST_FLUSH_S
         self._flushed_at = time.monotonic()
         self._describe()
 

@@ -32,9 +32,12 @@ def configured(data):
     return found._replace(sun_exclusion_rad=mission.sun_exclusion, limb_exclusion_rad=mission.limb_exclusion)
 
 
-def judged(data, summary):
-    """requirements.Judged of a RunData with this summary; () where its scenario requires nothing."""
-    stated = configured(data).requirements
+def judged(data, summary, scenario=None):
+    """requirements.Judged of a RunData with this summary; () where its scenario requires nothing.
+
+    scenario : Scenario of the run, where it is at hand; otherwise the one in the log is read
+    """
+    stated = configured(data).requirements if scenario is None else scenario.requirements
     return () if stated is None else requirements.judge(stated, summary)
 
 

@@ -16,7 +16,6 @@ run       what came out: Run, and its Errors
 frames    the pictures of a run
 """
 
-from shefex_nav.runs.flying import earliest_end as earliest_end
 from shefex_nav.runs.flying import fly as fly
 from shefex_nav.runs.flying import get_ready as get_ready
 from shefex_nav.runs.frames import Frames as Frames

@@ -27,15 +27,9 @@ def _check(scenario, seed, until_s, pace):
         raise TypeError(f"a Scenario is flown, not {scenario!r}: load it with Scenario.load(path)")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
-    if not until_s >= earliest_end(scenario):
-        raise ValueError(
-            f"until_s {until_s!r}: expected a time after the start, from {earliest_end(scenario):g} s on"
-        )
-
-
-def earliest_end(scenario):
-    """Mission time [s] by which every log has a record of each kind that comes at a steady rate."""
-    return scenario.mission.start + 1.0 / thinning.LOWEST_HZ
+    earliest_s = thinning.earliest_end(scenario.mission.start)
+    if not until_s >= earliest_s:
+        raise ValueError(f"until_s {until_s!r}: expected a time after the start, from {earliest_s:g} s on")
 
 
 def get_ready(scenario):
@@ -94,7 +88,7 @@ def fly(
     clock = None if pace is None else Pace(pace)
     records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
     data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s)
-    return Run(data, path, folder, clock and clock.real_time())
+    return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 
 def _seen(world, scenario, seed, until_s, watch, pace):

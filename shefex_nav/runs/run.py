@@ -49,13 +49,15 @@ class Run:
     log : Path of the log
     real_time : pacing.RealTime, how well it has kept its pace; None of one that had none
     filter : name of another filter whose solution it has (`with_solution`, `others`); '' of what flew
+    scenario : Scenario that was flown in this process; None: it is read from the log where it is needed
     """
 
-    def __init__(self, data, log, folder=None, real_time=None, filter=""):
+    def __init__(self, data, log, folder=None, real_time=None, filter="", scenario=None):
         self.data = data
         self.log = log
         self.real_time = real_time
         self.filter = filter
+        self.scenario = scenario
         self._folder = folder  # a temporary log is deleted with it
 
     def __repr__(self):
@@ -171,7 +173,7 @@ class Run:
         """The object that `shefex-nav run --json` prints: dict of numbers, texts and None."""
         from shefex_nav.report import metrics
 
-        summary = metrics.summarise(self.data, log=self.log)
+        summary = metrics.summarise(self.data, log=self.log, scenario=self.scenario)
         return summary if self.real_time is None else summary | {"real_time": self.real_time._asdict()}
 
     def table(self):
@@ -181,7 +183,7 @@ class Run:
         summary = self.summary()
         if self._folder:  # a temporary log is nobody's business
             summary["log"] = None
-        return table.summary_table(summary, configured.judged(self.data, summary))
+        return table.summary_table(summary, configured.judged(self.data, summary, self.scenario))
 
     @cached_property
     def frames(self):

@@ -2,8 +2,9 @@
 
 In comes `25 mm`, `2 deg/s`, `0.1 deg/sqrt(h)`, `1 mgee`, `7 ppm`; out goes a float in the unit that the field
 names. A number without a unit, a wrong dimension, NaN and infinity are refused with a message that says what
-would be right. Units are read with `astropy.units`, imported when the first quantity is read. `gee`, `mgee`
-and `ugee` are standard gravity, 9.80665 m/s^2 (ISO 80000-3), because `g` is the gram.
+would be right. Units that are not in `unit_factors`, and those that a message is about, are read with
+`astropy.units`, imported then. `gee`, `mgee` and `ugee` are standard gravity, 9.80665 m/s^2 (ISO 80000-3),
+because `g` is the gram.
 """
 
 import math
@@ -16,6 +17,7 @@ from typing import Annotated, Any
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
 LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
 
@@ -193,6 +195,14 @@ class QuantitySpec:
         return self._to_si(number, unit_text, value)
 
     def _to_si(self, number, unit_text, value):
+        factor = FACTORS.get(self.unit + OF_TURNS * self.turns, {}).get(unit_text)
+        si = self._by_astropy(number, unit_text, value) if factor is None else factor * number
+        if not math.isfinite(si):
+            raise refuse(f"must be a finite number, got {quoted(value)}")
+        return si
+
+    def _by_astropy(self, number, unit_text, value):
+        """Float in `self.unit`; a refusal where the unit is none, or of something else."""
         try:
             unit = _unit(unit_text)
         except (ValueError, TypeError) as error:
@@ -203,10 +213,7 @@ class QuantitySpec:
         target, taken = _unit(self.unit), self._measured_in(unit)
         if taken is None:
             raise refuse(self._wrong_dimension(unit, target, value))
-        si = float(taken.to(target, number))
-        if not math.isfinite(si):
-            raise refuse(f"must be a finite number, got {quoted(value)}")
-        return si
+        return float(taken.to(target, number))
 
     def _measured_in(self, unit):
         """The astropy unit in which a value with `unit` is converted; None of the wrong dimension."""

@@ -164,11 +164,18 @@ def lagged(pressure, lag_s, dt_s):
     """
     if lag_s == 0.0:
         return pressure
-    from scipy.signal import lfilter
+    out = np.empty(len(pressure))
+    _lag(dt_s / (2.0 * lag_s + dt_s), (2.0 * lag_s - dt_s) / (2.0 * lag_s + dt_s), pressure, out)
+    return out
 
-    b, keeps = dt_s / (2.0 * lag_s + dt_s), (2.0 * lag_s - dt_s) / (2.0 * lag_s + dt_s)
-    # the filter's memory of an input and an output that were pressure[0] for ever
-    return lfilter([b, b], [1.0, -keeps], pressure, zi=[(b + keeps) * pressure[0]])[0]
+
+@kernel
+def _lag(b, keeps, pressure, out):
+    """y[k] = keeps y[k-1] + b (p[k] + p[k-1]); both were p[0] for ever. (N,) -> (N,) is written"""
+    memory = (b + keeps) * pressure[0]  # what the last input and output leave for the next output
+    for k in range(len(pressure)):
+        out[k] = memory + b * pressure[k]
+        memory = b * pressure[k] + keeps * out[k]
 
 
 @kernel

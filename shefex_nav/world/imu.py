@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.compiled import kernel
 from shefex_nav.records import ImuBlock
 from shefex_nav.world import faults
 from shefex_nav.world.noise import gauss_markov
@@ -254,8 +255,6 @@ def _add_random_walk(increments, sigma, dt_s, rng):
 
 def add_vibration(increments, settings, rms, dt_s, rng):
     """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
-    from scipy.signal import sosfilt
-
     high_pass = _butterworth(settings.vibration.lowest_frequency * dt_s)
     state = np.zeros((len(high_pass), 2, increments.shape[1]))
     for piece in _pieces(len(increments)):
@@ -266,8 +265,23 @@ def add_vibration(increments, settings, rms, dt_s, rng):
         drive = np.sqrt(0.5 * density * dt_s)[:, None] * white
         if piece.start == 0:
             drive[0] = 0.0  # the first sample starts at row 0
-        shaken, state = sosfilt(high_pass, drive, axis=0, zi=state)
-        increments[piece] += shaken
+        _filter(high_pass, drive, state)
+        increments[piece] += drive
+
+
+@kernel
+def _filter(sections, x, state):
+    """Filter each column of x in place by second-order sections, in Direct Form II transposed.
+
+    sections : (S, 6) b_0, b_1, b_2, 1, a_1, a_2;  x : (N, m);  state : (S, 2, m) of before, and then of after
+    """
+    for j in range(x.shape[1]):
+        for k in range(x.shape[0]):
+            for s in range(len(sections)):
+                b_0, b_1, b_2, _, a_1, a_2 = sections[s]
+                fed, x[k, j] = x[k, j], b_0 * x[k, j] + state[s, 0, j]
+                state[s, 0, j] = b_1 * fed - a_1 * x[k, j] + state[s, 1, j]
+                state[s, 1, j] = b_2 * fed - a_2 * x[k, j]
 
 
 def _butterworth(cycles):

@@ -7,6 +7,8 @@ from zlib import crc32
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
+
 STREAMS = {
     "imu": 1,
     "gps": 2,
@@ -49,10 +51,18 @@ def gauss_markov(correlation, white, before=None):
     -------
     (N, m)
     """
-    from scipy.signal import lfilter
-
-    drive = np.sqrt(1.0 - correlation**2) * white
+    drive, out = np.sqrt(1.0 - correlation**2) * white, np.empty(white.shape)
     if before is None:
-        drive[0] = white[0]
-        return lfilter([1.0], [1.0, -correlation], drive, axis=0)
-    return lfilter([1.0], [1.0, -correlation], drive, axis=0, zi=correlation * before[None])[0]
+        drive[0], before = white[0], np.zeros(white.shape[1])
+    _recursion(correlation, drive, before, out)
+    return out
+
+
+@kernel
+def _recursion(correlation, drive, before, out):
+    """out[k] = correlation out[k-1] + drive[k], out[-1] = before. (N, m), (m,) -> (N, m) is written"""
+    for j in range(drive.shape[1]):
+        last = before[j]
+        for k in range(drive.shape[0]):
+            last = correlation * last + drive[k, j]
+            out[k, j] = last

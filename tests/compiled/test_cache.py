@@ -7,7 +7,7 @@ import time
 import pytest
 from kernel_package import LOWER, UPPER, Package
 
-from shefex_nav.compiled import store
+from shefex_nav.compiled import machine_code, numba_hooks, store
 
 
 @pytest.fixture
@@ -157,3 +157,40 @@ def test_what_a_package_brings_is_found(tmp_path, monkeypatch):
     os.rename(kept.path("one"), shipped / "kind" / "one.kernel")
     assert kept.load("one") == b"mine" and not list((tmp_path / "own" / "kind").iterdir())
     assert kept.load("two") is None
+
+
+@pytest.mark.parametrize(("more", "expected"), [([], []), (["no_such_name"], ["runtime", "all"])])
+def test_numba_is_set_up_for_code_that_names_what_is_missing(monkeypatch, more, expected):
+    assert numba_hooks.cpu_target.target_context  # which brings the names of Python
+    done = []
+
+    class Context:
+        def refresh(self):
+            done.append("all")
+
+    monkeypatch.setattr(machine_code.rtsys, "initialize", lambda context: done.append("runtime"))
+    machine_code.provide(Context(), ["PyErr_SetString", *more])
+    assert done == expected
+
+
+def test_environments_are_kept_that_code_asks_for():
+    """Named once: declared, for a function that is no more; `other` has constants, whoever asks for them."""
+
+    class One:
+        def __init__(self, name, consts=()):
+            self.env_name, self.consts = f"_ZN08NumbaEnv{name}", consts
+
+    class Result:
+        def _find_referenced_environments(self):
+            return [One("5first"), One("5first3_2b"), One("6second"), One("5other", [1])]
+
+    text = """
+    @_ZN08NumbaEnv5first = common global ptr null
+    @_ZN08NumbaEnv5first3_2b = common global ptr null
+    @"_ZN08NumbaEnv6second" = common global ptr null
+    @_ZN08NumbaEnv5other = common global ptr null
+    @words = constant c"missing Environment: _ZN08NumbaEnv5first"
+    %1 = load ptr, ptr @"_ZN08NumbaEnv6second", align 8
+    """
+    kept = machine_code.environments(Result(), text)
+    assert [one.env_name for one in kept] == ["_ZN08NumbaEnv6second", "_ZN08NumbaEnv5other"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numba.core import config, types
 
-from shefex_nav.compiled import digest, kernel, numba_hooks, signature
+from shefex_nav.compiled import digest, kernel, machine_code, numba_hooks, signature
 from shefex_nav.compiled.store import Store
 from shefex_nav.geometry import rotation
 
@@ -180,7 +180,7 @@ def test_functions_of_intel_give_other_names(monkeypatch):
     assert rotation.quat_conjugate._cache.name(FLOATS) != before
 
 
-@pytest.mark.parametrize("maker", [numba_hooks, digest, signature])
+@pytest.mark.parametrize("maker", [numba_hooks, machine_code, digest, signature])
 def test_other_makers_of_files_make_another_kind(maker, monkeypatch):
     first, loader = numba_hooks._kind(), maker.__spec__.loader
     monkeypatch.setattr(loader, "get_source", lambda name: "# another text")
@@ -188,7 +188,7 @@ def test_other_makers_of_files_make_another_kind(maker, monkeypatch):
 
 
 def test_makers_without_sources_are_told_apart_by_their_instructions(monkeypatch):
-    for maker in (numba_hooks, digest, signature):
+    for maker in (numba_hooks, machine_code, digest, signature):
         monkeypatch.setattr(maker.__spec__.loader, "get_source", lambda name: None)
     first = numba_hooks._kind()
     assert numba_hooks._kind() == first

@@ -1,12 +1,14 @@
 """Text with units in, SI out; what is refused, and in which words."""
 
 import math
+import random
 import re
 
 import pytest
 from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec
+from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
 G = 9.80665  # m/s^2
 DEG = math.pi / 180.0
@@ -106,6 +108,17 @@ REFUSED = [
     ("m", {"a": 1}, "got a section"),
     ("m", "{m}", "cannot read '{m}'"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("unit", "text"), [(unit, text) for unit, factors in FACTORS.items() for text in factors]
+)
+def test_factors_are_those_of_astropy_to_the_last_bit(unit, text):
+    spec = QuantitySpec(unit.removesuffix(OF_TURNS), f"1 {text}", turns=unit.endswith(OF_TURNS))
+    rng = random.Random(1)
+    for _ in range(300):
+        number = rng.uniform(-1.0, 1.0) * 10.0 ** rng.randint(-12, 12)
+        assert spec.convert(f"{number!r} {text}") == spec._by_astropy(number, text, number)
 
 
 def complaint(spec, value):

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic_trajectory
+from scipy import signal
+from scipy_bits import assert_as_scipy
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.instruments.barometer import BAROMETER, Barometer, Day, Port
@@ -93,6 +95,19 @@ def test_the_lag_delays_a_steady_change_by_itself():
     late = ramp[2000:] - 0.2 * 10.0  # 10 Pa in a second
     np.testing.assert_allclose(felt[2000:], late, atol=1e-9)
     assert barometer.lagged(np.full(5, 7.0), 0.2, 0.01) == pytest.approx(np.full(5, 7.0))
+
+
+def test_the_lag_is_the_filter_of_scipy():
+    pressure = 1e5 + np.random.default_rng(5).standard_normal(500)
+    b, a = signal.bilinear([1.0], [0.2, 1.0], fs=400.0)
+    expected, _ = signal.lfilter(b, a, pressure, zi=signal.lfilter_zi(b, a) * pressure[0])
+    np.testing.assert_allclose(barometer.lagged(pressure, 0.2, 1.0 / 400.0), expected, rtol=1e-14)
+    b, keeps = 0.0025 / 0.4025, 0.3975 / 0.4025
+    begin = [(b + keeps) * pressure[0]]
+    expected, _ = signal.lfilter([b, b], [1.0, -keeps], pressure, zi=begin)
+    felt = np.empty(500)
+    barometer._lag(b, keeps, pressure, felt)
+    assert_as_scipy(felt, expected)
 
 
 def test_the_port_adds_its_part_of_the_dynamic_pressure(flight):

@@ -5,6 +5,7 @@ import pytest
 import synthetic_trajectory as synthetic
 from imu_settings import PERFECT, TRIADS, imu_with
 from scipy import signal, stats
+from scipy_bits import assert_as_scipy
 
 from shefex_nav.world import imu, noise
 
@@ -157,6 +158,15 @@ def test_filter_of_the_vibration_is_a_butterworth(cycles):
     _, expected = signal.sosfreqz(signal.butter(4, 2.0 * cycles, "highpass", output="sos"))
     _, response = signal.sosfreqz(imu._butterworth(cycles))
     np.testing.assert_allclose(response, expected, atol=1e-10)
+
+
+def test_filter_of_the_vibration_in_pieces_is_that_of_scipy():
+    white, sections = np.random.default_rng(4).standard_normal((3, 500)).T, imu._butterworth(0.05)
+    expected, state = signal.sosfilt(sections, white, axis=0), np.zeros((2, 2, 3))
+    pieces = [np.ascontiguousarray(one) for one in (white[:123], white[123:])]
+    for one in pieces:
+        imu._filter(sections, one, state)
+    assert_as_scipy(np.concatenate(pieces), expected)
 
 
 def test_vibration_leaves_no_velocity_behind_even_in_spin():

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import signal, stats
+from scipy_bits import assert_as_scipy
 
 from shefex_nav.world import noise
 
@@ -43,6 +44,17 @@ def test_gauss_markov_against_the_recursion():
         if k > 0:
             expected = 0.9 * expected + np.sqrt(1.0 - 0.81) * white[k]
         np.testing.assert_allclose(x[k], expected, atol=1e-13)
+
+
+def test_gauss_markov_in_pieces_is_the_filter_of_scipy():
+    white, c = np.random.default_rng(3).standard_normal((500, 3)), np.exp(-0.01)
+    drive = np.sqrt(1.0 - c**2) * white
+    drive[0] = white[0]
+    expected = signal.lfilter([1.0], [1.0, -c], drive, axis=0)
+    assert_as_scipy(noise.gauss_markov(c, white.copy()), expected)
+    first = noise.gauss_markov(c, white[:123].copy())
+    rest = noise.gauss_markov(c, white[123:].copy(), first[-1])
+    assert_as_scipy(np.concatenate([first, rest]), expected)
 
 
 def test_gauss_markov_is_stationary_with_exponential_correlation():

@@ -4,7 +4,7 @@ import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
-from shefex_nav.report.viewer import layout, live, program, recording
+from shefex_nav.report.viewer import layout, program
 from shefex_nav.report.viewer.program import ViewerError
 
 __all__ = ["ViewerError", "follow", "view"]
@@ -25,6 +25,8 @@ def view(logs, *, save=None, screenshot=None, at_s=None, page=layout.OVERVIEW, w
     -------
     list of RunData; their `ended_early` and `last_t_s` are worth telling
     """
+    from shefex_nav.report.viewer import recording
+
     program.quieten()
     logs = [logs] if isinstance(logs, str | Path) else list(logs)
     runs = [recording.read(log) for log in logs]
@@ -64,6 +66,9 @@ def follow(log, *, page=layout.OVERVIEW, web=False, since_ns=0):
         program.quieten("off")  # a viewer that has been closed is no error
         import rerun as rr
 
+        from shefex_nav.report.viewer import live, recording  # while the viewer starts
+
+        window.wait_until_it_listens()
         stream = rr.RecordingStream(recording.APPLICATION)
         stream.connect_grpc(window.url)
         try:
@@ -78,6 +83,8 @@ def follow(log, *, page=layout.OVERVIEW, web=False, since_ns=0):
 @contextmanager
 def _temporary(logs, runs, page):
     """A recording that is deleted afterwards."""
+    from shefex_nav.report.viewer import recording
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "view.rrd"
         recording.build(logs, path, runs, page=page)
@@ -85,6 +92,8 @@ def _temporary(logs, runs, page):
 
 
 def _check_time(log, data, at_s):
+    from shefex_nav.report.viewer import recording
+
     first_s, last_s = recording.scene(data).truth.t_s[[0, -1]]
     if not first_s <= at_s <= last_s:
         raise ViewerError(f"{log}: covers {first_s:g} s to {last_s:g} s, not {at_s:g} s")

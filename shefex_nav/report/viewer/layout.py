@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report import trust
-
 FRAME_SHOWN_S = 0.15  # a picture disappears this long after the last one
 SMALLEST_SCENE_M = 20e3  # of a vehicle that stands still
 AXES = 0.075  # drawn body axes, by the size of the scene: true to scale they would be invisible
@@ -84,6 +82,8 @@ class Content(NamedTuple):
 
 def content(data, pictures, errors=True):
     """Content of a RunData, the kinds of pictures in its log, and whether it has a truth."""
+    from shefex_nav.report import trust
+
     return Content(
         tuple(pictures),
         bool(data.star_fixes),

@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shefex_nav.errors import UserError
-from shefex_nav.report.viewer.sender import TIMELINE
 
 SETTLE_S = 1.0  # for so long a picture must not have changed,
 SETTLE_PICTURES = 3  # nor while so many are taken: on a busy machine each takes longer
@@ -50,7 +49,11 @@ def show(recording):
 
 
 class Window:
-    """A viewer that waits for what is sent to it. with Window() as window: stream.connect_grpc(window.url)
+    """A viewer that waits for what is sent to it, once it listens.
+
+    with Window() as window:
+        window.wait_until_it_listens()
+        stream.connect_grpc(window.url)
 
     web : serve it to a browser on this machine, and say where
     """
@@ -86,13 +89,12 @@ class Window:
         self._process.wait()
         self.is_open()
 
+    def wait_until_it_listens(self):
+        """Wait; ViewerError if it could not be opened."""
+        while self.is_open() and not self._listens():
+            time.sleep(0.02)
+
     def __enter__(self):
-        try:
-            while self.is_open() and not self._listens():
-                time.sleep(0.02)
-        except ViewerError:
-            self.__exit__()
-            raise
         return self
 
     def _listens(self):
@@ -125,6 +127,8 @@ def take_picture(recording, picture, at_s):
     empty lists where nothing is wrong.
     """
     from rerun.experimental import ViewerClient
+
+    from shefex_nav.report.viewer.sender import TIMELINE
 
     program = path()
     picture = Path(picture).absolute()

@@ -7,7 +7,6 @@ from math import atan, hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation
@@ -68,6 +67,8 @@ def catalogued(stars, camera, merge_radius):
     Camera
     """
     source = camera.sky
+    from scipy.spatial import cKDTree
+
     entries = cKDTree(stars.u_i)
     distance, entry = entries.query(source.u_i, distance_upper_bound=max(merge_radius, 1e-9))
     member = np.isfinite(distance) & (source.hip > 0)

@@ -1,0 +1,72 @@
+"""Factors from the units that scenarios mostly have to SI: as astropy gives them, whose import takes a while.
+
+`quantity` asks astropy for every other unit, and for every message about one.
+"""
+
+OF_TURNS = " of turns"  # of fields that take Hz for turns per second
+
+FACTORS = {  # unit of a field -> {unit as written: factor}
+    "": {"%": 0.01, "ppm": 1e-06},
+    "1/h": {"/h": 1.0},
+    "1/s": {"1/s": 1.0},
+    "DN": {"DN": 1.0},
+    "Hz": {"Hz": 1.0, "MHz": 1000000.0, "kHz": 1000.0},
+    "K": {"K": 1.0, "mK": 0.001},
+    "N": {"N": 1.0, "kN": 1000.0, "mN": 0.001},
+    "N m": {"N m": 1.0, "mN m": 0.001},
+    "N s": {"N s": 1.0, "kN s": 1000.0},
+    "Pa": {"Pa": 1.0, "bar": 100000.0, "hPa": 100.0, "kPa": 1000.0, "mbar": 100.0},
+    "Pa/s": {"Pa/s": 1.0},
+    "T": {"T": 1.0, "nT": 1e-09, "uT": 1e-06},
+    "T/s": {"uT/s": 1e-06},
+    "dB": {"dB": 1.0},
+    "electron": {"electron": 1.0},
+    "electron/DN": {"electron/DN": 1.0},
+    "electron/s": {"electron/s": 1.0},
+    "kg": {"g": 0.001, "kg": 1.0},
+    "kg m2": {"kg m2": 1.0},
+    "m": {"cm": 0.01, "dm": 0.1, "km": 1000.0, "m": 1.0, "mm": 0.001, "um": 1e-06},
+    "m/s": {"cm/s": 0.01, "km/h": 0.2777777777777778, "km/s": 1000.0, "m/s": 1.0, "mm/s": 0.001},
+    "m/s(3/2)": {"m/s/sqrt(h)": 0.016666666666666666, "m/s/sqrt(s)": 1.0},
+    "m/s2": {"gee": 9.80665, "m/s2": 1.0, "mgee": 0.00980665, "mm/s2": 0.001, "ugee": 9.806649999999999e-06},
+    "m/s3": {"gee/s": 9.80665},
+    "m/sqrt(s)": {"m/sqrt(s)": 1.0},
+    "m2": {"m2": 1.0},
+    "mag": {"mag": 1.0},
+    "pix": {"pix": 1.0},
+    "pix/s": {"pix/s": 1.0},
+    "rad": {
+        "arcmin": 0.0002908882086657216,
+        "arcsec": 4.84813681109536e-06,
+        "deg": 0.017453292519943295,
+        "mrad": 0.001,
+        "rad": 1.0,
+        "urad": 1e-06,
+    },
+    "rad s/m": {"deg/h/gee": 4.94372370900905e-07, "deg/s/gee": 0.001779740535243258},
+    "rad s3/m2": {"deg/h/gee2": 5.041195218559906e-08},
+    "rad/s": {
+        "deg/h": 4.84813681109536e-06,
+        "deg/min": 0.0002908882086657216,
+        "deg/s": 0.017453292519943295,
+        "mrad/s": 0.001,
+        "rad/s": 1.0,
+        "rev/s": 6.283185307179586,
+        "rpm": 0.10471975511965977,
+    },
+    "rad/s of turns": {
+        "Hz": 6.283185307179586,
+        "deg/s": 0.017453292519943295,
+        "rad/s": 1.0,
+        "rev/s": 6.283185307179586,
+        "rpm": 0.10471975511965977,
+    },
+    "rad/s2": {"deg/s2": 0.017453292519943295, "rad/s2": 1.0},
+    "rad/sqrt(s)": {
+        "deg/sqrt(h)": 0.0002908882086657216,
+        "deg/sqrt(s)": 0.017453292519943295,
+        "rad/sqrt(s)": 1.0,
+    },
+    "s": {"d": 86400.0, "h": 3600.0, "min": 60.0, "ms": 0.001, "s": 1.0, "us": 1e-06},
+    "s2/m": {"ugee/gee2": 1.0197162129779283e-07},
+}
