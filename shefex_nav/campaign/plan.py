@@ -81,7 +81,7 @@ def versions():
 
     own = {"shefex_nav": __version__, "python": ".".join(map(str, sys.version_info[:3]))}
     own |= {"code": _contents(PACKAGE, "**/*.py"), "data": _contents(PACKAGE, *DATA)}
-    return own | {name: version(name) for name in ("numpy", "scipy", "numba", "astropy")}
+    return own | {name: version(name) for name in ("numpy", "scipy", "numba", "astropy", "filterpy")}
 
 
 @cache

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from unpacked import correct, update
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import measure_ranges, measurements, sensors
+from shefex_nav.onboard.navigation import eskf, measure_ranges, measurements, sensors
 from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, POS, VEL, NavState, layout
 from shefex_nav.records import GpsFix, GpsRanges
 
@@ -210,11 +210,11 @@ def test_five_ranges_are_worth_the_fix_that_is_made_of_them():
     r_e, R = a.r_e + (cofactor @ H.T @ noise)[:3], 1.5**2 * cofactor[:3, :3]
     fix = GpsFix(truth.t_s, truth.t_s, True, r_e, np.zeros(3), R, np.eye(3), 5, 2.0, "")
     tight = update(
-        with_clock, state, prior(True),
+        eskf.engine(with_clock), with_clock, state, prior(True),
         *measure_ranges.pseudoranges(with_clock, state, message, antenna_of(with_clock, state)),
     )  # fmt: skip
     loose = update(
-        plain, state, prior(False),
+        eskf.engine(plain), plain, state, prior(False),
         *measurements.gps_position(fix, antenna_of(plain, state)),
     )  # fmt: skip
     # lines of sight from 80 m off bend by 4e-6: 0.3 mm; rounding of a clock unknown to 300 km
@@ -230,7 +230,7 @@ def test_two_satellites_say_their_difference_whatever_the_clock():
     message = measured(state)
     two = GpsRanges(*(field[:2] if isinstance(field, np.ndarray) else field for field in message))
     z, H, R = measure_ranges.pseudoranges(order, state, two, antenna_of(order, state))
-    P = update(order, state, prior(True), z, H, R).P[POS, POS]
+    P = update(eskf.engine(order), order, state, prior(True), z, H, R).P[POS, POS]
     apart = H[0, POS] - H[1, POS]
     along = apart / np.linalg.norm(apart)
     expected = 1.0 / (1.0 / 100.0**2 + (apart @ apart) / (2.0 * 1.5**2))

@@ -37,9 +37,10 @@ def after(angle, turned_back, seed):
     state = NavState(0.0, np.zeros(3), np.zeros(3), wrong, np.zeros(3), np.zeros(3))
     P = np.eye(LAYOUT.n)
     P[ATT, ATT], P[MOUNTING, MOUNTING] = angle**2 * np.eye(3), SIGMA_MOUNTING**2 * np.eye(3)
+    kalman = eskf.engine(LAYOUT)
     for k, fix in enumerate(fixes(rng, mounting, q_ib, 20)):
         z, H, R = star_attitude(LAYOUT, state, fix, C_BC, 0.0)
-        state, P, _, G = update(LAYOUT, state, P, z, H, R)
+        state, P, _, G = update(kalman, LAYOUT, state, P, z, H, R)
         if k == 0 and turned_back:
             P = eskf.turned_back(P, G)
     sigma = np.sqrt(np.diag(P)[MOUNTING])

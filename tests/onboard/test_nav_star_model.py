@@ -11,7 +11,7 @@ from unpacked import correct, star_attitude, update
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, cross_covariance, pixels, unit_vectors
-from shefex_nav.onboard.navigation import measure_stars
+from shefex_nav.onboard.navigation import eskf, measure_stars
 from shefex_nav.onboard.navigation.state import ATT, layout
 from shefex_nav.onboard.startracker import likelihood
 
@@ -97,6 +97,7 @@ def test_many_stars_say_what_their_attitude_says(rolling):
     """20 fields of 12 stars: updates by stars and by the attitude of largest likelihood made of them."""
     rng = np.random.default_rng(6)
     order = layout()
+    kalman = eskf.engine(order)
     for _ in range(20):
         truth = state_with_errors(order.names)
         xy_px = places(rng, 12)
@@ -114,9 +115,9 @@ def test_many_stars_say_what_their_attitude_says(rolling):
         dx = np.zeros(order.n)
         dx[ATT] = 2e-3 * rng.standard_normal(3)
         estimate = correct(order, truth, dx)
-        whole = update(order, estimate, P, *star_attitude(order, estimate, fix, C_BC, 5e-5))
+        whole = update(kalman, order, estimate, P, *star_attitude(order, estimate, fix, C_BC, 5e-5))
         single_stars = update(
-            order, estimate, P, *measure_stars.star_vectors(order, estimate, fix, C_BC, 5e-5)
+            kalman, order, estimate, P, *measure_stars.star_vectors(order, estimate, fix, C_BC, 5e-5)
         )
         sigma = np.sqrt(np.diag(whole.P))
         assert np.abs((single_stars.P - whole.P) / np.outer(sigma, sigma)).max() < 2e-3

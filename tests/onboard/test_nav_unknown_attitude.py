@@ -164,9 +164,9 @@ def updated(P, z, share, noise=1e-3):
     H = np.zeros((1, ORDER.n))
     H[0, ATT.start] = 1.0
     P_after = np.empty_like(P)
-    x = pack(START)
+    engine, x = eskf.engine(ORDER), pack(START)
     measured = np.array([z]), H, np.array([[noise**2]])
-    dx, _ = eskf.update_packed(ORDER, P, measured, x, P_after, share)
+    dx, _ = eskf.update_packed(engine, ORDER, P, measured, x, P_after, share)
     return dx[ATT.start], P_after
 
 
@@ -223,8 +223,8 @@ def test_the_direction_of_a_long_vector_tells_any_heading(heading_deg):
     H[:, VEL] = np.eye(3)
     z = rotation.dcm_from_rotvec(heading * axis_i) @ along - along
     shift = bent(P, z, H, R, Q_0)
-    P_after = np.empty_like(P)
-    dx, _ = eskf.update_packed(ORDER, P, (z - H @ shift, H, R), pack(START), P_after)
+    engine, P_after = eskf.engine(ORDER), np.empty_like(P)
+    dx, _ = eskf.update_packed(engine, ORDER, P, (z - H @ shift, H, R), pack(START), P_after)
     assert dx[ATT][2] == pytest.approx(heading, abs=0.01) and abs(dx[ATT][:2]).max() < 1e-3
     np.testing.assert_allclose((dx + shift)[VEL], z, atol=0.01)
     assert np.sqrt(P_after[ATT.stop - 1, ATT.stop - 1]) == pytest.approx(0.05 * np.sqrt(2.0) / 8.0, rel=0.05)

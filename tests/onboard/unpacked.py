@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.onboard.navigation import error_model, eskf, measurements, prediction, strapdown
@@ -100,16 +99,16 @@ class Corrected(NamedTuple):
     G: np.ndarray  # (3, 3) by which the attitude error was turned into the new body axes
 
 
-def update(order, state, P, z, H, R):
+def update(kalman, order, state, P, z, H, R):
     """`eskf.update_packed`. -> Corrected"""
     x, P_after = pack(state), np.empty(P.shape)
-    dx, G = eskf.update_packed(order, P, (z, H, R), x, P_after)
+    dx, G = eskf.update_packed(kalman, order, P, (z, H, R), x, P_after)
     return Corrected(unpack(state.t_s, x), P_after, dx, G)
 
 
 def predict(order, P, Phi, Q):
     """Phi P Phi^T + Q by filterpy, exactly symmetric: what `prediction` is held against."""
-    kalman = KalmanFilter(dim_x=order.n, dim_z=3)
+    kalman = eskf.engine(order)
     kalman.P = P
     kalman.predict(F=Phi, Q=Q)
     return 0.5 * (kalman.P + kalman.P.T)

@@ -1,9 +1,9 @@
-"""The measurement update of the error state, and what goes with it.
+"""The measurement update of the error state through filterpy, and what goes with it.
 
 The nominal state carries the estimate, so the error state is zero before every update (Sola,
-arXiv:1711.02508, section 6). The update is the Joseph form, held against filterpy's in the tests, to the last
-bit; symmetry of P is restored afterwards. The prediction is compiled together with the strapdown
-(`prediction`).
+arXiv:1711.02508, section 6). filterpy's KalmanFilter is used with H, R given with every call; its update is
+the Joseph form. It does not keep P symmetric, which is done here. The prediction is compiled together with
+the strapdown (`prediction`), and held against filterpy's in the tests.
 """
 
 import numpy as np
@@ -14,15 +14,14 @@ from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 LARGE2 = 0.05**2  # [E] rad^2, square of a correction of the attitude that is no small angle
 
 
-def joseph(P, z, H, R):
-    """Estimated error K z and its covariance (I - K H) P (I - K H)^T + K R K^T, K = P H^T S^-1.
+def engine(layout):
+    """filterpy.kalman.KalmanFilter for the errors; its contents do not outlive a call of this module."""
+    from filterpy.kalman import KalmanFilter  # takes seconds to import, so not with the package
 
-    P : (n, n);  z, H, R : (m,), (m, n), (m, m) -> (n,), (n, n), symmetric but for rounding
-    """
-    PHT = P @ H.T
-    K = PHT @ _inverse(H @ PHT + R)
-    kept = np.eye(len(P)) - K @ H
-    return K @ z, kept @ P @ kept.T + K @ R @ K.T
+    kalman = KalmanFilter(dim_x=layout.n, dim_z=3)
+    kalman.inv = _inverse  # of S; filterpy's own call takes longer than its arithmetic
+    kalman.no_error = np.zeros((layout.n, 1))  # what `update_packed` begins with
+    return kalman
 
 
 @kernel
@@ -96,7 +95,7 @@ def whole(dx, P, updated):
     return updated
 
 
-def update_packed(layout, P, measured, x, P_after, share=whole):
+def update_packed(kalman, layout, P, measured, x, P_after, share=whole):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
@@ -104,6 +103,7 @@ def update_packed(layout, P, measured, x, P_after, share=whole):
 
     Parameters
     ----------
+    kalman : `engine`
     layout : Layout
     P : (n, n)
     measured : z, H, R, (m,), (m, n), (m, m)
@@ -116,8 +116,12 @@ def update_packed(layout, P, measured, x, P_after, share=whole):
     dx : (n,) the estimated error that was taken into the state
     G : (3, 3) by which the attitude error was turned into the new body axes
     """
-    dx, updated = joseph(P, *measured)
-    return dx, take_in(x, dx, layout.nominal, share(dx, P, updated), P_after)
+    z, H, R = measured
+    kalman.P = P
+    kalman.x = kalman.no_error
+    kalman.update(z.reshape(-1, 1), R=R, H=H)
+    dx = kalman.x[:, 0]
+    return dx, take_in(x, dx, layout.nominal, share(dx, P, kalman.P), P_after)
 
 
 def partly(dx, P, updated, share):

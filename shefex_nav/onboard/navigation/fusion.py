@@ -10,7 +10,7 @@ once, when it arrives, and repeated in later recomputations.
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,6 +64,7 @@ class Filter(NamedTuple):
     earth: frames.EarthRotation
     sensors: dict  # name -> sensor.Sensor, in the order in which measurements of one instant have their turn
     constants: prediction.Constants
+    kalman: Any  # of `eskf.engine`, whose type takes seconds to import
     limits: integrity.Limits  # of the gate
     history: History
     health: dict  # sensor -> integrity.Health
@@ -100,6 +101,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         earth=earth,
         sensors=known,
         constants=constants,
+        kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
         history=History(first, params.aid_names, constants.driving),
         health={name: integrity.HEALTHY for name in known},
@@ -332,7 +334,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         share = eskf.whole if whole else unknown_attitude.take_share
         given = prior, (z, H, R), history.x, history.P, share
         if measurement.teaches:
-            dx, G = eskf.update_packed(nav.layout, *given)
+            dx, G = eskf.update_packed(nav.kalman, nav.layout, *given)
         else:
             dx, G = integrity_learnt.update_without(nav.layout, *given)
     attitude_alone = fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2 or not measurement.teaches
