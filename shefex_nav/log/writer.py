@@ -3,11 +3,17 @@
 Records wait until the next flush, because encoding a hundred of one type at once costs half as much as one by
 one; they are then written in the order in which they came. A flush is due after the first tenth of a second
 (who follows the log has something to show), at every whole second of mission time, at least once a second of
-the wall clock and after every event: a run that is killed keeps all but its last second.
+the wall clock and after every event: a run that is killed keeps all but its last second. In real time it is
+due ten times as often: a second at once would hold up the next tick.
 """
 
+import errno
 import json
+import logging
+import os
+import shutil
 import time
+from contextlib import contextmanager
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +35,8 @@ from shefex_nav.records import (
     TruthSample,
 )
 
+EVERY_S, AT_A_PACE_S = 1.0, 0.1  # of mission time, from flush to flush
+CLOCKS = TruthSample, NavSolution, Event  # records whose time may say that a flush is due
 _FLUSH_WALL_S = 1.0
 _FIRST_FLUSH_S = 0.1
 _CHUNK_BYTES = 1 << 20
@@ -50,12 +58,13 @@ class LogWriter:
         for record in records:
             log.write(record)
 
-    `mission` is a `topics.Mission`, `policy` a `drawings.FramePolicy`. Leaving the block by an exception
-    still closes the file properly; of software that failed its last record says what (topics.FAILED).
+    `mission` is a `topics.Mission`, `policy` a `drawings.FramePolicy`, `flush_every_s` of mission time. Leaving
+    the block by an exception still closes the file properly; of software that failed its last record says what
+    (topics.FAILED).
     """
 
-    def __init__(self, path, mission, policy, *, overwrite=False):
-        self.path = Path(path)
+    def __init__(self, path, mission, policy, *, overwrite=False, flush_every_s=EVERY_S):
+        self.path, self._every_s = Path(path), flush_every_s
         self._mission = mission
         self._epoch = topics.epoch_ns(mission.epoch_utc)
         self._waiting, self._last_truth = [], None
@@ -63,7 +72,8 @@ class LogWriter:
         self._route(policy)
         self._next_flush_s = mission.start_s + _FIRST_FLUSH_S
         self._flushed_at = time.monotonic()
-        self._describe()
+        with self._written():
+            self._describe()
 
     def write(self, record):
         """Log one record under every topic it belongs to."""
@@ -76,7 +86,7 @@ class LogWriter:
         self._waiting.append(record)
         if kind is TruthSample:
             self._last_truth = record
-        if kind is TruthSample or kind is Event:
+        if kind in CLOCKS:
             self._flush_if_due(kind, record.t_s)
 
     def flush(self):
@@ -91,7 +101,28 @@ class LogWriter:
             if draw is not None:
                 for topic, message in draw(record, ns):
                     self._drawing_channels[topic].log(message, log_time=ns)
-        self._file.flush()
+        with self._written():
+            self._file.flush()
+
+    @contextmanager
+    def _written(self):
+        """LogError where the disk takes no more; what it has taken before is a log that can be read."""
+        try:
+            yield
+        except RuntimeError as error:  # the SDK has no public type for it
+            self._abandon()
+            is_full = shutil.disk_usage(self.path.parent).free < _CHUNK_BYTES
+            words = os.strerror(errno.ENOSPC) if is_full else str(error)
+            raise LogError(f"{self.path}: cannot be written: {words}; it ends before") from error
+
+    def _abandon(self):
+        """Let go of a file that cannot be written on."""
+        self._waiting = []
+        try:
+            self._file.close()
+        except RuntimeError:
+            pass  # said already
+        self._file = None
 
     def _encode(self, records):
         """{type: iterator of (bytes, log time in ns) over its records}."""
@@ -107,9 +138,12 @@ class LogWriter:
     def close(self):
         """Write what waits and the summary section; the log is complete."""
         try:
-            self.flush()
+            if self._file is not None:
+                self.flush()
         finally:
-            self._file.close()
+            if self._file is not None:
+                with self._written():
+                    self._file.close()
             for channel in self._channels:
                 channel.close()
 
@@ -143,6 +177,8 @@ class LogWriter:
             compression_threads=0,
             chunk_size=_CHUNK_BYTES,
         )
+        # it would warn of every single message that a full disk does not take
+        logging.getLogger("foxglove").setLevel(logging.ERROR)
         self._context = foxglove.Context()
         try:
             self._file = foxglove.open_mcap(
@@ -218,4 +254,4 @@ class LogWriter:
         if kind is Event or t_s >= self._next_flush_s or now - self._flushed_at >= _FLUSH_WALL_S:
             self.flush()
             self._flushed_at = now
-            self._next_flush_s = t_s // 1.0 + 1.0
+            self._next_flush_s = (t_s // self._every_s + 1.0) * self._every_s

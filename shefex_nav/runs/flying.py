@@ -87,7 +87,7 @@ def fly(
     setup_s = time.perf_counter() - began
     clock = None if pace is None else Pace(pace)
     records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
-    data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s)
+    data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 
@@ -101,19 +101,21 @@ def _seen(world, scenario, seed, until_s, watch, pace):
     return watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), cut_s
 
 
-def _record(records, mission, wanted, path, overwrite, setup_s, cut_s):
+def _record(records, mission, wanted, path, overwrite, setup_s, cut_s, pace):
     """RunData of the records of a flight, which are written to its log as well, thinned.
 
     wanted : what a scenario says of its log;  setup_s : how long everything before took
     cut_s : mission time at which it was not looked at any more, NaN if it was to the end
+    pace : of a flight in real time, else None
     """
     from shefex_nav.log.drawings import FramePolicy
-    from shefex_nav.log.writer import LogWriter
+    from shefex_nav.log.writer import AT_A_PACE_S, EVERY_S, LogWriter
 
     began, kept = time.perf_counter(), RunDataBuilder(mission)
     frames = wanted.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
-    with LogWriter(path, mission, policy, overwrite=overwrite) as writer:
+    every_s = EVERY_S if pace is None else AT_A_PACE_S
+    with LogWriter(path, mission, policy, overwrite=overwrite, flush_every_s=every_s) as writer:
         for record in thinning.thinned(records, wanted.rate, mission.start_s):
             writer.write(record)
             kept.add(record)

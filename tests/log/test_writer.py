@@ -1,6 +1,7 @@
 """Files: what is in them, that equal runs give equal ones, what they cost, what a killed run leaves."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -209,3 +210,37 @@ def test_a_killed_run_keeps_all_but_its_last_second(killed_at_s, tmp_path):
     assert data.mission.scenario_text == synthetic_run.mission().scenario_text
     np.testing.assert_array_equal(np.round(np.diff(data.nav.t_s), 9), 0.01)
     assert len(data.nav.t_s) > 100.0 * (killed_at_s - 1.0 - 228.0)
+
+
+def test_a_disk_that_takes_no_more_is_told_and_what_it_took_is_read(records, tmp_path, monkeypatch):
+    """The file's own flush stands for the disk; the Rust side fails in the same way."""
+    path = tmp_path / "run.mcap"
+    usage = shutil.disk_usage(tmp_path)._replace(free=0)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(LogError, match=r"run\.mcap: cannot be written: No space left on device"):
+        with LogWriter(path, synthetic_run.mission(), synthetic_run.NO_PIXELS) as log:
+            for k, record in enumerate(records[:3000]):
+                if k == 2000:
+                    log.flush()
+                    log._file.close()  # every write after it fails
+                log.write(record)
+    data = reader.read(path)
+    assert data.ended_early and len(data.nav.t_s) > 0
+
+
+def test_more_flushes_change_no_message(records, tmp_path):
+    paths = tmp_path / "seldom.mcap", tmp_path / "often.mcap"
+    for path, every_s in zip(paths, (1.0, 0.1), strict=True):
+        mission = synthetic_run.mission(start_s=SHORT.start_s)
+        with LogWriter(path, mission, synthetic_run.NO_PIXELS, flush_every_s=every_s) as log:
+            for record in records:
+                log.write(record)
+    seldom, often = map(messages, paths)
+    assert seldom == often and len(seldom) > len(records)
+
+
+def messages(path):
+    """(topic, time, bytes) of all messages, in the order of the file."""
+    with path.open("rb") as file:
+        found = make_reader(file).iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
