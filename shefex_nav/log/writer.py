@@ -58,9 +58,9 @@ class LogWriter:
         for record in records:
             log.write(record)
 
-    `mission` is a `topics.Mission`, `policy` a `drawings.FramePolicy`, `flush_every_s` of mission time. Leaving
-    the block by an exception still closes the file properly; of software that failed its last record says what
-    (topics.FAILED).
+    `mission` is a `topics.Mission`, `policy` a `drawings.FramePolicy`, `flush_every_s` of mission time.
+    Leaving the block by an exception still closes the file properly; of software that failed its last record
+    says what (topics.FAILED).
     """
 
     def __init__(self, path, mission, policy, *, overwrite=False, flush_every_s=EVERY_S):
