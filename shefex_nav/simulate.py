@@ -5,8 +5,12 @@ where a model stands for pictures (`statistical`), and in experiments. `run` is 
 `records`, in the order in which things happen; whoever calls it writes them, keeps them or counts them.
 """
 
+import copy
+import pickle
 import time
 from bisect import bisect_right
+from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 
@@ -51,20 +55,84 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     pace : pacing.Pace, the clock that says when a tick begins; None: as fast as it goes
     """
     yield world.alignment
-    read = imu.stacked(world.imu)
-    schedule = Schedule(world, read.t_valid_s, until_s, columns is None)
-    link, computer = _on_board(world, scenario, seed, step, schedule, RECORDS if columns is None else columns)
-    aboard = computer if pace is None else pace.around(computer)
-    blocks = read if columns is None else None
-    for k, arrived, outputs in driving.drive(aboard, read, link, schedule.ticks):
-        n, now_s = k + 1, schedule.ends_s[k]
-        yield from _outside(world, blocks, n, schedule, now_s)
-        yield from link.seen(arrived)
-        yield from outputs
-        yield from link.durations(now_s)
-        link.shutter.tick(n, now_s, [one for one in outputs if isinstance(one, CameraCommand)])
-    if schedule.ticks == len(read.t_valid_s):
-        yield from reversed(schedule.events)  # the impact, after the last tick
+    flown = Route(world, scenario, seed, until_s=until_s, step=step, columns=columns, pace=pace)
+    yield from flown.on(flown.schedule.ticks)
+
+
+class Route:
+    """A mission on its way; arguments as of `route`.
+
+    done : int, ticks that have been made
+    columns : those that were given
+    """
+
+    def __init__(
+        self, world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, columns=None, pace=None
+    ):
+        self.world, self.columns, self.done, self._until_s = world, columns, 0, until_s
+        self.read = imu.stacked(world.imu)
+        self.schedule = Schedule(world, self.read.t_valid_s, until_s, columns is None)
+        telemetry = RECORDS if columns is None else columns
+        self._link, computer = _on_board(world, scenario, seed, step, self.schedule, telemetry)
+        self._aboard = computer if pace is None else pace.around(computer)
+
+    def on(self, ticks, stops=True):
+        """Records on to the end of a tick.
+
+        ticks : its number, from 1;  stops : False if there is more to come
+        """
+        link, schedule = self._link, self.schedule
+        blocks = self.read if self.columns is None else None
+        for k, arrived, outputs in driving.drive(self._aboard, self.read, link, ticks, self.done, stops):
+            n, now_s = k + 1, schedule.ends_s[k]
+            yield from _outside(self.world, blocks, n, schedule, now_s)
+            yield from link.seen(arrived)
+            yield from outputs
+            yield from link.durations(now_s)
+            link.shutter.tick(n, now_s, [one for one in outputs if isinstance(one, CameraCommand)])
+        self.done = ticks
+        if ticks == len(self.read.t_valid_s):
+            yield from reversed(schedule.events)  # the impact, after the last tick
+
+    def parted(self, world, stands_for):
+        """A copy, which goes on in another world: as if it had flown there from the beginning.
+
+        Parameters
+        ----------
+        world : prepare.World that has been the same so far, `ticks_alike`, and has the same computer
+        stands_for : {id of an object that the route holds: what its copy holds in its place}
+        """
+        own, line = self.world, self._link.line
+        schedule = Schedule(world, self.read.t_valid_s, self._until_s, self.columns is None)
+        schedule.skip(self.done)
+        computer, constant = own.computer, (own.camera, own.earth, own.flight.trajectory)
+        constant = (*constant, computer, computer.nav, computer.tracker, self._aboard.tracker)
+        instead = {
+            id(own): world,
+            id(self.read): imu.stacked(world.imu),
+            id(self.schedule): schedule,
+            id(line): faults.StarLine(world.faults.star_tracker, copy.deepcopy(line.rng)),
+        }
+        return copy.deepcopy(self, {id(one): one for one in constant} | instead | stands_for)
+
+
+def ticks_alike(world, other):
+    """Number of ticks at which all that comes to the computer is the same in two worlds of one flight.
+
+    They differ by faults alone, one seed has drawn them.
+    """
+    reads = imu.stacked(world.imu), imu.stacked(other.imu)
+    ends_s, n = reads[0].t_valid_s, len(reads[0].t_valid_s)
+    same = np.ones(n, dtype=bool)
+    for a, b in zip(*reads, strict=True):
+        same &= ((a == b) | (np.isnan(a) & np.isnan(b))).reshape(n, -1).all(axis=1)
+    parts_s = [fault.start for one in (world, other) for fault in one.faults.star_tracker]
+    for a, b in zip_longest(*(sorted(one.received, key=happens_s) for one in (world, other))):
+        if a is None or b is None or pickle.dumps(a) != pickle.dumps(b):
+            parts_s += [happens_s(one) for one in (a, b) if one is not None]
+            break
+    first = n if same.all() else int(np.argmin(same))
+    return min(first, *np.searchsorted(ends_s + SAME_S, parts_s).tolist(), n)
 
 
 def _outside(world, blocks, n, schedule, now_s):
@@ -110,7 +178,7 @@ def _on_board(world, scenario, seed, step, schedule, telemetry):
     # statistics find single stars by the prediction, and nothing else
     predicts = not is_statistical or params.tracker.vectors
     end = searching.close if searching else lambda: None
-    computer = onboard.Computer(params, navigation, tracker, line.chain(clock.step), predicts, end)
+    computer = onboard.Computer(params, navigation, tracker, partial(line.step, clock.step), predicts, end)
     return Link(schedule, shutter, line, clock, not is_statistical), computer
 
 
@@ -176,6 +244,12 @@ class Schedule:
         received_s = [happens_s(record) for record in self.received]
         self.busy = np.unique(np.searchsorted(ends_s + SAME_S, received_s) + 1).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
+
+    def skip(self, n):
+        """What has come until tick n is not to come any more."""
+        if n:
+            for waiting in (self.events, self.steered, self.received):
+                due(waiting, self.ends_s[n - 1])
 
     def next_tick(self, n):
         """The first tick after n at which anything but a picture comes to the computer; or the last."""
