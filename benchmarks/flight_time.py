@@ -69,12 +69,12 @@ def _of_campaign(overrides):
     from shefex_nav.report import metrics
     from shefex_nav.scenario import load
 
-    scenario = load.load(SCENARIO, overrides)
+    scenario = prepare.settled(load.load(SCENARIO, overrides))
     gc.disable()
 
     def fly(k):
         world = prepare.build_world(scenario, k, biases=True)
-        return metrics.summarise(flight._records(scenario, k, world, None), scenario=scenario)
+        return _unmeasured(metrics.summarise(flight._records(scenario, k, world, None), scenario=scenario))
 
     return fly
 
@@ -88,9 +88,17 @@ def _run():
     def fly(k):
         with tempfile.TemporaryDirectory() as folder:
             summary = runs.fly(scenario, k, log=Path(folder) / "run.mcap").summary()
-        return {name: value for name, value in summary.items() if name not in ("log", "timing", "wall_s")}
+        return _unmeasured(summary)
 
     return fly
+
+
+def _unmeasured(summary):
+    """Summary of a flight without what differs from one time to the next."""
+    measured = "log", "wall_s", "setup_s", "real_time_factor"
+    results = {name: value for name, value in summary.items() if name not in measured}
+    tracker = {name: value for name, value in summary["star_tracker"].items() if name != "chain_ms"}
+    return results | {"star_tracker": tracker}
 
 
 def serve(kind):

@@ -22,7 +22,7 @@ from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard import driving, navigator
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.telemetry import RECORDS
-from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, TruthSample, row
+from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, Rows, TruthSample, rows
 from shefex_nav.scenario import software
 from shefex_nav.software import flown
 from shefex_nav.world import camera, faults, imu, noise
@@ -73,6 +73,9 @@ class Route:
         self.read = imu.stacked(world.imu)
         self.schedule = Schedule(world, self.read.t_valid_s, until_s, columns is None)
         telemetry = RECORDS if columns is None else columns
+        self._at_ticks = ()
+        if columns is None:
+            self._at_ticks = Rows(truth_of(world.flight.trajectory, 1)), Rows(self.read)
         self._link, computer = _on_board(world, scenario, seed, step, self.schedule, telemetry)
         self._aboard = computer if pace is None else pace.around(computer)
 
@@ -82,10 +85,14 @@ class Route:
         ticks : its number, from 1;  stops : False if there is more to come
         """
         link, schedule = self._link, self.schedule
-        blocks = self.read if self.columns is None else None
         for k, arrived, outputs in driving.drive(self._aboard, self.read, link, ticks, self.done, stops):
             n, now_s = k + 1, schedule.ends_s[k]
-            yield from _outside(self.world, blocks, n, schedule, now_s)
+            yield from due(schedule.events, now_s)
+            if self._at_ticks:
+                truth, blocks = self._at_ticks
+                yield truth[k]
+                yield from due(schedule.steered, now_s)
+                yield blocks[k]
             yield from link.seen(arrived)
             yield from outputs
             yield from link.durations(now_s)
@@ -133,18 +140,6 @@ def ticks_alike(world, other):
             break
     first = n if same.all() else int(np.argmin(same))
     return min(first, *np.searchsorted(ends_s + SAME_S, parts_s).tolist(), n)
-
-
-def _outside(world, blocks, n, schedule, now_s):
-    """What is recorded at tick n before the computer has its turn: what it does not get, and the IMU.
-
-    blocks : ImuBlock of arrays; None where no truth and no samples are wanted
-    """
-    yield from due(schedule.events, now_s)
-    if blocks is not None:
-        yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
-        yield from due(schedule.steered, now_s)
-        yield row(blocks, n - 1)
 
 
 def _on_board(world, scenario, seed, step, schedule, telemetry):
@@ -238,7 +233,7 @@ class Schedule:
         flight = world.flight
         self.events = list(flight.events)[::-1]
         steered = control_samples(flight.control, flight.trajectory) if with_control else None
-        self.steered = [] if steered is None else [row(steered, k) for k in reversed(range(len(steered.t_s)))]
+        self.steered = [] if steered is None else rows(steered)[::-1]
         self.received = sorted(world.received, key=happens_s, reverse=True)
         self.ends_s = ends_s.tolist()
         received_s = [happens_s(record) for record in self.received]
@@ -314,38 +309,29 @@ def due(waiting, now_s):
     return arrived
 
 
-def truth_sample(trajectory, k):
-    """TruthSample of the trajectory's sample k."""
-    return TruthSample(
-        float(trajectory.t_s[k]),
-        int(trajectory.phase[k]),
-        trajectory.r_i[k],
-        trajectory.v_i[k],
-        trajectory.q_ib[k],
-        trajectory.omega_ib_b[k],
-        trajectory.f_b[k],
-        float(trajectory.angle_of_attack[k]),
-    )
-
-
 def truth_columns(world, every):
     """TruthSample and ControlSample of arrays, as a whole `route` would yield them.
 
     World; ticks from one TruthSample to the next -> list, without control where there is none
     """
     trajectory = world.flight.trajectory
-    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
-    truth = TruthSample(
-        trajectory.t_s[k],
-        trajectory.phase[k].astype(np.int64),
-        *(column[k] for column in (trajectory.r_i, trajectory.v_i, trajectory.q_ib)),
-        *(column[k] for column in (trajectory.omega_ib_b, trajectory.f_b, trajectory.angle_of_attack)),
-    )
+    truth = truth_of(trajectory, every)
     control = control_samples(world.flight.control, trajectory)
     if control is None:
         return [truth]
     until_s = trajectory.t_s[(len(trajectory.t_s) - 1) // SAMPLES_PER_TICK * SAMPLES_PER_TICK] + SAME_S
     return [truth, ControlSample(*(column[control.t_s <= until_s] for column in control))]
+
+
+def truth_of(trajectory, every):
+    """TruthSample of arrays over the ticks every, 2 every ... of a Trajectory."""
+    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
+    return TruthSample(
+        trajectory.t_s[k],
+        trajectory.phase[k].astype(np.int64),
+        *(column[k] for column in (trajectory.r_i, trajectory.v_i, trajectory.q_ib)),
+        *(column[k] for column in (trajectory.omega_ib_b, trajectory.f_b, trajectory.angle_of_attack)),
+    )
 
 
 def control_samples(control, trajectory):
