@@ -85,10 +85,9 @@ def whitened(z, S):
     return np.linalg.solve(np.linalg.cholesky(S), z)
 
 
-@kernel
 def own_share(R, S):
     """Share of a sensor's own noise R in the covariance S of its innovation, both (m, m)."""
-    return np.trace(np.linalg.solve(S, R)) / len(R)
+    return float(np.trace(np.linalg.solve(S, R))) / len(R)
 
 
 def whole(dx, P, updated):

@@ -64,7 +64,7 @@ class Constants:
             h += _of_position(H, now.x, nav.earth.rate)
         elif name == "gps_velocity":
             h += _of_velocity(H, now.x, self.a_i, now.felt_packed[:3])
-        weighed = _weighed(S, h, z)
+        weighed = np.linalg.solve(S, np.column_stack([h, z]))
         if gps and fate != Fate.HELD and not nav.watch.imu_blind:
             self.J += h.T @ weighed[:, :4]
             self.y += h.T @ weighed[:, 4]
@@ -112,21 +112,11 @@ class Constants:
 @kernel
 def _best(J, y):
     """The value that explains most, and how much; nothing where J (k, k) does not tell. y : (k,)"""
-    for k in range(len(y)):
-        if not J[k, k] > 0.0:
-            return np.zeros(len(y)), 0.0
-    if len(y) > 1 and np.linalg.cond(J) > CONDITION:
+    tells = np.isfinite(J).all() and np.isfinite(y).all() and (np.diag(J) > 0.0).all()
+    if not tells or (len(y) > 1 and np.linalg.cond(J) > CONDITION):
         return np.zeros(len(y)), 0.0
     value = np.linalg.solve(J, y)
     return value, y @ value
-
-
-@kernel
-def _weighed(S, h, z):
-    """S^-1 [h, z]. (m, m), (m, 4), (m,) -> (m, 5)"""
-    both = np.empty((len(z), h.shape[1] + 1))
-    both[:, :-1], both[:, -1] = h, z
-    return np.linalg.solve(S, both)
 
 
 @kernel
