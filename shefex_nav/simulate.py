@@ -5,8 +5,12 @@ where a model stands for pictures (`statistical`), and in experiments. `run` is 
 `records`, in the order in which things happen; whoever calls it writes them, keeps them or counts them.
 """
 
+import copy
+import pickle
 import time
 from bisect import bisect_right
+from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 
@@ -18,7 +22,7 @@ from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard import driving, navigator
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.telemetry import RECORDS
-from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, TruthSample, row
+from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, Rows, TruthSample, rows
 from shefex_nav.scenario import software
 from shefex_nav.software import flown
 from shefex_nav.world import camera, faults, imu, noise
@@ -51,32 +55,91 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     pace : pacing.Pace, the clock that says when a tick begins; None: as fast as it goes
     """
     yield world.alignment
-    read = imu.stacked(world.imu)
-    schedule = Schedule(world, read.t_valid_s, until_s, columns is None)
-    link, computer = _on_board(world, scenario, seed, step, schedule, RECORDS if columns is None else columns)
-    aboard = computer if pace is None else pace.around(computer)
-    blocks = read if columns is None else None
-    for k, arrived, outputs in driving.drive(aboard, read, link, schedule.ticks):
-        n, now_s = k + 1, schedule.ends_s[k]
-        yield from _outside(world, blocks, n, schedule, now_s)
-        yield from link.seen(arrived)
-        yield from outputs
-        yield from link.durations(now_s)
-        link.shutter.tick(n, now_s, [one for one in outputs if isinstance(one, CameraCommand)])
-    if schedule.ticks == len(read.t_valid_s):
-        yield from reversed(schedule.events)  # the impact, after the last tick
+    flown = Route(world, scenario, seed, until_s=until_s, step=step, columns=columns, pace=pace)
+    yield from flown.on(flown.schedule.ticks)
 
 
-def _outside(world, blocks, n, schedule, now_s):
-    """What is recorded at tick n before the computer has its turn: what it does not get, and the IMU.
+class Route:
+    """A mission on its way; arguments as of `route`.
 
-    blocks : ImuBlock of arrays; None where no truth and no samples are wanted
+    done : int, ticks that have been made
+    columns : those that were given
     """
-    yield from due(schedule.events, now_s)
-    if blocks is not None:
-        yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
-        yield from due(schedule.steered, now_s)
-        yield row(blocks, n - 1)
+
+    def __init__(
+        self, world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, columns=None, pace=None
+    ):
+        self.world, self.columns, self.done, self._until_s = world, columns, 0, until_s
+        self.read = imu.stacked(world.imu)
+        self.schedule = Schedule(world, self.read.t_valid_s, until_s, columns is None)
+        telemetry = RECORDS if columns is None else columns
+        self._at_ticks = ()
+        if columns is None:
+            self._at_ticks = Rows(truth_of(world.flight.trajectory, 1)), Rows(self.read)
+        self._link, computer = _on_board(world, scenario, seed, step, self.schedule, telemetry)
+        self._aboard = computer if pace is None else pace.around(computer)
+
+    def on(self, ticks, stops=True):
+        """Records on to the end of a tick.
+
+        ticks : its number, from 1;  stops : False if there is more to come
+        """
+        link, schedule = self._link, self.schedule
+        for k, arrived, outputs in driving.drive(self._aboard, self.read, link, ticks, self.done, stops):
+            n, now_s = k + 1, schedule.ends_s[k]
+            yield from due(schedule.events, now_s)
+            if self._at_ticks:
+                truth, blocks = self._at_ticks
+                yield truth[k]
+                yield from due(schedule.steered, now_s)
+                yield blocks[k]
+            yield from link.seen(arrived)
+            yield from outputs
+            yield from link.durations(now_s)
+            link.shutter.tick(n, now_s, [one for one in outputs if isinstance(one, CameraCommand)])
+        self.done = ticks
+        if ticks == len(self.read.t_valid_s):
+            yield from reversed(schedule.events)  # the impact, after the last tick
+
+    def parted(self, world, stands_for):
+        """A copy, which goes on in another world: as if it had flown there from the beginning.
+
+        Parameters
+        ----------
+        world : prepare.World that has been the same so far, `ticks_alike`, and has the same computer
+        stands_for : {id of an object that the route holds: what its copy holds in its place}
+        """
+        own, line = self.world, self._link.line
+        schedule = Schedule(world, self.read.t_valid_s, self._until_s, self.columns is None)
+        schedule.skip(self.done)
+        computer, constant = own.computer, (own.camera, own.earth, own.flight.trajectory)
+        constant = (*constant, computer, computer.nav, computer.tracker, self._aboard.tracker)
+        instead = {
+            id(own): world,
+            id(self.read): imu.stacked(world.imu),
+            id(self.schedule): schedule,
+            id(line): faults.StarLine(world.faults.star_tracker, copy.deepcopy(line.rng)),
+        }
+        return copy.deepcopy(self, {id(one): one for one in constant} | instead | stands_for)
+
+
+def ticks_alike(world, other):
+    """Number of ticks at which all that comes to the computer is the same in two worlds of one flight.
+
+    They differ by faults alone, one seed has drawn them.
+    """
+    reads = imu.stacked(world.imu), imu.stacked(other.imu)
+    ends_s, n = reads[0].t_valid_s, len(reads[0].t_valid_s)
+    same = np.ones(n, dtype=bool)
+    for a, b in zip(*reads, strict=True):
+        same &= ((a == b) | (np.isnan(a) & np.isnan(b))).reshape(n, -1).all(axis=1)
+    parts_s = [fault.start for one in (world, other) for fault in one.faults.star_tracker]
+    for a, b in zip_longest(*(sorted(one.received, key=happens_s) for one in (world, other))):
+        if a is None or b is None or pickle.dumps(a) != pickle.dumps(b):
+            parts_s += [happens_s(one) for one in (a, b) if one is not None]
+            break
+    first = n if same.all() else int(np.argmin(same))
+    return min(first, *np.searchsorted(ends_s + SAME_S, parts_s).tolist(), n)
 
 
 def _on_board(world, scenario, seed, step, schedule, telemetry):
@@ -110,7 +173,7 @@ def _on_board(world, scenario, seed, step, schedule, telemetry):
     # statistics find single stars by the prediction, and nothing else
     predicts = not is_statistical or params.tracker.vectors
     end = searching.close if searching else lambda: None
-    computer = onboard.Computer(params, navigation, tracker, line.chain(clock.step), predicts, end)
+    computer = onboard.Computer(params, navigation, tracker, partial(line.step, clock.step), predicts, end)
     return Link(schedule, shutter, line, clock, not is_statistical), computer
 
 
@@ -170,12 +233,18 @@ class Schedule:
         flight = world.flight
         self.events = list(flight.events)[::-1]
         steered = control_samples(flight.control, flight.trajectory) if with_control else None
-        self.steered = [] if steered is None else [row(steered, k) for k in reversed(range(len(steered.t_s)))]
+        self.steered = [] if steered is None else rows(steered)[::-1]
         self.received = sorted(world.received, key=happens_s, reverse=True)
         self.ends_s = ends_s.tolist()
         received_s = [happens_s(record) for record in self.received]
         self.busy = np.unique(np.searchsorted(ends_s + SAME_S, received_s) + 1).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
+
+    def skip(self, n):
+        """What has come until tick n is not to come any more."""
+        if n:
+            for waiting in (self.events, self.steered, self.received):
+                due(waiting, self.ends_s[n - 1])
 
     def next_tick(self, n):
         """The first tick after n at which anything but a picture comes to the computer; or the last."""
@@ -240,38 +309,29 @@ def due(waiting, now_s):
     return arrived
 
 
-def truth_sample(trajectory, k):
-    """TruthSample of the trajectory's sample k."""
-    return TruthSample(
-        float(trajectory.t_s[k]),
-        int(trajectory.phase[k]),
-        trajectory.r_i[k],
-        trajectory.v_i[k],
-        trajectory.q_ib[k],
-        trajectory.omega_ib_b[k],
-        trajectory.f_b[k],
-        float(trajectory.angle_of_attack[k]),
-    )
-
-
 def truth_columns(world, every):
     """TruthSample and ControlSample of arrays, as a whole `route` would yield them.
 
     World; ticks from one TruthSample to the next -> list, without control where there is none
     """
     trajectory = world.flight.trajectory
-    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
-    truth = TruthSample(
-        trajectory.t_s[k],
-        trajectory.phase[k].astype(np.int64),
-        *(column[k] for column in (trajectory.r_i, trajectory.v_i, trajectory.q_ib)),
-        *(column[k] for column in (trajectory.omega_ib_b, trajectory.f_b, trajectory.angle_of_attack)),
-    )
+    truth = truth_of(trajectory, every)
     control = control_samples(world.flight.control, trajectory)
     if control is None:
         return [truth]
     until_s = trajectory.t_s[(len(trajectory.t_s) - 1) // SAMPLES_PER_TICK * SAMPLES_PER_TICK] + SAME_S
     return [truth, ControlSample(*(column[control.t_s <= until_s] for column in control))]
+
+
+def truth_of(trajectory, every):
+    """TruthSample of arrays over the ticks every, 2 every ... of a Trajectory."""
+    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
+    return TruthSample(
+        trajectory.t_s[k],
+        trajectory.phase[k].astype(np.int64),
+        *(column[k] for column in (trajectory.r_i, trajectory.v_i, trajectory.q_ib)),
+        *(column[k] for column in (trajectory.omega_ib_b, trajectory.f_b, trajectory.angle_of_attack)),
+    )
 
 
 def control_samples(control, trajectory):

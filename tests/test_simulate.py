@@ -3,10 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from shefex_nav import simulate
 from shefex_nav.geometry import rotation, wgs84
-from shefex_nav.records import Trajectory, row
+from shefex_nav.records import ControlSample, Rows, Trajectory, row, rows
 
 
 def history(t_s):
@@ -31,6 +32,20 @@ def test_attitude_control_is_logged_ten_times_a_second():
         np.testing.assert_array_equal(sample.pointing_error, k * np.array([1.0, 2, 3]))
         np.testing.assert_array_equal(sample.torque_b, k * np.array([4.0, 5, 6]))
         assert sample.propellant_kg == k
+
+
+def test_records_that_are_made_many_at_once_are_those_made_one_by_one():
+    n = 3 * Rows.AT_ONCE + 5
+    arrays = ControlSample(np.arange(n) / 3.0, *np.random.default_rng(1).random((2, n, 3)), np.arange(n))
+    by_number, together = Rows(arrays), rows(arrays)
+    assert len(together) == n
+    for k in (0, 1, Rows.AT_ONCE - 1, Rows.AT_ONCE, 5, 0, n - 1):
+        for one in (by_number[k], together[k]):
+            assert type(one) is ControlSample
+            for a, b in zip(one, row(arrays, k), strict=True):
+                assert type(a) is type(b) and np.array_equal(a, b)
+    with pytest.raises(IndexError):
+        by_number[n]
 
 
 def test_without_attitude_control_nothing_is_logged():

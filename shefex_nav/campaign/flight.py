@@ -1,6 +1,5 @@
 """One run of a campaign: its scenario, the mission, what is kept of it."""
 
-import gc
 import hashlib
 import io
 import json
@@ -9,7 +8,7 @@ import re
 import sys
 import time
 import traceback
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from importlib import import_module
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from shefex_nav.compiled.target import ONE_THREAD
 from shefex_nav.errors import UserError
+from shefex_nav.workers import collected_afterwards
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
@@ -68,7 +68,7 @@ class Pilot:
 
         began, cpu_s, record, series = time.perf_counter(), time.process_time(), _record(job), None
         try:
-            with _collected_afterwards():
+            with collected_afterwards():
                 summary, kept = self._mission(job)
             json.dumps(summary, allow_nan=False)  # what cannot be kept is a fault of the run
             series = _npz(kept)
@@ -103,25 +103,6 @@ class Pilot:
         data = _records(scenario, job.seed, world, job.log)
         summary = metrics.summarise(data, scenario=scenario)
         return summary, series(data, world.flight.trajectory, world.imu_biases, self.plan.series_rate)
-
-
-@contextmanager
-def _collected_afterwards():
-    """Cycles of references are looked for once, at the end, and only among what has been made meanwhile.
-
-    A mission makes a million small tuples and hardly a cycle. Left alone, Python would search all that it and
-    the program keep again and again: a twentieth of the time of a mission without pictures.
-    """
-    was_on = gc.isenabled()
-    gc.disable()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.collect()
-        gc.unfreeze()
-        if was_on:
-            gc.enable()
 
 
 def _peak_memory_mb():

@@ -44,10 +44,7 @@ class Computer:
 
     def advance(self, blocks, first, last):
         """As of `driving.Software`."""
-        switches = np.flatnonzero(is_on(self.params, blocks.t_valid_s[first:last]) != self._is_on)
-        if len(switches):
-            last = first + int(switches[0]) + 1
-        due_s = min((fix.t_available_s for fix in self.waiting), default=np.inf)
+        due_s = min([self._switch_s(blocks.t_valid_s[first]), *(fix.t_available_s for fix in self.waiting)])
         if due_s < blocks.t_valid_s[last - 1]:
             last = first + int(np.searchsorted(blocks.t_valid_s[first:last], due_s - SAME_S)) + 1
         return self.navigation.advance(blocks, first, last)
@@ -82,6 +79,13 @@ class Computer:
     def _is_on(self):
         """Whether camera and star tracker are switched on."""
         return self._tracker_state is not None
+
+    def _switch_s(self, now_s):
+        """When the star tracker is switched next, from a tick that ends at now_s on; inf: not any more."""
+        settings = self.params.tracker.settings
+        if self._is_on:
+            return settings.off
+        return settings.on if settings.enabled and now_s + SAME_S < settings.off else np.inf
 
     def _switch(self, now_s):
         """Switch the star tracker on or off. -> list of CameraCommand"""

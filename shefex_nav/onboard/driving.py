@@ -80,7 +80,7 @@ def _by_tick(ends_s, records):
     return due
 
 
-def drive(software, blocks, arrivals, ticks=None):
+def drive(software, blocks, arrivals, ticks=None, done=0, closes=True):
     """Run software over IMU blocks and over what arrives.
 
     Parameters
@@ -88,7 +88,9 @@ def drive(software, blocks, arrivals, ticks=None):
     software : Software, of which the first block is the next
     blocks : ImuBlock of arrays over N
     arrivals : Arrivals
-    ticks : how many; None: N
+    ticks : number of the last one; None: N
+    done : ticks that have been made before
+    closes : False if more ticks are to come after the last one
 
     Yields
     ------
@@ -97,14 +99,15 @@ def drive(software, blocks, arrivals, ticks=None):
     arrived : list of records, what came then
     outputs : list of records
     """
-    n, end = 0, len(blocks.t_valid_s) if ticks is None else ticks
+    n, end = done, len(blocks.t_valid_s) if ticks is None else ticks
     try:
         while n < end:
-            done, passed = software.advance(blocks, n, min(end, arrivals.next_tick(n)))
+            made, passed = software.advance(blocks, n, min(end, arrivals.next_tick(n)))
             for k, outputs in passed:
                 yield k, [], outputs
-            n += done
+            n += made
             arrived = arrivals.at(n)
             yield n - 1, arrived, software.update(arrived)
     finally:
-        software.close()
+        if closes:
+            software.close()

@@ -14,6 +14,7 @@ from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import RunSummary
 from shefex_nav.pacing import Pace
 from shefex_nav.runs.run import Run
+from shefex_nav.workers import collected_afterwards
 
 FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
 LOG_NAME = "run.mcap"
@@ -87,7 +88,8 @@ def fly(
     setup_s = time.perf_counter() - began
     clock = None if pace is None else Pace(pace)
     records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
-    data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s, pace)
+    with collected_afterwards():
+        data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 

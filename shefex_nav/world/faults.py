@@ -273,16 +273,10 @@ class StarLine:
             fix = _turned(fix, turned_c)
         return fix
 
-    def chain(self, step):
-        """`step(...) -> state, fix, command`, the chain of the star tracker, with the faults of its fixes."""
-        if all(isinstance(fault, Blinded) for fault in self.faults):
-            return step
-
-        def faulty(*arguments):
-            state, fix, command = step(*arguments)
-            return state, self.fix(fix), command
-
-        return faulty
+    def step(self, step, *arguments):
+        """A step of the star tracker's chain, with the faults of its fixes. -> state, fix, command"""
+        state, fix, command = step(*arguments)
+        return state, self.fix(fix), command
 
     def _wrong(self, fault):
         """Rotation vector (3,) rad about a random axis."""

@@ -185,5 +185,5 @@ def test_gyros_that_were_wrong_need_stars():
     fly(one, 12.0, np.random.default_rng(6), wrong=lambda t: fault * (1.0 <= t < 1.8))
     assert one.failed == ("gyro z",) and one.wrong == ()
     assert one.checked_s > 11.0
-    assert one.trust(one.checked_s + 0.9) and not one.unchecked
-    assert not one.trust(one.checked_s + 1.1) and one.unchecked
+    assert one.trust(one.checked_s + 0.9) and not one.is_unchecked(one.checked_s + 0.9)
+    assert not one.trust(one.checked_s + 1.1) and one.is_unchecked(one.checked_s + 1.1)

@@ -8,7 +8,7 @@ from navigation_flight import DT, EARTH, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.log.run_data import stack
 from shefex_nav.onboard import navigator, telemetry
-from shefex_nav.onboard.navigation import fusion, integrity_imu, integrity_watch, ticks
+from shefex_nav.onboard.navigation import fusion, integrity_gyro, integrity_imu, integrity_watch, ticks
 from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
 
 CLEAN, STATES = fly(6.0)
@@ -172,3 +172,35 @@ def test_a_gap_in_the_blocks_is_refused():
         while n < 20:
             n += ticks.advance(nav, holed, n, 20)
     assert n == 5 and nav.history.ends_s[-1] == pytest.approx(5 * 4 * DT)
+
+
+@pytest.mark.parametrize("checked_s", [np.nan, 0.502, 1.0, 2.5])
+def test_gyros_that_have_been_wrong_are_spoken_of_at_the_same_ticks(checked_s):
+    def doubted(together):
+        nav, arrays, n, calls, said = (
+            fusion.start(WATCHED, alignment(STATES[0]), EARTH),
+            stacked(BLOCKS),
+            0,
+            0,
+            [],
+        )
+        while n < len(BLOCKS):
+            if n == 100:
+                nav.watch.gyros.doubt()
+                nav.watch.gyros.checked_s = STATES[0].t_s + checked_s
+            stop = 100 if n < 100 else len(BLOCKS)
+            if together:
+                n += ticks.advance(nav, arrays, n, stop)
+            else:
+                fusion.advance(nav, BLOCKS[n])
+                n += 1
+            calls += 1
+            said += nav.watch.changes()
+        return nav, calls, said, nav.watch.imu_blind
+
+    one, _, said, blind = doubted(False)
+    many, calls, said_of_many, blind_of_many = doubted(True)
+    assert_same(one, many)
+    assert said == said_of_many and blind == blind_of_many
+    assert {gyro.source for gyro in said} == set(integrity_gyro.AXES) and blind
+    assert calls < len(BLOCKS) / 8

@@ -10,7 +10,7 @@ import pytest
 from shefex_nav import prepare
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.run_data import RunDataBuilder
-from shefex_nav.records import Event, Phase
+from shefex_nav.records import Event, Phase, TruthSample, rows
 from shefex_nav.report import metrics, page, programme, table
 from shefex_nav.scenario import load
 
@@ -212,11 +212,14 @@ def test_nothing_is_said_of_what_was_not_seen(flat):
 def data(flat):
     """RunData of that flight: its events and its truth once a second."""
     scenario, flight = flat
-    from shefex_nav import simulate
-
-    builder = RunDataBuilder(prepare.mission(scenario, 1, flight.trajectory))
-    for k in range(0, len(flight.trajectory.t_s), 400):
-        builder.add(simulate.truth_sample(flight.trajectory, k))
+    true = flight.trajectory
+    every = TruthSample(
+        *(true.t_s, true.phase.astype(np.int64), true.r_i, true.v_i, true.q_ib, true.omega_ib_b),
+        *(true.f_b, true.angle_of_attack),
+    )
+    builder = RunDataBuilder(prepare.mission(scenario, 1, true))
+    for record in rows(every)[::400]:
+        builder.add(record)
     for event in flight.events:
         builder.add(event)
     return builder.build()

@@ -131,10 +131,9 @@ def star_fix(number, reason=Reason.NONE):
 def test_every_tenth_solved_frame_is_wrong_and_the_first_of_them():
     fault = star_fault("wrong_fixes", 100.0, 200.0, every=10, smallest=0.01, largest=np.pi)
     line = faults.StarLine((fault,), np.random.default_rng(2))
-    chain = line.chain(lambda number: (None, star_fix(number, Reason(number in (0, 5))), None))
     angles = []
     for number in range(402):
-        _, fix, _ = chain(number)
+        _, fix, _ = line.step(lambda n: (None, star_fix(n, Reason(n in (0, 5))), None), number)
         if fix.reason == Reason.NONE:
             angles.append(np.linalg.norm(rotation.rotvec_between(star_fix(number).q_ic, fix.q_ic)))
     wrong = np.flatnonzero(np.array(angles) > 1e-9)

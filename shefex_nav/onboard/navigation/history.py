@@ -115,30 +115,9 @@ class History:
         """The IMU samples of the ticks that an interval touches: Samples; None if it is not covered."""
         if not begin_s < end_s <= self.ends_s[-1] + SAME_S:
             return None
-        places, first_s, last_s = [], np.inf, 0.0
-        for number in range(self.newest, self.oldest - 1, -1):
-            place = number % len(self.numbers)
-            tick_end_s, dt_s, n, _ = self.numbers[place].tolist()
-            if tick_end_s <= begin_s or n == 0.0:
-                break
-            first_s = tick_end_s - n * dt_s
-            if first_s < end_s:
-                last_s = last_s if places else tick_end_s
-                places.append(place)
-        if not places or first_s > begin_s + SAME_S:
-            return None
-        places.reverse()
-        counts = self.numbers[places, 2].astype(np.int64)
-        return Samples(
-            np.concatenate(
-                [self.increments[k, BEFORE : BEFORE + n] for k, n in zip(places, counts, strict=True)]
-            ),
-            np.repeat(self.numbers[places, 1], counts),
-            last_s,
-            float(self.numbers[places, 3].max()),
-            bool(self.extra[places, 0].any()),
-            self.drives[places].mean(axis=0),
-        )
+        memory = self.numbers, self.increments, self.extra, self.drives
+        found = Samples(*_samples(*memory, self.oldest, self.newest, begin_s, end_s))
+        return found if len(found.dt_s) else None
 
     def length_s(self, k):
         """Duration of tick k."""
@@ -292,6 +271,34 @@ class Moment:
         return felt_packed(
             x, history.increments[place], int(n), dt_s, vibration, history.drives[place], self.at_s
         )
+
+
+@kernel
+def _samples(numbers, increments, extra, drives, oldest, newest, begin_s, end_s):
+    """What `History.samples` tells, without any samples where the interval is not covered."""
+    size, first, last, count, first_s = numbers.shape[0], newest + 1, newest, 0, np.inf
+    for number in range(newest, oldest - 1, -1):
+        k = number % size
+        n = int(numbers[k, 2])
+        if numbers[k, 0] <= begin_s or n == 0:
+            break
+        first_s = numbers[k, 0] - numbers[k, 2] * numbers[k, 1]
+        if first_s < end_s:
+            last = number if first > newest else last
+            first, count = number, count + n
+    if first > newest or first_s > begin_s + SAME_S:
+        first, last, count = newest, newest - 1, 0
+    found, dt_s, drive = np.empty((count, 6)), np.empty(count), np.zeros(drives.shape[1:])
+    at, vibration, doubtful = 0, 0.0, False
+    for number in range(first, last + 1):
+        k = number % size
+        n = int(numbers[k, 2])
+        found[at : at + n] = increments[k, BEFORE : BEFORE + n]
+        dt_s[at : at + n] = numbers[k, 1]
+        at, vibration = at + n, max(vibration, numbers[k, 3])
+        doubtful = doubtful or extra[k, 0].any()
+        drive += drives[k]
+    return found, dt_s, numbers[last % size, 0], vibration, doubtful, drive / max(last + 1 - first, 1)
 
 
 @kernel

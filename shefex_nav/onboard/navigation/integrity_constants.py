@@ -23,6 +23,7 @@ from the start: once a sensor was believed against the filter, something else ma
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
@@ -55,17 +56,22 @@ class Constants:
 
         nav : Filter;  now : Moment;  z, H, S : (m,), (m, n), (m, m);  fate : what becomes of it
         """
+        if self.closed:
+            return
         self._carry(now, H.shape[1])
-        gps = name in ("gps_position", "gps_velocity")
-        h = (_columns(nav, now, name, H, self.a_i) if gps else 0.0) - H @ self.B
+        gps, h = name in ("gps_position", "gps_velocity"), -(H @ self.B)
+        if name == "gps_position":
+            h += _of_position(H, now.x, nav.earth.rate)
+        elif name == "gps_velocity":
+            h += _of_velocity(H, now.x, self.a_i, now.felt_packed[:3])
         weighed = np.linalg.solve(S, np.column_stack([h, z]))
-        if gps and fate != Fate.HELD and not self.closed and not nav.watch.imu_blind:
+        if gps and fate != Fate.HELD and not nav.watch.imu_blind:
             self.J += h.T @ weighed[:, :4]
             self.y += h.T @ weighed[:, 4]
             self.beyond += float(z @ weighed[:, 4]) - len(z)
             self.count += 1
             self._judge()
-        self.closed |= fate == Fate.RESET
+        self.closed = fate == Fate.RESET
         if fate == Fate.USED:
             self.B += now.P @ H.T @ weighed[:, :4]
         elif fate == Fate.RESET and gps:
@@ -80,16 +86,8 @@ class Constants:
         if self.seen is None:
             self.B = np.zeros((n, 4))
         elif t_s > self.seen[0]:
-            dt_s = t_s - self.seen[0]
-            r_i = now.x[X_R]
-            gravity = -wgs84.GM / (r_i @ r_i) ** 1.5 * r_i
-            felt = v_i - self.seen[1] - gravity * dt_s  # vibration, which is noise, has no part in the mean
-            self.a_i = (v_i - self.seen[1]) / dt_s
-            turn_i = self.seen[2] @ self.B[ATT]
-            gained = -rotation.skew(felt) @ turn_i
-            self.B[POS] += dt_s * (self.B[VEL] + 0.5 * gained)
-            self.B[VEL] += gained
-            self.B[ATT] = C_ib.T @ turn_i
+            before_s, before_v_i, before_C_ib = self.seen
+            self.a_i = _carried(self.B, before_v_i, before_C_ib, now.x[X_R], v_i, C_ib, t_s - before_s)
         self.seen = (t_s, v_i, C_ib)
 
     def _judge(self):
@@ -108,21 +106,54 @@ class Constants:
 
     def _estimate(self, part):
         """Values of some constants, and by how much they make the squares of the innovations less."""
-        J, y = self.J[part, part], self.y[part]
-        if not np.all(np.diag(J) > 0.0) or np.linalg.cond(J) > CONDITION:
-            return np.zeros(len(y)), 0.0
-        value = np.linalg.solve(J, y)
-        return value, float(y @ value)
+        return _best(np.ascontiguousarray(self.J[part, part]), self.y[part])
 
 
-def _columns(nav, now, name, H, a_i):
-    """(m, 4) of a GPS fix, what a unit of each constant shows in it. a_i : (3,) m/s^2"""
-    C_ib = rotation.dcm_from_quat(now.x[X_Q])
-    if name == "gps_position":
-        r_i, rate = now.x[X_R], nav.earth.rate
-        v_i = now.x[X_V] - np.array([-rate * r_i[1], rate * r_i[0], 0.0])
-        return H[:, POS] @ np.column_stack([-v_i, C_ib])
-    return H[:, VEL] @ np.column_stack([-a_i, C_ib @ rotation.skew(now.felt_packed[:3])])
+@kernel
+def _best(J, y):
+    """The value that explains most, and how much; nothing where J (k, k) does not tell. y : (k,)"""
+    tells = np.isfinite(J).all() and np.isfinite(y).all() and (np.diag(J) > 0.0).all()
+    if not tells or (len(y) > 1 and np.linalg.cond(J) > CONDITION):
+        return np.zeros(len(y)), 0.0
+    value = np.linalg.solve(J, y)
+    return value, y @ value
+
+
+@kernel
+def _carried(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
+    """The response on by dt_s, in place. -> (3,) m/s^2, mean acceleration
+
+    B : (n, 4);  before_v_i, before_C_ib : at the last measurement;  r_i, v_i, C_ib : now
+    """
+    gravity = -wgs84.GM / (r_i @ r_i) ** 1.5 * r_i
+    felt = v_i - before_v_i - gravity * dt_s  # vibration, which is noise, has no part in the mean
+    turn_i = before_C_ib @ B[ATT]
+    gained = -rotation.skew(felt) @ turn_i
+    B[POS] += dt_s * (B[VEL] + 0.5 * gained)
+    B[VEL] += gained
+    B[ATT] = C_ib.T @ turn_i
+    return (v_i - before_v_i) / dt_s
+
+
+@kernel
+def _of_position(H, x, rate):
+    """(m, 4) of the position of a GPS fix, what a unit of each constant shows in it.
+
+    H : (m, n);  x : (X,) packed values;  rate : rad/s, of the Earth
+    """
+    r_i, shown = x[X_R], np.empty((3, 4))
+    shown[:, 0] = -(x[X_V] - np.array([-rate * r_i[1], rate * r_i[0], 0.0]))
+    shown[:, 1:] = rotation.dcm_from_quat(x[X_Q])
+    return np.ascontiguousarray(H[:, POS]) @ shown
+
+
+@kernel
+def _of_velocity(H, x, a_i, omega_b):
+    """Likewise of its velocity. a_i : (3,) m/s^2;  omega_b : (3,) rad/s"""
+    shown = np.empty((3, 4))
+    shown[:, 0] = -a_i
+    shown[:, 1:] = rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(omega_b)
+    return np.ascontiguousarray(H[:, VEL]) @ shown
 
 
 def _limit(part):

@@ -138,7 +138,6 @@ class GyroWatch:
         self.wrong = ()  # axes
         self.failed = ()  # axes that have ever been wrong
         self.checked_s = np.nan  # when the stars last agreed with the gyros
-        self.unchecked = False
 
     def forget(self):
         """Start anew: the readings of the gyros have been replaced, or the attitude reset."""
@@ -190,7 +189,7 @@ class GyroWatch:
     def _conclude(self, t_s, verdict, rate_b, sigma_b):
         """Finding or None, by the comparison of one fix."""
         if verdict == CONFORM:
-            self.checked_s, self.wrong, self.unchecked = t_s, (), False
+            self.checked_s, self.wrong = t_s, ()
         if verdict != WRONG:
             return None
         self.found_s = [one for one in self.found_s if t_s - one <= WITHIN_S] + [t_s]
@@ -215,12 +214,18 @@ class GyroWatch:
         self.checked_s = np.nan
         self.forget()
 
+    @property
+    def recovered(self):
+        """Axes that have been wrong, and are not wrong now as far as the stars say: list of names."""
+        return [name for name in self.failed if name not in self.wrong]
+
+    def is_unchecked(self, now_s):
+        """Whether the stars have last agreed with the gyros too long ago, if ever."""
+        return not now_s - self.checked_s <= UNCHECKED_S
+
     def trust(self, now_s):
         """Whether gyros that have been wrong before may be relied on now; none of them: always."""
-        if not self.failed:
-            return True
-        self.unchecked = not now_s - self.checked_s <= UNCHECKED_S
-        return not (self.wrong or self.unchecked)
+        return not self.failed or not (self.wrong or self.is_unchecked(now_s))
 
 
 @inner

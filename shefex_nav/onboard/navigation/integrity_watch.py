@@ -90,17 +90,32 @@ class Watch:
         changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
             self._changed(changes)
-        if self.gyros.failed:
-            self._gyros_now(block.t_valid_s)
+        self._gyros_now(block.t_valid_s)
 
     def is_calm(self, samples):
         """Whether blocks of so many samples can be screened without this object, which `screened` tells."""
-        return self.imu is not None and len(self.imu.last) == samples and not self.gyros.failed
+        return self.imu is not None and len(self.imu.last) == samples
+
+    def steady(self, ends_s):
+        """How many ticks that end at the times ends_s (n,) may pass before `screened` is told of the last.
+
+        At all of them but the last, gyros that have been wrong are what was last said of them.
+        """
+        gyros = self.gyros
+        if not gyros.failed:
+            return len(ends_s)
+        if self._is_news(ends_s[0]):
+            return 1
+        # nothing changes between fixes but that the last check becomes too old
+        if gyros.is_unchecked(ends_s[0]) or not gyros.is_unchecked(ends_s[-1]):
+            return len(ends_s)
+        return 1 + next(k for k, end_s in enumerate(ends_s) if gyros.is_unchecked(end_s))
 
     def screened(self, t_s, changed):
         """What `integrity_imu.screen_packed` found in the block that ends at t_s."""
         if changed:
             self._changed(integrity_imu.health(t_s, changed, self.imu.state))
+        self._gyros_now(t_s)
 
     def _changed(self, changes):
         """The state of axes of the unit has changed."""
@@ -128,11 +143,17 @@ class Watch:
 
     def _gyros_now(self, now_s):
         """Gyros that have been wrong: right again, or wrong still, or not checked any more."""
-        gyros = self.gyros
-        self.distrusted = not gyros.trust(now_s)
-        for name in gyros.failed:
-            if name not in gyros.wrong:
-                self.tell(now_s, name, UNCHECKED if gyros.unchecked else "")
+        if self.gyros.failed and self._is_news(now_s):
+            self.distrusted = not self.gyros.trust(now_s)
+            for name in self.gyros.recovered:
+                self.tell(now_s, name, UNCHECKED if self.gyros.is_unchecked(now_s) else "")
+
+    def _is_news(self, now_s):
+        """Whether gyros that have been wrong are not what was last said of them."""
+        reason = UNCHECKED if self.gyros.is_unchecked(now_s) else ""
+        return self.distrusted == self.gyros.trust(now_s) or any(
+            self.reasons.get(name, "") != reason for name in self.gyros.recovered
+        )
 
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""

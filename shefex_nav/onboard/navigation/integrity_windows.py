@@ -70,10 +70,10 @@ class Window:
     def take(self, w):
         """Take a whitened innovation (d,) in. -> Finding"""
         self.kept.append(w)
-        found = QUIET
+        found, kept = QUIET, np.array(self.kept)
         for n in LENGTHS:
-            if len(self.kept) >= n:
-                one = self._judged(np.array(self.kept)[-n:], n == LENGTHS[-1])
+            if len(kept) >= n:
+                one = self._judged(kept[-n:], n == LENGTHS[-1])
                 found = one._replace(large=found.large or one.large, process=found.process or one.process)
         return found
 

@@ -8,6 +8,7 @@ remainder is carried on, only the two ends are left.
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import calibration
 
@@ -30,14 +31,21 @@ def body_rate(nav, x, begin_s, end_s):
     samples = nav.history.samples(begin_s, end_s)
     if samples is None:
         return np.full(3, np.nan), np.full(3, np.nan), np.inf
-    dt_s = samples.dt_s
-    ends_s = samples.end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
-    weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
-    duration_s = dt_s @ weight
-    increments, drive = weight @ samples.increments, samples.drive
-    omega_b, f_b = calibration.motion(x, increments, duration_s, samples.vibration, drive)
+    duration_s, increments = _between(samples.increments, samples.dt_s, samples.end_s, begin_s, end_s)
+    omega_b, f_b = calibration.motion(x, increments, duration_s, samples.vibration, samples.drive)
     noise = _noise(nav.params.imu, omega_b, f_b, samples, duration_s)
     return omega_b, f_b, noise
+
+
+@kernel
+def _between(increments, dt_s, last_s, begin_s, end_s):
+    """Time and increments of an interval. Samples (N, 6), their dt_s (N,), end of the last, interval"""
+    weight, sample_s = np.empty(len(dt_s)), np.cumsum(dt_s[::-1])[::-1] - dt_s
+    for k in range(len(dt_s)):
+        sample_end_s = last_s - sample_s[k]
+        inside_s = min(sample_end_s, end_s) - max(sample_end_s - dt_s[k], begin_s)
+        weight[k] = min(max(inside_s / dt_s[k], 0.0), 1.0)
+    return dt_s @ weight, weight @ increments
 
 
 def _noise(model, omega_b, f_b, samples, duration_s):
@@ -84,5 +92,11 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     H, _ = calibration.jacobians(nav.layout, tick.x, omega_b, f_b, vibration, drive)
     if mounting := nav.layout.places["mounting"]:
         H[:, mounting] = rotation.skew(omega_b)
-    P_b = H @ tick.P @ H.T + noise * np.eye(3)
+    return _in_camera_axes(C_bc, omega_b, H, tick.P, noise)
+
+
+@kernel
+def _in_camera_axes(C_bc, omega_b, H, P, noise):
+    """Rate and its covariance in camera axes. H : (3, n);  P : (n, n);  noise : (rad/s)^2 on each axis"""
+    P_b = H @ P @ H.T + noise * np.eye(3)
     return C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc

@@ -28,6 +28,7 @@ def advance(nav, blocks, first, last):
     """
     history, watch, n = nav.history, nav.watch, blocks.dtheta_b.shape[1]
     done, last = 0, min(last, first + LONGEST)
+    last = first + watch.steady(blocks.t_valid_s[first:last].tolist())
     if watch.is_calm(n) and not nav.constants.driving:  # what a block drives, Python says tick by tick
         history.make_room(n, last - first)
         done, changed = _advance(

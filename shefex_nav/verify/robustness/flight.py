@@ -9,6 +9,7 @@ import numpy as np
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.verify.robustness import design, factors, fixes, happenings, innovations, random_faults
 from shefex_nav.verify.robustness.happenings import HAPPENS
+from shefex_nav.workers import collected_afterwards
 
 EVERY = 10  # ticks from one solution that is kept to the next
 OF_CELLS, OF_HAPPENINGS = 77, 9  # keys of random numbers of their own, beside those of the sensors
@@ -65,7 +66,8 @@ def fly(job):
     head = {"cell": job.cell.number, "flight": job.flight, "seed": job.seed}
     head |= {name: getattr(job.cell, name) for name in design.FACTORS}
     try:
-        record = assess.compared(*pair(job))
+        with collected_afterwards():
+            record = assess.compared(*pair(job))
     except Exception as error:  # the end of this flight, not of the others
         record = {"failed": f"{type(error).__name__}: {error}"[:500]}
     return head | record | {"cpu_s": round(time.process_time() - began, 3)}
@@ -76,12 +78,13 @@ def pair(job):
     true = scenario_of(job.scenario, overrides(job))
     vehicle = _vehicle(job.scenario, of_rocket(job))
     situation = situation_of(job, true, vehicle)
-    flown = _fly(job, situation, vehicle)
     if situation.window is None:
-        return situation, flown, None, []
-    twin = _fly(job, situation._replace(settings=(), late_s=0.0), vehicle)
+        return situation, *_fly(job, [situation], vehicle), None, []
+    twin = situation._replace(settings=(), late_s=0.0)
     alone = situation.alone if len(situation.alone) > 1 else ()
-    return situation, flown, twin, [_fly(job, situation._replace(settings=one), vehicle) for one in alone]
+    situations = [situation, twin, *(situation._replace(settings=one) for one in alone)]
+    flown, clean, *others = _fly(job, situations, vehicle)
+    return situation, flown, clean, others
 
 
 def situation_of(job, true, vehicle):
@@ -161,11 +164,81 @@ def _states(name, settings, vehicle_settings):
     return prepare.settled(scenario_of(name, settings), _vehicle(name, vehicle_settings)).navigation.states
 
 
-def _fly(job, situation, vehicle):
-    """One flight of a Situation. -> Kept"""
-    from shefex_nav import prepare, simulate
+class _Flight:
+    """A flight on its way.
+
+    route : simulate.Route
+    kept : {type of a record: list}
+    seen : of `innovations.watched`
+    """
+
+    def __init__(self, route, kept, seen):
+        self.route, self._kept, self._seen = route, kept, seen
+
+    def on(self, ticks):
+        """On to the end of a tick."""
+        with innovations.watched(self._seen):
+            for record in self.route.on(ticks, stops=ticks == self.route.schedule.ticks):
+                self._kept.setdefault(type(record), []).append(record)
+
+    def parted(self, world):
+        """This flight so far, which goes on in another world."""
+        seen = self._seen.copy()
+        route = self.route.parted(world, {id(self._seen): seen})
+        return _Flight(route, {kind: records.copy() for kind, records in self._kept.items()}, seen)
+
+    def end(self):
+        """Fly to the end. -> Kept"""
+        from shefex_nav import simulate
+        from shefex_nav.records import GateResult, NavHealth
+
+        self.on(self.route.schedule.ticks)
+        world = self.route.world
+        solution, covariance = self.route.columns.read()
+        truth = simulate.truth_columns(world, EVERY)[0]
+        gates, health = (self._kept.get(kind, []) for kind in (GateResult, NavHealth))
+        return Kept(solution, covariance, truth, gates, health, self._seen, world.gps_fixes, world.earth)
+
+
+def _fly(job, situations, vehicle):
+    """One flight of each Situation of a job: list of Kept. As long as nothing differs, one flies for all."""
+    from shefex_nav import simulate
+
+    built, flights = [_scenario_and_world(job, one, vehicle) for one in situations], {}
+    first, world = _begun(job, *built[0], vehicle), built[0][1]
+    alike = [0] * len(situations)
+    for k, one in enumerate(situations):
+        if k and _only_faults(one) and _only_faults(situations[0]):
+            alike[k] = min(simulate.ticks_alike(world, built[k][1]), first.route.schedule.ticks - 1)
+    for k in sorted(range(1, len(situations)), key=lambda k: alike[k]):
+        if alike[k] > 0:
+            first.on(alike[k])
+            flights[k] = first.parted(built[k][1])
+        else:
+            flights[k] = _begun(job, *built[k], vehicle)
+    flights[0] = first
+    return [flights[k].end() for k in range(len(situations))]
+
+
+def _only_faults(situation):
+    """Whether a Situation has the healthy world but for faults that begin some time."""
+    return all(setting.startswith("faults.") for setting in situation.settings)
+
+
+def _begun(job, scenario, world, vehicle):
+    """_Flight that has not begun yet."""
+    from shefex_nav import simulate
     from shefex_nav.onboard.telemetry import Columns
-    from shefex_nav.records import GateResult, NavHealth
+
+    seen = {}
+    with innovations.watched(seen):
+        route = simulate.Route(world, scenario, job.seed, until_s=last_s(vehicle), columns=Columns(EVERY))
+    return _Flight(route, {}, seen)
+
+
+def _scenario_and_world(job, situation, vehicle):
+    """Scenario, prepare.World of a Situation."""
+    from shefex_nav import prepare
     from shefex_nav.scenario import load
 
     told = situation.told.settings(situation.scenario) if situation.told.settings else ()
@@ -173,16 +246,7 @@ def _fly(job, situation, vehicle):
     scenario = scenario_of(job.scenario, (*healthy, *situation.settings))
     if scenario.navigation.states == AUTOMATIC:
         scenario = load.with_states(scenario, _states(job.scenario, healthy, of_rocket(job)))
-    world = _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
-    kept, columns, until_s = {GateResult: [], NavHealth: []}, Columns(EVERY), last_s(vehicle)
-    with innovations.watched() as seen:
-        for record in simulate.route(world, scenario, job.seed, until_s=until_s, columns=columns):
-            kept.setdefault(type(record), []).append(record)
-    solution, covariance = columns.read()
-    truth = simulate.truth_columns(world, EVERY)[0]
-    return Kept(
-        solution, covariance, truth, kept[GateResult], kept[NavHealth], seen, world.gps_fixes, world.earth
-    )
+    return scenario, _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
 
 
 def _received(world, situation):

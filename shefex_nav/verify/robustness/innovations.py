@@ -6,6 +6,7 @@ does what it did before.
 """
 
 from contextlib import contextmanager
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,29 +20,27 @@ class Seen(NamedTuple):
 
 
 @contextmanager
-def watched():
-    """Gives a dict that fills with (sensor, t_valid_s) -> Seen while a filter flies in this process."""
+def watched(seen):
+    """While a filter flies in this process, `seen` is filled: dict, (sensor, t_valid_s) -> Seen."""
     from shefex_nav.onboard.navigation import fusion
 
-    seen, table = {}, fusion.table
+    table = fusion.table
 
     def noting(params):
         return {
-            name: sensor._replace(linearise=_noting(name, sensor.linearise, seen))
+            name: sensor._replace(linearise=partial(_noted, name, sensor.linearise, seen))
             for name, sensor in table(params).items()
         }
 
     fusion.table = noting
     try:
-        yield seen
+        yield
     finally:
         fusion.table = table
 
 
-def _noting(name, linearise, seen):
-    def noted(nav, now, fix):
-        z, H, R = linearise(nav, now, fix)
-        seen.setdefault((name, fix.t_valid_s), Seen(z.copy(), H @ now.P @ H.T + R))
-        return z, H, R
-
-    return noted
+def _noted(name, linearise, seen, nav, now, fix):
+    z, H, R = linearise(nav, now, fix)
+    if (name, fix.t_valid_s) not in seen:
+        seen[name, fix.t_valid_s] = Seen(z.copy(), H @ now.P @ H.T + R)
+    return z, H, R

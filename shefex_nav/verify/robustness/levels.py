@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import pairing
@@ -46,7 +47,9 @@ def read(kept):
         raise ValueError("truth, solution and covariance are of different instants")
     attitude = rotation.rotvec_between(solution.q_ib[:n], truth.q_ib[:n])
     error = np.hstack([truth.r_i[:n] - solution.r_i[:n], truth.v_i[:n] - solution.v_i[:n], attitude])
-    along = _along_axes(kept.earth, truth, solution, n) | {"attitude": np.abs(attitude)}
+    along = {"position": np.empty((n, 2)), "velocity": np.empty((n, 2)), "attitude": np.abs(attitude)}
+    true = truth.t_s[:n], truth.r_i, truth.v_i
+    _along_axes(kept.earth, *true, solution.r_e, solution.v_e, along["position"], along["velocity"])
     quantities = {}
     for name in QUANTITIES:
         said = protected(solution, name)
@@ -54,19 +57,20 @@ def read(kept):
     return Flown(t_s, quantities, nees(error, kept.covariance.P[:n]))
 
 
-def _along_axes(earth, truth, solution, n):
+@kernel
+def _along_axes(earth, t_s, r_i, v_i, said_r_e, said_v_e, position, velocity):
     """Errors of position and velocity against the Earth, horizontal and vertical where the vehicle truly is.
 
-    -> {"position": (n, 2) m, "velocity": (n, 2) m/s}, sizes
+    t_s, r_i, v_i : (n,), (n, 3) the truth;  said_r_e, said_v_e : (n, 3) the solution
+    position, velocity : (n, 2) m, m/s, sizes, are written
     """
-    position, velocity = np.empty((n, 2)), np.empty((n, 2))
-    for k in range(n):
-        r_e, v_e = frames.ecef_from_inertial(earth, truth.t_s[k], truth.r_i[k], truth.v_i[k])
-        C_ne = wgs84.level_axes(r_e).T
-        for row, of_earth in ((position, r_e - solution.r_e[k]), (velocity, v_e - solution.v_e[k])):
+    for k in range(len(t_s)):
+        r_e, v_e = frames.ecef_from_inertial(earth, t_s[k], r_i[k], v_i[k])
+        latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
+        C_ne = wgs84.dcm_en(latitude, longitude).T
+        for row, of_earth in ((position[k], r_e - said_r_e[k]), (velocity[k], v_e - said_v_e[k])):
             north, east, down = C_ne @ of_earth
-            row[k] = np.hypot(north, east), abs(down)
-    return {"position": position, "velocity": velocity}
+            row[0], row[1] = np.hypot(north, east), abs(down)
 
 
 def stretches(flags):
