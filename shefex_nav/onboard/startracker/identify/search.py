@@ -36,7 +36,11 @@ BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, o
 WORK_PER_PAIR = 40  # cost of a pair of detections, in stars looked at by the screen
 PARTNER_GATE = 1.4  # times that of a pair: three stars may be worse placed than two
 ORDINARY, MOST_GROWTH = 400.0, 5.0  # pairs of stars for one of detections: with more, the work may grow
-MOST_FILTERED = 32  # of the brightest detections; partners of more would take longer than the search
+MOST_FILTERED = 32  # detections; with more, the partners would take longer than the search
+DENSE, DENSE_SHARE = (
+    0.3,
+    0.5,
+)  # such pairs over stars of the catalogue; of the budget, for the first pass then
 ENTRIES_PER_WORK = 8  # catalogue pairs that are marked in the time of looking at a star
 WORK_PER_LOOK = 300  # cost of adjusting and weighing an attitude ...
 WORK_PER_MATCH = 1.0  # ... and for each star predicted times each detection
@@ -278,7 +282,7 @@ def with_partners(task, pairs, u_c, order, way):
     """The task with the partners of its detections; work."""
     seen, spread = task.seen, costs_of(task.scene, order)[1]
     width = WIDER * MAGNITUDE_GATE * task.scene.magnitude_error if task.scene.has_flux else np.inf
-    partners = np.zeros((min(u_c.shape[0], MOST_FILTERED), task.stars.u_i.shape[0]), dtype=np.uint64)
+    partners = np.zeros((u_c.shape[0], task.stars.u_i.shape[0]), dtype=np.uint64)
     tolerance, entries = PARTNER_GATE * tolerance_of(task, way), 0
     for k in range(order.shape[0]):
         i, j = order[k, 0], order[k, 1]
@@ -296,15 +300,17 @@ def with_partners(task, pairs, u_c, order, way):
 
 @inner
 def crowd_of(task, pairs):
-    """Whether so many pairs of stars have the angle of a pair of detections that nearly all have partners.
+    """Whether a search for partners does not pay: too many detections, or nearly all stars have them.
 
-    And by how much the work grows with them.
+    And by how much the work may grow therefore.
     """
-    widest = np.arccos(pairs.cosine[0])
-    spread = costs_of(task.scene, pairs_by_brightness(task.scene.xy_px.shape[0]))[1]
+    n = task.scene.xy_px.shape[0]
+    if n > MOST_FILTERED:
+        return True, MOST_GROWTH
+    spread = costs_of(task.scene, pairs_by_brightness(n))[1]
     tolerance = tolerance_of(task, PASSES[0]) * np.sqrt(spread).mean()
-    entries = pairs.cosine.shape[0] * 2.0 * tolerance / widest
-    return entries > 0.3 * task.stars.u_i.shape[0], min(max(entries / ORDINARY, 1.0), MOST_GROWTH)
+    entries = pairs.cosine.shape[0] * 2.0 * tolerance / np.arccos(pairs.cosine[0])
+    return entries > DENSE * task.stars.u_i.shape[0], min(max(entries / ORDINARY, 1.0), MOST_GROWTH)
 
 
 @inner
@@ -313,17 +319,14 @@ def lost_in_space(task, pairs, budget):
     work, ellipses = 0, task.scene.ellipses
     n = task.scene.xy_px.shape[0]
     is_dense, growth = crowd_of(task, pairs)
-    budget = int(growth * budget)
     for way in PASSES:
-        if way.is_filtered and is_dense:
-            continue
-        share = PASSES[1].share if is_dense else way.share
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
-        trying, order = task, pairs_by_brightness(min(n, MOST_FILTERED) if way.is_filtered else n)
-        if way.is_filtered:
+        trying, order = task, pairs_by_brightness(n)
+        if way.is_filtered and not is_dense:
             trying, more = with_partners(task, pairs, u_c, order, way)
             work += more
-        work += try_all(trying, ellipses, pairs, u_c, order, way, max(share, way.share) * budget - work)
+        share = max(way.share, DENSE_SHARE) if is_dense else way.share
+        work += try_all(trying, ellipses, pairs, u_c, order, way, share * growth * budget - work)
         if margin(task) >= task.threshold:
             break
     return work
