@@ -59,7 +59,7 @@ def solve_centroids(
     max_magnitude=5.5,
     centroid_sigma_px=0.15,
     magnitude_sigma=0.2,
-    false_limit=1e-7,
+    false_limit=1e-5,
     prediction=None,
     centroid_covariance_px=None,
     zero_flux=None,

@@ -4,18 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import betaln, logsumexp
+from scipy.special import expit, logsumexp
 from star_fields import CAMERA, IDENTIFY, MODEL, centroid_list, random_attitude, ready_tracker
 
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, lever, odds, screen, search
+from shefex_nav.onboard.startracker.identify import (
+    IDENTIFIERS,
+    bayes,
+    completeness,
+    evidence,
+    lever,
+    odds,
+    screen,
+    search,
+)
 from shefex_nav.records import Reason
 
 PARAMS = replace(IDENTIFY, centroid_error=0.15, magnitude_error=0.2)
 WRONG = np.radians(0.5)
 AT_REST = lever.no_lever(1.0)
+NO_PARTNERS = np.zeros((0, 0), dtype=np.uint64)
 NO_PRIOR = evidence.Prior(False, np.eye(3), np.zeros((3, 3)))
 
 
@@ -124,16 +134,37 @@ def test_odds_against_plain_formulas():
         assert odds.place_odds(scene, view, n, log_det, 3) == pytest.approx(logsumexp(terms))
         zero = np.median(scene.mag[det[known]] - stars.vmag[row[known]])
         assert odds.zero_point(stars, scene, view, n) == pytest.approx(zero)
-        seen, faint, terms = known, stars.vmag[row], []
-        due = ~known & np.array([odds._is_due(scene, view, n, s) for s in range(n)])
-        for q, step in enumerate(evidence.LIMIT_STEPS):
-            within = faint <= stars.vmag[-1] - step
-            value = betaln(3.0 + (seen & within).sum(), 0.5 + (due & within).sum()) - betaln(3.0, 0.5)
-            value += (seen & ~within).sum() * np.log(0.1) + (due & ~within).sum() * np.log(0.9)
-            if q > 0:
-                value += (scene.mag > zero + stars.vmag[-1] - step + 0.3).sum() * np.log(0.5)
-            terms.append(value + np.log(0.7 if q == 0 else 0.3 / 6))
-        assert odds.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
+
+
+def test_completeness_against_plain_formulas():
+    stars, _ = stars_and_pairs()
+    view = evidence.new_view()
+    for seed in range(5):
+        scene, C, _ = field(seed)
+        trial = evidence.Trial(C, scene.focal_px, 3)
+        n = evidence.adjust(stars, scene, trial, view, 5.0, AT_REST, 4).n
+        row, seen = view.row[:n], view.det[:n] >= 0
+        zero = odds.zero_point(stars, scene, view, n)
+        counted = seen | np.array([completeness._is_due(scene, view, n, s) for s in range(n)])
+        terms = []
+        for step, limit_weight in zip(completeness.LIMITS, completeness.LIMIT_WEIGHTS, strict=True):
+            limit = stars.vmag[-1] - step
+            fainter = (scene.mag > zero + limit + 0.3).sum() if step > 0.0 else 0
+            for share, share_weight in zip(completeness.SHARES, completeness.SHARE_WEIGHTS, strict=True):
+                p = share * (0.03 + 0.97 * expit((limit - stars.vmag[row]) / 0.17))
+                pattern = np.where(seen, np.log(p), np.log(1.0 - p))[counted].sum()
+                terms.append(np.log(limit_weight * share_weight) + pattern + fainter * np.log(0.5))
+        assert completeness.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
+
+
+def test_priors_of_completeness_are_probabilities():
+    assert sum(completeness.LIMIT_WEIGHTS) == pytest.approx(1.0)
+    assert sum(completeness.SHARE_WEIGHTS) == pytest.approx(1.0)
+
+
+def test_many_stars_do_not_underflow():
+    seen = np.zeros(160, dtype=np.bool_)
+    assert completeness.pattern_odds(np.full(160, 1.0), seen, 0.99) == pytest.approx(160 * np.log(0.01))
 
 
 def test_scan_against_brute_force():
@@ -141,10 +172,10 @@ def test_scan_against_brute_force():
     stars, pairs = stars_and_pairs()
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
-    seen, i, j = screen.Seen(screen.detection_table(scene), scene.xy_px, scene.ellipses), 0, 1
+    seen, i, j = screen.Seen(screen.detection_table(scene), scene.xy_px, scene.ellipses, NO_PARTNERS), 0, 1
     T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
-    two = screen.TwoSeen(T, reach, gate, (-1, -1))
+    two = screen.TwoSeen(T, reach, gate, (-1, -1), (i, j))
     angle = np.arccos(u_c[i] @ u_c[j])
     begin, end = search.position(pairs, np.cos(angle + 5e-4)), search.position(pairs, np.cos(angle - 5e-4))
     assert begin == np.searchsorted(pairs.cosine, np.cos(angle + 5e-4))

@@ -27,6 +27,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     Prior,
     Scene,
     new_view,
+    predict,
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.lever import no_lever
@@ -40,10 +41,11 @@ from shefex_nav.records import Reason
 # Expected number of chance attitudes with ln B > x is CHANCE exp(-x): the mean of B over chance fields is
 # one, but nearly all of it is in the fields that the truth makes, far above any limit. Measured.
 CHANCE = 0.003
+ALONE = 0.3  # the same of one star that sets the turn: there are as many chances as false detections
 MIN_STARS = 4
 MIN_TRACKED = 3  # with a prediction ...
 NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wide one leaves room for chance
-BUDGET = 400_000  # stars looked at, before giving up
+BUDGET = 80_000  # stars looked at, before giving up
 PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
@@ -176,16 +178,19 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
     prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
     is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < NARROW**2
     least = MIN_TRACKED if is_narrow else numbers.fewest_stars
-    seen = Seen(detection_table(scene), scene.xy_px, ellipses)
-    tracked = Task(stars, scene, prior, seen, new_best(n), new_view(), least, strict)
+    seen = Seen(detection_table(scene), scene.xy_px, ellipses, np.zeros((0, 0), dtype=np.uint64))
+    tracked = Task(stars, scene, prior, seen, new_best(n), new_view(), least, strict, strict)
     work = 0
     if has_prediction and n >= least and np.isfinite(q_ci.sum() + P_c.sum()):
-        work = track(tracked, numbers.budget // 4)
+        work = track(tracked, numbers.budget)
         found = conclude(tracked, numbers, xy_px.shape[0], work, True)
         if found[0] == 0:
             return found
     nothing = Prior(False, prior.C_ci, P_c)
-    lost = Task(stars, scene, nothing, seen, new_best(n), tracked.room, numbers.fewest_stars, threshold)
+    lost = Task(
+        stars, scene, nothing, seen, new_best(n), tracked.room, numbers.fewest_stars, threshold,
+        strict + np.log(ALONE),
+    )  # fmt: skip
     if n >= numbers.fewest_stars:
         work += lost_in_space(lost, pairs, numbers.budget - work)
     return conclude(lost, numbers, xy_px.shape[0], work, False)
@@ -216,12 +221,12 @@ def conclude(task, numbers, n, work, tracked):
         (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0
     )
     k, n_par = (best.star >= 0).sum(), int(best.score[2])
-    reason = verdict(task, k, n_par)
+    reason, denied = verdict(task, n_par)
     if reason != 0:
         return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, work, tracked
     star[: len(best.star)] = best.star
     variance = numbers.centroid_error**2
-    variance *= misfit_factor(best.score[3] / variance, 2 * k - n_par, PRIOR_DOF)
+    variance *= max(variance_seen(best.score[3] / variance, 2 * k - n_par), denied)
     P_c = np.empty((3, 3))
     for c in range(3):
         column = np.zeros(4)
@@ -233,17 +238,33 @@ def conclude(task, numbers, n, work, tracked):
 
 
 @inner
-def verdict(task, n_matched, n_par):
-    """Why the best attitude must not be given out: a Reason, 0 when it may be; see `doubts`."""
+def variance_seen(chi2, dof):
+    """Variance of the centroids over the told one; what exceeds it is as uncertain as it is in this frame.
+
+    A variance of which only nu squares are known makes an error of Student's distribution: larger than a
+    normal one by nu / (nu - 2).
+    """
+    factor, nu = misfit_factor(chi2, dof, PRIOR_DOF), PRIOR_DOF + dof
+    return factor if factor <= 1.0 else 1.0 + (factor - 1.0) * nu / (nu - 2.0)
+
+
+@inner
+def verdict(task, n_par):
+    """Why the best attitude must not be given out: a Reason, 0 when it may be; see `doubts`.
+
+    And the variance of the centroids over the told one if the neighbourhood of the stars denies that.
+    """
     best = task.best
     if margin(task) < task.threshold:
         if best.score[0] >= task.threshold:
-            return AMBIGUOUS
-        return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH
+            return AMBIGUOUS, 0.0
+        return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH, 0.0
     focal_px, noise_px = best.score[4], best.score[5]
-    n = recall(task, focal_px)
-    if fits_badly(task, n, n_matched, n_par):
-        return RESIDUALS
+    n = predict(task.stars, task.scene, best.C, focal_px, task.room)
+    badly, denied = fits_badly(task, n, n_par)
+    if badly:
+        return RESIDUALS, denied
+    recall(task, n)
     if leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px):
-        return AMBIGUOUS
-    return 0
+        return AMBIGUOUS, denied
+    return 0, denied

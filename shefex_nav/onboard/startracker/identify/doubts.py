@@ -10,7 +10,15 @@ import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import between2, factor, weigh, weighted2
-from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, Fit, cholesky, jacobian, predict
+from shefex_nav.onboard.startracker.identify.evidence import (
+    GATE,
+    NOISE_SCALES,
+    Fit,
+    cholesky,
+    jacobian,
+    match,
+)
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 
 LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain than this ...
@@ -19,41 +27,65 @@ IMAGE_SHIFT_PX = 80.0  # second images are looked for within this distance
 SAME_PLACE_PX = 4.0  # a nearer detection is part of the star
 IMAGE_GATE, WIDEST_IMAGE_GATE = 5.0, 1.5  # noise_px, at most px: two shifts that are the same
 IMAGE_STARS = 4  # with the same shift make a second image
-KEPT, KEPT_SHARE = 0.75, 0.55  # share of the matches; of the limit, which their sum passes once in a thousand
+KEPT, KEPT_SHARE = 0.75, 0.55  # share of the matches; of the limit, as their sum has little of the last ones
+KEPT_MEAN = 0.4  # share of the sum of all squares that KEPT of them have: 1 - (1 + ln 4) / 4
+DENIED = 4.0  # times the told variance: one right attitude in a hundred
+AROUND, LEAST_AROUND_PX = 45.0, 3.0  # centroid errors, at least px: 4.5 sigma of ten times the noise
 RESIDUAL_QUANTILE = 3.1  # sigma of a normal variable: a right attitude is refused once in a thousand
 
 
 @inner
-def recall(task, focal_px):
-    """Fill the room with the stars of the best attitude and their detections; how many."""
+def recall(task, n):
+    """Give the n stars predicted in the room the detections that the best attitude has found for them."""
     best, scene, view = task.best, task.scene, task.room
-    n = predict(task.stars, scene, best.C, focal_px, view)
     for s in range(n):
         view.det[s], view.distance2[s] = -1, 0.0
         for k in range(best.star.shape[0]):
             if best.star[k] == view.row[s]:
                 dx, dy = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
                 view.det[s], view.distance2[s] = k, weighted2(scene.ellipses, k, dx, dy)
-    return n
 
 
 @inner
-def fits_badly(task, n, n_matched, n_par):
-    """Whether the squared residuals are beyond the largest noise that is thought possible.
+def around(scene, ellipses):
+    """Distance [px, weighted] from a star within which a detection may still be that star.
 
-    Of the best KEPT of the matches: a few double stars do not count. Quantile of chi squared by Wilson and
-    Hilferty (1931).
+    Ellipses come from the picture itself: they are not looked at as if they were told ten times too small.
     """
-    distance2, m = np.empty(n_matched), 0
+    if ellipses is None:
+        return min(max(AROUND * scene.centroid_error, LEAST_AROUND_PX), REACH_PX)
+    return GATE * NOISE_SCALES[-1] * scene.centroid_error
+
+
+@inner
+def fits_badly(task, n, n_par):
+    """Whether the n stars predicted in the room deny the noise that was told, and by how much.
+
+    Stars are matched again, much further than the noise that is thought possible: a noise that is larger
+    makes an attitude of those stars that happen to fit each other, and its own residuals do not tell.
+    Of the best KEPT of the matches, so that a few double stars or chance neighbours do not count.
+
+    Returns
+    -------
+    bool : the squared residuals are beyond the largest noise that is thought possible; quantile of chi
+        squared by Wilson and Hilferty (1931)
+    float : variance of the centroids over the told one where that is DENIED, else 0
+    """
+    scene, view = task.scene, task.room
+    widest_px = NOISE_SCALES[-1] * scene.centroid_error
+    distance2, m = np.empty(match(scene, view, n, around(scene, scene.ellipses), widest_px)), 0
     for s in range(n):
-        if task.room.det[s] >= 0 and m < n_matched:
-            distance2[m] = task.room.distance2[s]
+        if view.det[s] >= 0 and m < distance2.shape[0]:
+            distance2[m] = view.distance2[s]
             m += 1
-    best = np.sort(distance2[:m])[: int(np.ceil(KEPT * m))]
-    dof = 2.0 * n_matched - n_par
+    best = np.sort(distance2[:m])[: int(np.ceil(KEPT * m))].sum()
+    dof = max(2.0 * m - n_par, 1.0)
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
-    return best.sum() > KEPT_SHARE * limit * (NOISE_SCALES[-1] * task.scene.centroid_error) ** 2
+    seen = best / (KEPT_MEAN * dof * scene.centroid_error**2)
+    nu = max(KEPT * dof - 1.0, 2.5)  # squares of which it is known; one for the choice of those that fit
+    denied = seen * nu / (nu - 2.0) if seen > DENIED else 0.0
+    return best > KEPT_SHARE * limit * widest_px**2, denied
 
 
 @inner
@@ -76,8 +108,8 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     """Whether one star fixes the attitude that has no better reason to be a star than chance.
 
     Each star is left out in turn. Where the others alone leave the attitude uncertain, the odds with the star
-    must beat the odds without it by as much as an attitude must beat chance. A prediction counts with the
-    others.
+    must beat the odds without it by task.strict: where many false detections may set the turn, a chance star
+    is hardly rarer than its odds say. A prediction counts with the others.
     """
     scene, view = task.scene, task.room
     N = np.zeros((4, 4))
@@ -108,7 +140,7 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
         fit = Fit(task.best.C, focal_px, n_par, n, rest, log_det, noise_px)
         without = log_odds(task.stars, scene, task.prior, view, fit)
         view.det[s] = k
-        if task.best.score[0] - without < task.threshold:
+        if task.best.score[0] - without < task.strict:
             return True
     return False
 

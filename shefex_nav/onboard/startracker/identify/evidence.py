@@ -18,18 +18,12 @@ from shefex_nav.onboard.startracker.skygrid import cell_of
 
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
 OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
-BLEND_PX = 8.0  # a star nearer than this to a brighter one may be part of its spot
 WIDE_GATE = 14.0  # centroid errors, for the first adjustment; holds the largest of NOISE_SCALES
 GATE = 4.5  # of the noise seen in the frame
 SETTLED = 0.2  # of the noise: a smaller step is the last
 NOISE_SCALES = (1.0, 1.8, 3.4)  # times the centroid error, and how likely each is
 NOISE_WEIGHTS = (0.45, 0.28, 0.27)
 TAIL_SHARE, TAIL_SCALE = 0.06, 4.0  # of the centroids have an error this much larger: double stars
-SEEN, UNSEEN = 3.0, 0.5  # Beta prior of the share of the stars that are detected: 86 %, but open
-LIMIT_STEPS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)  # mag, camera's limit above the catalogue's
-FULL_DEPTH = 0.7  # probability that the camera sees the whole catalogue
-BEYOND = 0.1  # share of the stars beyond the limit that are detected
-FAINTER, FAINTER_MARGIN = 0.5, 0.3  # odds of each detection that is fainter than the limit, by this [mag]
 ZERO_POINT_SIGMA = 0.7  # mag; the median detection tells the zero point that well before any match
 DEEPER = 0.2  # share of the cameras that see many stars fainter than the catalogue
 MUTE = 0.1  # share of the frames whose brightness says nothing

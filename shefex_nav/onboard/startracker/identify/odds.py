@@ -9,41 +9,25 @@ The mean of B over chance fields is one, so B > 1 / p has a probability below p 
 attitudes tried; `bayes.CHANCE` is what it is in fact.
 """
 
-from math import lgamma
-
 import numpy as np
 
 from shefex_nav.compiled import inner
+from shefex_nav.onboard.startracker.identify.completeness import add_logs, completeness_odds
 from shefex_nav.onboard.startracker.identify.ellipses import log_area
 from shefex_nav.onboard.startracker.identify.evidence import (
-    BEYOND,
-    BLEND_PX,
     DEEPER,
-    FAINTER,
-    FAINTER_MARGIN,
     FOCAL_SHARE,
     FOCAL_SIGMA,
-    FULL_DEPTH,
-    LIMIT_STEPS,
     MUTE,
     NOISE_SCALES,
     NOISE_WEIGHTS,
-    SEEN,
     TAIL_SCALE,
     TAIL_SHARE,
-    UNSEEN,
     ZERO_POINT_SIGMA,
 )
 
 CROWD = 3  # neighbours that tell how dense the detections are about one of them
 CROWDED = 4.0  # times the usual density
-
-
-@inner
-def add_logs(a, b):
-    """ln(exp(a) + exp(b))."""
-    high, low = max(a, b), min(a, b)
-    return high + np.log1p(np.exp(low - high)) if low > -np.inf else high
 
 
 @inner
@@ -186,53 +170,6 @@ def brightness_odds(stars, scene, view, n, zero):
     total += np.log(sigma / (np.sqrt(m) * ZERO_POINT_SIGMA))
     total -= 0.5 * ((zero - expected) / ZERO_POINT_SIGMA) ** 2
     return add_logs(np.log(1.0 - MUTE) + total, np.log(MUTE))
-
-
-@inner
-def _is_due(scene, view, n, s):
-    """Well inside the frame and not beside a brighter star (those come first)."""
-    x, y = view.xy_px[s, 0], view.xy_px[s, 1]
-    b = scene.border_px
-    if x < b or y < b or x > scene.width_px - 1.0 - b or y > scene.height_px - 1.0 - b:
-        return False
-    for r in range(s):
-        if (view.xy_px[r, 0] - x) ** 2 + (view.xy_px[r, 1] - y) ** 2 < BLEND_PX**2:
-            return False
-    return True
-
-
-@inner
-def completeness_odds(stars, view, n, scene, zero):
-    """Logarithm of the probability that these stars of the view are seen and those are not.
-
-    Each star to the camera's limit is seen with the same unknown probability; the limit is that of the
-    catalogue or any brighter one. A frame with many detections below a limit does not have that limit.
-    """
-    faintest = stars.vmag[len(stars.vmag) - 1]
-    due = np.zeros(n, dtype=np.bool_)
-    for s in range(n):
-        due[s] = view.det[s] < 0 and _is_due(scene, view, n, s)
-    norm = lgamma(SEEN) + lgamma(UNSEEN) - lgamma(SEEN + UNSEEN)
-    total = -np.inf
-    steps = len(LIMIT_STEPS)
-    for q in range(steps):
-        limit = faintest - LIMIT_STEPS[q]
-        seen, missing, beyond = 0, 0, 0.0
-        for s in range(n):
-            if stars.vmag[view.row[s]] <= limit:
-                seen += view.det[s] >= 0
-                missing += due[s]
-            elif view.det[s] >= 0:
-                beyond += np.log(BEYOND)
-            elif due[s]:
-                beyond += np.log(1.0 - BEYOND)
-        log_beta = lgamma(SEEN + seen) + lgamma(UNSEEN + missing) - lgamma(SEEN + UNSEEN + seen + missing)
-        if q > 0 and scene.has_flux:
-            fainter = (scene.mag > zero + limit + FAINTER_MARGIN).sum()
-            beyond += fainter * np.log(FAINTER)
-        weight = FULL_DEPTH if q == 0 else (1.0 - FULL_DEPTH) / (steps - 1)
-        total = add_logs(total, np.log(weight) + log_beta - norm + beyond)
-    return total
 
 
 @inner

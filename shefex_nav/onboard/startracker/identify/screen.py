@@ -27,6 +27,7 @@ class Seen(NamedTuple):
     table: np.ndarray  # of `detection_table`
     xy_px: np.ndarray  # (n, 2)
     ellipses: Ellipses | None
+    partners: np.ndarray  # of `partners.partners_of`; (0, 0): nothing is known of them
 
 
 class TwoSeen(NamedTuple):
@@ -36,6 +37,7 @@ class TwoSeen(NamedTuple):
     lever: Lever
     gate: tuple  # (lowest, highest) vmag[star of j] - vmag[star of i]
     known: tuple  # the stars that are already known to be i and j, rows of the catalogue
+    ij: tuple  # the detections
 
 
 @inner
@@ -72,7 +74,7 @@ def screen(stars, seen, C, frame, lever, a, b):
     """
     focal_px, cx, cy, right, bottom, border, patience, convincing = frame
     u_i, start, row = stars.u_i, stars.start, stars.row
-    table, xy_px, ellipses = seen
+    table, xy_px, ellipses = seen.table, seen.xy_px, seen.ellipses
     hits = 0
     cell = cell_of(C[6], C[7], C[8])
     for e in range(start[cell], start[cell + 1]):
@@ -125,6 +127,14 @@ def join(T, S):
 
 
 @inner
+def has_bits(bits, need):
+    """Whether at least `need` bits are set."""
+    for _ in range(need - 1):
+        bits &= bits - np.uint64(1) if bits != 0 else bits
+    return need <= 0 or bits != 0
+
+
+@inner
 def scan(stars, pairs, seen, two, frame, need, begin, end):
     """Next attitude that passes the screen among those of one pair of detections.
 
@@ -145,7 +155,9 @@ def scan(stars, pairs, seen, two, frame, need, begin, end):
     work : stars looked at, with WORK_PER_TRIAL for each attitude
     """
     u_i, star, fainter = stars.u_i, pairs.star, pairs.fainter
-    gate, ij = two.gate, two.known
+    gate, known, partners = two.gate, two.known, seen.partners
+    is_filtered = partners.shape[0] > 0
+    i, j = two.ij
     work = 0
     C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     for entry in range(begin, end):
@@ -153,7 +165,9 @@ def scan(stars, pairs, seen, two, frame, need, begin, end):
         if not gate[0] < difference < gate[1]:
             continue
         a, b = star[entry >> 1, entry & 1], star[entry >> 1, 1 - (entry & 1)]
-        if a == ij[0] and b == ij[1]:
+        if a == known[0] and b == known[1]:
+            continue
+        if is_filtered and not has_bits(partners[i, a] & partners[j, b], need):
             continue
         S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
         C = join(two.T, S)

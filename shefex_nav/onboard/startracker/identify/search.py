@@ -3,7 +3,8 @@
 A pair of detections has an angle and a difference of brightness; the k-vector gives the pairs of stars that
 have them too. Each is an attitude, and most are dismissed by the first few bright stars that it predicts and
 that are not there (`screen`). What survives is adjusted and weighed (`evidence`, `odds`). The number of
-attitudes looked at is bounded.
+attitudes looked at is bounded. A frame that the first pairs do not solve is searched with those pairs of
+stars only that could belong to an attitude (`partners`): whatever noise it is, it is soon given up.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from shefex_nav.onboard.startracker.identify.ellipses import along
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Trial, View, adjust
 from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.odds import log_odds
+from shefex_nav.onboard.startracker.identify.partners import mark
 from shefex_nav.onboard.startracker.identify.screen import (
     Seen,
     TwoSeen,
@@ -32,6 +34,14 @@ WIDER = 2.2  # times that gate, in a pass that takes nothing for granted
 SHORT_PX = 50.0  # closer detections say little about the attitude
 BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, of which the cheaper go first
 WORK_PER_PAIR = 40  # cost of a pair of detections, in stars looked at by the screen
+PARTNER_GATE = 1.4  # times that of a pair: three stars may be worse placed than two
+ORDINARY, MOST_GROWTH = 400.0, 5.0  # pairs of stars for one of detections: with more, the work may grow
+MOST_FILTERED = 32  # detections; with more, the partners would take longer than the search
+DENSE, DENSE_SHARE = (
+    0.3,
+    0.5,
+)  # such pairs over stars of the catalogue; of the budget, for the first pass then
+ENTRIES_PER_WORK = 8  # catalogue pairs that are marked in the time of looking at a star
 WORK_PER_LOOK = 300  # cost of adjusting and weighing an attitude ...
 WORK_PER_MATCH = 1.0  # ... and for each star predicted times each detection
 SURE = 3.0  # more than enough, in ln B: no need to look for a rival
@@ -47,21 +57,15 @@ class Pass(NamedTuple):
     convincing: int  # further stars that are worth a closer look, however many fainter ones are missing
     is_wide: bool  # the focal length is adjusted, too
     share: float  # of the budget used up by its end
+    is_filtered: bool  # only pairs of stars that have partners
 
 
 PASSES = (
-    Pass(1.1, 1.0, 2, 3, False, 0.5),
-    Pass(1.1, 1.0, 6, 3, False, 0.7),
-    Pass(3.4, 1.0, 2, 5, True, 0.88),
-    Pass(2.0, 1.008, 2, 5, True, 0.94),
-    Pass(2.0, 0.992, 2, 5, True, 1.0),
-)
-UNEVEN_PASSES = (
-    Pass(1.1, 1.0, 2, 3, False, 0.5),
-    Pass(1.1, 1.0, 6, 3, False, 0.8),
-    Pass(3.4, 1.0, 2, 5, True, 0.92),
-    Pass(2.0, 1.008, 2, 5, True, 0.96),
-    Pass(2.0, 0.992, 2, 5, True, 1.0),
+    Pass(1.1, 1.0, 2, 3, False, 0.1, False),
+    Pass(1.1, 1.0, 6, 3, False, 0.7, True),
+    Pass(3.4, 1.0, 2, 5, True, 0.84, False),
+    Pass(2.0, 1.008, 2, 5, True, 0.92, False),
+    Pass(2.0, 0.992, 2, 5, True, 1.0, False),
 )
 
 
@@ -87,7 +91,8 @@ class Task(NamedTuple):
     best: Best
     room: View  # working space
     min_stars: int
-    threshold: float  # of ln B
+    threshold: float  # of ln B, an attitude against chance
+    strict: float  # of ln B, one star against chance
 
 
 @inner
@@ -164,7 +169,7 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     if not scene.has_flux:
         width = np.inf
     fainter = scene.mag[j] - scene.mag[i]
-    two = TwoSeen(T, lever, (fainter - width, fainter + width), (best.star[i], best.star[j]))
+    two = TwoSeen(T, lever, (fainter - width, fainter + width), (best.star[i], best.star[j]), (i, j))
     entry, work = 2 * begin, WORK_PER_PAIR
     while entry < 2 * end:
         entry, C, n = scan(stars, pairs, task.seen, two, frame, task.min_stars - 2, entry, 2 * end)
@@ -273,19 +278,55 @@ def try_all(task, ellipses, pairs, u_c, order, way, limit):
 
 
 @inner
-def passes_of(ellipses):
-    """The ways through all pairs of detections."""
-    return PASSES if ellipses is None else UNEVEN_PASSES
+def with_partners(task, pairs, u_c, order, way):
+    """The task with the partners of its detections; work."""
+    seen, spread = task.seen, costs_of(task.scene, order)[1]
+    width = WIDER * MAGNITUDE_GATE * task.scene.magnitude_error if task.scene.has_flux else np.inf
+    partners = np.zeros((u_c.shape[0], task.stars.u_i.shape[0]), dtype=np.uint64)
+    tolerance, entries = PARTNER_GATE * tolerance_of(task, way), 0
+    for k in range(order.shape[0]):
+        i, j = order[k, 0], order[k, 1]
+        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
+        fainter = task.scene.mag[j] - task.scene.mag[i]
+        mark(pairs, partners, (i, j), (begin, end), (fainter - width, fainter + width))
+        entries += end - begin
+    seen = Seen(seen.table, seen.xy_px, seen.ellipses, partners)
+    known = Task(
+        task.stars, task.scene, task.prior, seen, task.best, task.room, task.min_stars, task.threshold,
+        task.strict,
+    )  # fmt: skip
+    return known, entries // ENTRIES_PER_WORK
+
+
+@inner
+def crowd_of(task, pairs):
+    """Whether a search for partners does not pay: too many detections, or nearly all stars have them.
+
+    And by how much the work may grow therefore.
+    """
+    n = task.scene.xy_px.shape[0]
+    if n > MOST_FILTERED:
+        return True, MOST_GROWTH
+    spread = costs_of(task.scene, pairs_by_brightness(n))[1]
+    tolerance = tolerance_of(task, PASSES[0]) * np.sqrt(spread).mean()
+    entries = pairs.cosine.shape[0] * 2.0 * tolerance / np.arccos(pairs.cosine[0])
+    return entries > DENSE * task.stars.u_i.shape[0], min(max(entries / ORDINARY, 1.0), MOST_GROWTH)
 
 
 @inner
 def lost_in_space(task, pairs, budget):
     """Go through the pairs of detections until one attitude is certain; work."""
     work, ellipses = 0, task.scene.ellipses
-    order = pairs_by_brightness(task.scene.xy_px.shape[0])
-    for way in passes_of(ellipses):
+    n = task.scene.xy_px.shape[0]
+    is_dense, growth = crowd_of(task, pairs)
+    for way in PASSES:
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
-        work += try_all(task, ellipses, pairs, u_c, order, way, way.share * budget - work)
+        trying, order = task, pairs_by_brightness(n)
+        if way.is_filtered and not is_dense:
+            trying, more = with_partners(task, pairs, u_c, order, way)
+            work += more
+        share = max(way.share, DENSE_SHARE) if is_dense else way.share
+        work += try_all(trying, ellipses, pairs, u_c, order, way, share * growth * budget - work)
         if margin(task) >= task.threshold:
             break
     return work
