@@ -5,6 +5,7 @@ import shutil
 import tempfile
 import time
 import weakref
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,7 @@ def fly(
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
     from shefex_nav.report import programme
+    from shefex_nav.scenario import software
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
@@ -88,7 +90,8 @@ def fly(
     setup_s = time.perf_counter() - began
     clock = None if pace is None else Pace(pace)
     records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
-    with collected_afterwards():
+    # software of a user's own may make cycles without end
+    with nullcontext() if software.flown(scenario) else collected_afterwards():
         data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
