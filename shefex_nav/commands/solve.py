@@ -28,7 +28,14 @@ Camera = Annotated[
     ),
 ]
 
-
+Fov = Annotated[str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")]
+Epoch = Annotated[
+    str | None,
+    typer.Option(
+        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else today. "
+        "Pixels as stored."
+    ),
+]
 FrameTime = Annotated[
     str | None,
     typer.Option(
@@ -47,16 +54,8 @@ def solve(
         ),
     ],
     camera: Camera = None,
-    fov: Annotated[
-        str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")
-    ] = None,
-    epoch: Annotated[
-        str | None,
-        typer.Option(
-            help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else "
-            "today. Pixels as stored."
-        ),
-    ] = None,
+    fov: Fov = None,
+    epoch: Epoch = None,
     frame: FrameTime = None,
     overlay: Annotated[
         Path | None, typer.Option(help="Draw detections and names into a new .png file.")

@@ -75,7 +75,6 @@ def fly(
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
     from shefex_nav.report import programme
-    from shefex_nav.scenario import software
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
@@ -90,10 +89,16 @@ def fly(
     setup_s = time.perf_counter() - began
     clock = None if pace is None else Pace(pace)
     records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
-    # software of a user's own may make cycles without end
-    with nullcontext() if software.flown(scenario) else collected_afterwards():
+    with _cycles(scenario):
         data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
+
+
+def _cycles(scenario):
+    """Context in which cycles are searched afterwards; software of a user's own may make them without end."""
+    from shefex_nav.scenario import software
+
+    return nullcontext() if software.flown(scenario) else collected_afterwards()
 
 
 def _seen(world, scenario, seed, until_s, watch, pace):
