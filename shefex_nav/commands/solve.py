@@ -32,8 +32,8 @@ Fov = Annotated[str | None, typer.Option(help="Horizontal field of view, right t
 Epoch = Annotated[
     str | None,
     typer.Option(
-        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else today. "
-        "Pixels as stored."
+        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else "
+        "today. Pixels as stored."
     ),
 ]
 FrameTime = Annotated[
