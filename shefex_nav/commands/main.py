@@ -45,7 +45,7 @@ app = typer.Typer(
 )
 app.command(cls=ListingCommand)(reproduce)
 app.command(epilog=TRUST_HELP)(solve)
-app.command()(characterise)
+app.command(epilog=TRUST_HELP)(characterise)
 app.command(epilog=TRUST_HELP)(replay)
 app.command(epilog=TRUST_HELP)(smooth)
 app.command(epilog=TRUST_HELP)(campaign)

@@ -5,7 +5,6 @@ UserError, has its words already.
 """
 
 import errno
-import os
 import re
 import sys
 from contextlib import nullcontext
@@ -81,7 +80,8 @@ class PlainGroup(typer.core.TyperGroup):
         except OSError as error:
             if error.errno not in MACHINE:
                 raise
-            print(f"{_place(error)} cannot be written: {os.strerror(error.errno)}", file=sys.stderr)
+            what = "cannot be read or written" if error.errno == errno.EIO else "cannot be written"
+            print(f"{_place(error)} {what}: {error.strerror}", file=sys.stderr)
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 

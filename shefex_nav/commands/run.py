@@ -75,12 +75,18 @@ def run(
 @contextmanager
 def _kept(log):
     """Says where a flight is that is interrupted."""
+    before = _written(log)
     try:
         yield
     except KeyboardInterrupt:
-        if log.exists():
+        if _written(log) != before:
             say(f"{log}: what was flown until now")
         raise
+
+
+def _written(log):
+    """When a file was written last; None if there is none."""
+    return log.stat().st_mtime_ns if log.exists() else None
 
 
 def _check_until(until, until_s, start_s, earliest_s):

@@ -16,6 +16,7 @@ from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.log.mcap_file import is_log
 
+NEAR_S = 0.1  # a frame that is farther from the time asked for is told
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
 
@@ -109,12 +110,15 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
     from shefex_nav.solve import table
 
     again = of_log.solve(log, t_s)
+    if abs(again.t_s - t_s) > NEAR_S:
+        say(f"the nearest frame that the log keeps as it was read out is that of T{again.t_s:+.2f} s")
     if json:
         print_json(table.as_numbers(again.solution) | table.again_as_numbers(again))
     else:
         name = f"{log}, frame {again.number}, T{again.t_s:+.2f} s"
         _show([(name, again.solution)], told=True)
-        stdout(100).print(table.again(again))
+        if again.solution.status == "ok":
+            stdout(100).print(table.again(again))
     if overlay is not None:
         drawing.draw(again.image_dn.astype("f4"), again.solution, overlay)
         say(f"wrote {overlay}")
@@ -162,7 +166,10 @@ def _julian_year(text):
         except ValueError:
             words = f"{text}: expected a date such as 2012-06-22"
             raise typer.BadParameter(words, param_hint="--epoch") from None
-        year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
+        try:
+            year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
+        except OverflowError:  # before the year one
+            year = float("-inf")
     if not 1900.0 < year < 2200.0:
         words = f"expected a date between 1900 and 2200, got {text}"
         raise typer.BadParameter(words, param_hint="--epoch")

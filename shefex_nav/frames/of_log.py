@@ -19,6 +19,8 @@ from shefex_nav.solve import told
 from shefex_nav.solve.header import Taken, julian_year
 from shefex_nav.solve.solution import ImageSolution
 
+MOST_AWAY_S = 1.0  # from the first or last frame
+
 
 class Again(NamedTuple):
     """A frame that was solved again; angles are None where one of the two has no attitude."""
@@ -58,6 +60,9 @@ def _nearest_full(log, frames, every, t_s):
     if not len(kept):
         words = "keeps no frame as it was read out; fly with --set log.frames.full_every=1"
         raise LogError(f"{log}: {words}")
+    if not kept[0] - MOST_AWAY_S <= t_s <= kept[-1] + MOST_AWAY_S:
+        words = f"keeps frames as they were read out from T{kept[0]:+.2f} s to T{kept[-1]:+.2f} s"
+        raise LogError(f"{log}: {words}, none near T{t_s:+.2f} s")
     return float(kept[np.argmin(np.abs(kept - t_s))])
 
 

@@ -1,4 +1,4 @@
-"""Which files are MCAP files."""
+"""Which files are MCAP files, and which of them are whole."""
 
 MAGIC = b"\x89MCAP0\r\n"  # first bytes of one
 
@@ -10,3 +10,19 @@ def is_log(path):
             return file.read(len(MAGIC)) == MAGIC or path.suffix == ".mcap"
     except OSError:
         return path.suffix == ".mcap"
+
+
+def is_closed(path):
+    """Whether an MCAP file ends as it should: its writer was not killed. Path"""
+    with path.open("rb") as file:
+        return ends_well(file)
+
+
+def ends_well(file):
+    """The same of an open one; it is at its beginning afterwards."""
+    file.seek(0)
+    magic = file.read(len(MAGIC))
+    file.seek(-len(MAGIC), 2)
+    ending = file.read()
+    file.seek(0)
+    return magic == MAGIC == ending

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.log.mcap_file import ends_well
 from shefex_nav.log.reader import cut_errors
 
 FULL, THRESHOLDED = "/star_tracker/image_full", "/star_tracker/image"
@@ -39,7 +40,7 @@ def between(path, begin_ns=None, end_ns=None):
     decoders = {}
     with Path(path).open("rb") as file:
         # without an index at its end a file is read from the front, up to where its writer was killed
-        reader = (SeekingReader if _is_closed(file) else NonSeekingReader)(file)
+        reader = (SeekingReader if ends_well(file) else NonSeekingReader)(file)
         wanted = {"starting_at": begin_ns, "ending_before": end_ns, "log_time_order": False}
         messages = reader.iter_messages([FULL, THRESHOLDED], **wanted)
         try:
@@ -48,18 +49,6 @@ def between(path, begin_ns=None, end_ns=None):
                 yield Pixels(message.log_time, _grey_values(image), channel.topic == FULL)
         except cut_errors():
             return
-
-
-def _is_closed(file):
-    """Whether an MCAP file ends as it should; the file is at its beginning afterwards."""
-    from mcap.stream_reader import MAGIC_SIZE
-
-    file.seek(0)
-    magic = file.read(MAGIC_SIZE)
-    file.seek(-MAGIC_SIZE, 2)
-    ending = file.read()
-    file.seek(0)
-    return ending == magic
 
 
 def _message(decoders, schema):

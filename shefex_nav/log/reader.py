@@ -7,6 +7,7 @@ way: reading stops at the first record that is not complete.
 import json
 import struct
 import zlib
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -43,7 +44,8 @@ def read(path):
     raw, is_complete = _read_file(Path(path))
     arrays, lists, single, steady = {}, {}, {}, kept_as_arrays()
     for topic in _stored_topics(path, raw):
-        decoded = _decoded(path, topic, raw.messages.get(topic.topic, []))
+        with _readable(path, topic.topic):
+            decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
         if topic.record in steady:
             arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
         elif topic.record in LISTS:
@@ -55,21 +57,20 @@ def read(path):
     mission = _mission(single[Mission], raw)
     data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
     # a flight that was interrupted, or failed, closes its file, but has no last record
-    return data._replace(
-        others=other_solutions.read(raw), ended_early=data.ended_early or data.summary is None
-    )
+    with _readable(path, "another solution"):
+        others = other_solutions.read(raw)
+    return data._replace(others=others, ended_early=data.ended_early or data.summary is None)
 
 
-def _decoded(path, topic, messages):
-    """What wire.codec(topic) makes of the messages; LogError if that is nothing."""
+@contextmanager
+def _readable(path, what):
+    """LogError where messages of a log, `what`, cannot be decoded."""
     from google.protobuf.message import DecodeError
 
     try:
-        return wire.codec(topic).decode(messages)
+        yield
     except (DecodeError, ValueError, IndexError, struct.error) as error:
-        raise LogError(
-            f"{path}: damaged: {topic.topic} has a message that cannot be read: {error}"
-        ) from error
+        raise LogError(f"{path}: damaged: {what} has a message that cannot be read: {error}") from error
 
 
 def _stored_topics(path, raw):

@@ -123,6 +123,8 @@ class LogWriter:
         except RuntimeError:
             pass  # said already
         self._file = None
+        for channel in self._channels:
+            channel.close()
 
     def _encode(self, records):
         """{type: iterator of (bytes, log time in ns) over its records}."""
@@ -144,8 +146,8 @@ class LogWriter:
             if self._file is not None:
                 with self._written():
                     self._file.close()
-            for channel in self._channels:
-                channel.close()
+                for channel in self._channels:
+                    channel.close()
 
     def __enter__(self):
         return self

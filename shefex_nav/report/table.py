@@ -314,7 +314,8 @@ def _run_rows(summary):
             Text(f"{summary['failure'].splitlines()[0]}; everything above is up to then", style="bold red"),
         )
     elif summary["ended_early"]:
-        yield "ended early", Text("the log is cut off; everything above is up to then", style="bold yellow")
+        words = "the flight was not over; everything above is up to then"
+        yield "ended early", Text(words, style="bold yellow")
     if summary["until_s"] is not None:
         words = f"until T{summary['until_s']:+.1f} s; everything above is up to then"
         yield "looked at", Text(words, style="bold yellow")

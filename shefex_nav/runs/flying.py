@@ -95,10 +95,10 @@ def fly(
 
 
 def _cycles(scenario):
-    """Context in which cycles are searched afterwards; software of a user's own may make them without end."""
+    """Context in which cycles are searched afterwards; code of a user's own may make them without end."""
     from shefex_nav.scenario import software
 
-    return nullcontext() if software.flown(scenario) else collected_afterwards()
+    return nullcontext() if software.flown(scenario) or scenario.plugins else collected_afterwards()
 
 
 def _seen(world, scenario, seed, until_s, watch, pace):

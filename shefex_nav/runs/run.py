@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.log import reader
+from shefex_nav.log import mcap_file, reader
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import GpsFix
@@ -147,7 +147,7 @@ class Run:
             raise LogError(f"{other!r} has no other filter's solution; expected a Run of with_solution")
         if not _is_one_flight(self.data, other.data):
             raise LogError(f"{self.log}: is not the flight that {other.filter!r} is about, {other!r}")
-        if self.data.ended_early and not self.data.failure:
+        if not mcap_file.is_closed(self.log):
             raise LogError(f"{self.log}: was not closed, its run was killed; it cannot be copied whole")
         found = {other.filter: other_solutions.Other(other.data.nav, other.data.covariance)}
         other_solutions.write(self.log, log, self.data.mission, found)

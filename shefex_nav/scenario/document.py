@@ -13,7 +13,7 @@ STR, INT, FLOAT, BOOL, NULL = (
     f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
 )
 TEXT_TAGS = (STR, "tag:yaml.org,2002:timestamp")
-MOST_VALUES = 50_000  # of a file; aliases may make a short one endless
+MOST_REPEATED = 50_000  # values of a file that aliases repeat: they may make a short one endless
 REMOVED = object()  # the value `null`, written out
 
 
@@ -60,6 +60,7 @@ def parse(text, file):
         kind = "list" if isinstance(node.value, list) else "single value"
         raise BadText(mark, f"the file holds a {kind}; expected a mapping that starts with 'mission:'")
     document.keys[()] = document.values[()] = mark
+    _check_aliases(node, file)
     return document._replace(tree=_build(node, (), file, document, ()))
 
 
@@ -102,9 +103,6 @@ def _mark(node, file):
 
 def _build(node, path, file, document, parents):
     """Plain value of `node`; its marks and errors go into `document`."""
-    if len(document.values) > MOST_VALUES:
-        words = f"more than {MOST_VALUES} values, those of aliases counted each time; put lists into tables"
-        raise BadText(_mark(node, file), words)
     document.values[path] = _mark(node, file)
     if any(node is parent for parent in parents):
         document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
@@ -126,6 +124,23 @@ def _build(node, path, file, document, parents):
 def _unused_tag(node, path, file, document):
     """None; that the tag of a node has no meaning here becomes an error."""
     document.errors.append((_mark(node, file), f"{dotted(path)}: tag {node.tag} is not used in scenarios"))
+
+
+def _check_aliases(root, file):
+    """BadText where aliases repeat too many values."""
+    sizes = {}  # id of a node -> values in it, those of aliases each time
+
+    def size(node):
+        if id(node) not in sizes:
+            sizes[id(node)] = 1  # of one that contains itself, which is an error of its own
+            inside = node.value if isinstance(node.value, list) else ()
+            parts = (part for one in inside for part in (one if isinstance(one, tuple) else (one,)))
+            sizes[id(node)] = 1 + sum(map(size, parts))
+        if sizes[id(node)] > MOST_REPEATED + len(sizes):
+            raise BadText(_mark(node, file), f"aliases repeat more than {MOST_REPEATED} values")
+        return sizes[id(node)]
+
+    size(root)
 
 
 def _is_null(node):

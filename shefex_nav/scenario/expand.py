@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from shefex_nav.scenario import rasp, tables
 from shefex_nav.scenario.dispersions import ColumnOfFile
 from shefex_nav.scenario.document import BadText, Mark, dotted, parse
-from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.files import LARGEST_TABLE, Unreadable, read_text
 from shefex_nav.scenario.gps import ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
 from shefex_nav.scenario.tables import BadTable, NoColumn
@@ -58,7 +58,7 @@ def expand(tree, places, texts):
         if not isinstance(name, str) or not name:
             continue
         try:
-            text = read_text(name, "a table")
+            text = read_text(name, "a table", LARGEST_TABLE)
             values, marks = convert(text, name)
         except Unreadable as error:
             here = places.value((*path, FILE))
@@ -101,7 +101,7 @@ def _expand_dispersions(tree, places, texts):
         here = places.value(path)
         try:
             asked = ColumnOfFile.model_validate(table)
-            text = read_text(asked.file, "a table")
+            text = read_text(asked.file, "a table", LARGEST_TABLE)
             column = tables.read_one(text, asked.file, asked.column)
         except ValidationError as error:
             errors += [

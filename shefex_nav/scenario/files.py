@@ -5,13 +5,9 @@ import stat
 
 from shefex_nav.scenario import kind
 
-LARGEST, LARGEST_DATA = 2 << 20, 1 << 30  # bytes of a part of a scenario, and of recorded data
-DEVICES = (
-    (stat.S_ISFIFO, "a pipe"),
-    (stat.S_ISCHR, "a device"),
-    (stat.S_ISBLK, "a device"),
-    (stat.S_ISSOCK, "a socket"),
-)
+# bytes: of a scenario, of a table in it, of recorded data
+LARGEST, LARGEST_TABLE, LARGEST_DATA = 2 << 20, 4 << 20, 1 << 30
+DEVICES = ((stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))
 
 
 class Unreadable(Exception):
@@ -31,6 +27,8 @@ def read_text(path, expected, largest=LARGEST):
         if found.st_size > largest:
             words = f"has {found.st_size / 1e6:.3g} MB; {expected} has {largest / 1e6:.3g} MB at most"
             raise Unreadable(words)
+        if stat.S_ISFIFO(found.st_mode):
+            return _poured(path, expected, largest)
         with open(path, encoding="utf-8-sig") as stream:
             return stream.read()
     except FileNotFoundError:
@@ -44,6 +42,16 @@ def read_text(path, expected, largest=LARGEST):
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         words = f"cannot be read: {getattr(error, 'strerror', None) or error}"
     raise Unreadable(words)
+
+
+def _poured(path, expected, largest):
+    """Text of a pipe, such as `shefex-nav check <(make_scenario)`; one that nobody writes to is empty."""
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as pipe:
+        os.set_blocking(pipe.fileno(), True)
+        content = pipe.read(largest + 1)
+    if len(content) > largest:
+        raise Unreadable(f"is larger than {largest / 1e6:.3g} MB, more than {expected} has")
+    return content.decode("utf-8-sig")
 
 
 def _instead(found, expected):

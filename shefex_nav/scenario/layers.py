@@ -219,7 +219,8 @@ def _instrument(section, name, folder, said, texts):
 
 def _read(path, said):
     """Text of the scenario file at `path`; complaints as of `_unreadable`."""
-    if said is not None and not path.endswith(ENDINGS):  # a scenario of others names any file, and quotes it
+    # somebody else's scenario may name any file, and messages quote what is in it
+    if said is not None and not path.lower().endswith(ENDINGS):
         raise ScenarioError([said.line(f"'{path}' is no scenario file; expected {' or '.join(ENDINGS)}")])
     try:
         return read_text(path, "a scenario file")

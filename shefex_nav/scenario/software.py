@@ -76,10 +76,10 @@ def _form(value):
     for name, key in (("program", COMMAND), ("reached", CONNECT)):
         if isinstance(value, FORMS[name]) or (isinstance(value, dict) and key in value):
             return f"<{name}>"
-    if isinstance(value, dict):  # a misspelt key
+    if isinstance(value, dict) and PYTHON not in value:  # a misspelt key
         meant = [one for key in value for one in get_close_matches(str(key), (COMMAND, CONNECT), 1)]
         return {COMMAND: "<program>", CONNECT: "<reached>"}[meant[0]] if meant else "<own>"
-    if isinstance(value, Own):
+    if isinstance(value, dict | Own):
         return "<own>"
     return f"<{BUILT_IN}>" if value == BUILT_IN else "<name>"
 

@@ -54,6 +54,8 @@ def test_command_prints_both(flown, command):
     [
         ((), "is a log; --frame 240s solves its frame of that time"),
         (("--frame", "4"), "--frame: '4' has no unit"),
+        (("--frame", "50s"), "keeps frames as they were read out from T+"),
+        (("--frame=-5s",), "none near T-5.00 s"),
         (("--frame", "4s", "--fov", "10"), "--frame: not together with --camera, --fov or --epoch"),
         (("--frame", "4s", "--camera", "night_sky"), "not together with --camera"),
     ],

@@ -74,11 +74,6 @@ class Constants:
         self.closed = fate == Fate.RESET
         if fate == Fate.USED:
             self.B += now.P @ H.T @ weighed[:, :4]
-        elif fate == Fate.RESET and gps:
-            block = POS if name == "gps_position" else VEL
-            self.B[block] += np.linalg.lstsq(H[:, block], h, rcond=None)[0]
-        elif fate == Fate.RESET:
-            self.B[ATT] = 0.0
 
     def _carry(self, now, n):
         """The response on to this instant: attitude errors turn the force that was felt since the last."""

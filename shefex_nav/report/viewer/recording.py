@@ -33,7 +33,7 @@ from shefex_nav.report.viewer import (
 from shefex_nav.report.viewer.program import ViewerError
 from shefex_nav.report.viewer.sender import Sender
 
-TIMES_THE_LOG = 2.5  # that a recording has at most: a log without pictures has twice as much
+TIMES_THE_LOG, TIMES_WITHOUT_PICTURES = 1.0, 2.5  # that a recording may have; 0.5 and 2 were seen
 APPLICATION = "shefex_nav"
 ENDING = ".view.rrd"  # of the recording kept beside its log
 OVERLAY = {
@@ -105,7 +105,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     from shefex_nav.report.viewer import pages
 
     runs = [read(log) for log in logs] if runs is None else runs
-    _check_space(logs, Path(rrd_path).parent)
+    _check_space(logs, runs, Path(rrd_path).parent)
     first, others = runs[0], names(runs)[1:]
     stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
     shown = scene(first)
@@ -126,11 +126,15 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     stream.disconnect()
 
 
-def _check_space(logs, folder):
+def _check_space(logs, runs, folder):
     """OSError where a recording would not fit: rerun waits without end for a disk that is full."""
-    needed = TIMES_THE_LOG * sum(os.path.getsize(log) for log in logs)
-    if shutil.disk_usage(folder).free < needed:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
+    times = [TIMES_THE_LOG if len(one.frames.number) else TIMES_WITHOUT_PICTURES for one in runs]
+    needed = sum(factor * os.path.getsize(log) for factor, log in zip(times, logs, strict=True))
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        words = f"{os.strerror(errno.ENOSPC)}: {free / 1e6:.3g} MB are free, "
+        words += f"a recording may need {needed / 1e6:.3g} MB"
+        raise OSError(errno.ENOSPC, words, str(folder))
 
 
 def _identifier(data):

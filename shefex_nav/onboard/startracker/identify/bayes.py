@@ -192,7 +192,8 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
         strict + np.log(ALONE),
     )  # fmt: skip
     if n >= numbers.fewest_stars:
-        work += lost_in_space(lost, pairs, numbers.budget - work)
+        # a prediction that is wrong may have used up the budget of its own
+        work += lost_in_space(lost, pairs, numbers.budget)
     return conclude(lost, numbers, xy_px.shape[0], work, False)
 
 
