@@ -56,9 +56,9 @@ def read(path):
         raise LogError(f"{path}: the log ends before its first record")
     mission = _mission(single[Mission], raw)
     data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
-    # a flight that was interrupted, or failed, closes its file, but has no last record
     with _readable(path, "another solution"):
         others = other_solutions.read(raw)
+    # a flight that was interrupted, or failed, closes its file, but has no last record
     return data._replace(others=others, ended_early=data.ended_early or data.summary is None)
 
 
