@@ -96,12 +96,18 @@ def _files(folder, name):
 
 @contextmanager
 def importing(path):
-    """A file can import what lies beside it, and nobody after it gets that in the place of his own."""
+    """A file can import what lies beside it, and nobody after it gets that in the place of his own.
+
+    No bytecode of it is kept: Python would take that for the file itself when the file is changed within a
+    second, and consent is about the file.
+    """
     folder, before = os.path.dirname(os.path.abspath(path)), set(sys.modules)
     sys.path.append(folder)  # what is installed comes first
+    kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = kept
         sys.path.remove(folder)
         for name in set(sys.modules) - before:
             if _lies_in(sys.modules[name], folder):

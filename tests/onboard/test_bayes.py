@@ -277,16 +277,17 @@ def test_too_few_detections(n):
 
 
 def test_work_is_bounded():
-    """Whatever the number of detections: the budget, and at most one more pair."""
+    """The budget, and at most one more pair; several budgets where partners cannot be looked for."""
     stars, pairs = stars_and_pairs()
     rng = np.random.default_rng(8)
     for n in (12, 40, 200):
         numbers = bayes.Numbers(
-            659.0, 493.0, CAMERA.focal_length_px, CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, 1e-7, 4, 250_000
+            659.0, 493.0, CAMERA.focal_length_px, CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, 1e-7, 4, 50_000
         )
         xy = rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2))
         found = bayes.Solution(
             *bayes.solve_kernel(stars, pairs, numbers, xy, np.sort(rng.random(n)), True, bayes.NO_PREDICTION)
         )
         assert found.reason == Reason.NO_MATCH and len(found.star) == n
-        assert found.work < 300_000
+        budgets = 1.0 if n <= search.MOST_FILTERED else search.MOST_GROWTH
+        assert found.work < 50_000 * (budgets + 1.0)

@@ -37,10 +37,8 @@ WORK_PER_PAIR = 40  # cost of a pair of detections, in stars looked at by the sc
 PARTNER_GATE = 1.4  # times that of a pair: three stars may be worse placed than two
 ORDINARY, MOST_GROWTH = 400.0, 5.0  # pairs of stars for one of detections: with more, the work may grow
 MOST_FILTERED = 32  # detections; with more, the partners would take longer than the search
-DENSE, DENSE_SHARE = (
-    0.3,
-    0.5,
-)  # such pairs over stars of the catalogue; of the budget, for the first pass then
+DENSE = 0.3  # such pairs over stars of the catalogue: with more, nearly all stars have partners
+DENSE_SHARE = 0.5  # of the budget, for the first pass then
 ENTRIES_PER_WORK = 8  # catalogue pairs that are marked in the time of looking at a star
 WORK_PER_LOOK = 300  # cost of adjusting and weighing an attitude ...
 WORK_PER_MATCH = 1.0  # ... and for each star predicted times each detection
