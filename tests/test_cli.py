@@ -150,9 +150,9 @@ def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path)
     assert out.read_bytes() == b"precious"
 
 
-def start_run(scenario, out, *options):
+def start_run(scenario, out):
     return subprocess.Popen(
-        [sys.executable, "-m", "shefex_nav", "run", str(scenario), "--out", str(out), *options],
+        [sys.executable, "-m", "shefex_nav", "run", str(scenario), "--out", str(out)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
     )
@@ -277,16 +277,19 @@ def test_a_full_disk_is_one_message(json_too):
     assert done.stderr == "the output cannot be written: No space left on device\n"
 
 
-def test_an_old_log_is_not_called_what_was_flown(default_scenario, tmp_path):
+@pytest.mark.parametrize("written", [False, True])
+def test_an_old_log_is_not_called_what_was_flown(tmp_path, written, capsys):
     """Interrupted before the flight begins, with --force: the log of somebody else is as it was."""
-    out = tmp_path / "old.mcap"
-    out.write_bytes(b"somebody's")
-    process = start_run(default_scenario, out, "--force")
-    time.sleep(1.5)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130 and out.read_bytes() == b"somebody's"
-    assert b"what was flown" not in err
+    from shefex_nav.commands.run import _kept
+
+    log = tmp_path / "old.mcap"
+    log.write_bytes(b"somebody's")
+    os.utime(log, (1e9, 1e9))
+    with pytest.raises(KeyboardInterrupt), _kept(log):
+        if written:
+            log.write_bytes(b"what was flown")
+        raise KeyboardInterrupt
+    assert ("what was flown until now" in capsys.readouterr().err) == written
 
 
 def test_version_is_told(command):
