@@ -12,12 +12,9 @@ REFUSALS = {
     ("run", "x.yaml", "--seed", "-1"): "--seed -1: must be at least 0",
     ("campaign", "x.yaml", "--runs", "0"): "--runs 0: must be at least 1",
     ("campaign", "x.yaml"): "--runs: is missing; see `shefex-nav campaign --help`",
-    (
-        "solve",
-        "x.png",
-        "--epoch",
-        "today",
-    ): "--epoch: today: expected a date such as 2012-06-22",
+    ("solve", "x.png", "--epoch", "today"): (
+        "--epoch: expected UTC in ISO 8601, such as 2012-06-22 or 2012-06-22T19:22:00.5, got 'today'"
+    ),
     ("repeat", "folder", "last"): "RUN last: expected a whole number",
     ("run",): "SCENARIO: is missing; see `shefex-nav run --help`",
     ("view",): "LOG...: is missing; see `shefex-nav view --help`",

@@ -111,7 +111,7 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
 
     again = of_log.solve(log, t_s)
     if abs(again.t_s - t_s) > NEAR_S:
-        say(f"the nearest frame that the log keeps as it was read out is that of T{again.t_s:+.2f} s")
+        say(f"{log}: the nearest frame that is kept whole is that of T{again.t_s:+.2f} s")
     if json:
         print_json(table.as_numbers(again.solution) | table.again_as_numbers(again))
     else:
@@ -154,24 +154,17 @@ def _told(camera, epoch):
 
 def _julian_year(text):
     """Julian year of a date such as 2012-06-22, or of a number that is one."""
-    from datetime import UTC, datetime
-
-    from shefex_nav.solve.header import julian_year
+    from shefex_nav.solve.header import FIRST_YEAR, LAST_YEAR, year_of_date
 
     try:
         year = float(text)
     except ValueError:
         try:
-            when = datetime.fromisoformat(text)
-        except ValueError:
-            words = f"{text}: expected a date such as 2012-06-22"
-            raise typer.BadParameter(words, param_hint="--epoch") from None
-        try:
-            year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
-        except OverflowError:  # before the year one
-            year = float("-inf")
-    if not 1900.0 < year < 2200.0:
-        words = f"expected a date between 1900 and 2200, got {text}"
+            return year_of_date(text)
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--epoch") from None
+    if not FIRST_YEAR < year < LAST_YEAR:
+        words = f"expected a year between {FIRST_YEAR} and {LAST_YEAR}, got {text!r}"
         raise typer.BadParameter(words, param_hint="--epoch")
     return year
 

@@ -14,12 +14,11 @@ from shefex_nav.frames import camera_file
 from shefex_nav.geometry.rotation import quat_conjugate, rotvec_between
 from shefex_nav.log.topics import ATTACHMENT, LogError
 from shefex_nav.records import Reason
+from shefex_nav.runs.frames import MOST_AWAY_S
 from shefex_nav.scenario import load
 from shefex_nav.solve import told
 from shefex_nav.solve.header import Taken, julian_year
 from shefex_nav.solve.solution import ImageSolution
-
-MOST_AWAY_S = 1.0  # from the first or last frame
 
 
 class Again(NamedTuple):
@@ -55,14 +54,14 @@ def solve(log, t_s):
 
 
 def _nearest_full(log, frames, every, t_s):
-    """Time of the frame as read out that is nearest to t_s."""
+    """Time of the frame nearest to t_s of those that are kept whole."""
     kept = frames.t_valid_s[frames.number % every == 0] if every else np.zeros(0)
     if not len(kept):
-        words = "keeps no frame as it was read out; fly with --set log.frames.full_every=1"
+        words = "keeps no frame whole; fly with --set log.frames.full_every=1"
         raise LogError(f"{log}: {words}")
     if not kept[0] - MOST_AWAY_S <= t_s <= kept[-1] + MOST_AWAY_S:
-        words = f"keeps frames as they were read out from T{kept[0]:+.2f} s to T{kept[-1]:+.2f} s"
-        raise LogError(f"{log}: {words}, none near T{t_s:+.2f} s")
+        words = f"its whole frames are of T{kept[0]:+.2f} s to T{kept[-1]:+.2f} s, none is near T{t_s:+.2f} s"
+        raise LogError(f"{log}: {words}")
     return float(kept[np.argmin(np.abs(kept - t_s))])
 
 

@@ -113,7 +113,9 @@ class LogWriter:
             self._abandon()
             is_full = shutil.disk_usage(self.path.parent).free < _CHUNK_BYTES
             words = os.strerror(errno.ENOSPC) if is_full else str(error)
-            raise LogError(f"{self.path}: cannot be written: {words}; it ends before") from error
+            raise LogError(
+                f"{self.path}: cannot be written: {words}; what was written before can be read"
+            ) from error
 
     def _abandon(self):
         """Let go of a file that cannot be written on."""

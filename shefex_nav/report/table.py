@@ -314,7 +314,7 @@ def _run_rows(summary):
             Text(f"{summary['failure'].splitlines()[0]}; everything above is up to then", style="bold red"),
         )
     elif summary["ended_early"]:
-        words = "the flight was not over; everything above is up to then"
+        words = "the run stopped before the end of the flight; everything above is up to there"
         yield "ended early", Text(words, style="bold yellow")
     if summary["until_s"] is not None:
         words = f"until T{summary['until_s']:+.1f} s; everything above is up to then"

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+FIRST_YEAR, LAST_YEAR = 1900, 2200  # of pictures and of the sky
 DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
 
 
@@ -40,14 +41,21 @@ def year_of(header):
     if text is None:
         return None
     try:
-        when = datetime.fromisoformat(str(text).strip())
-    except ValueError:
-        raise ValueError(
-            f"{DATE}: expected UTC in ISO 8601, such as 2012-06-22T19:22:00.5, got {text!r}"
-        ) from None
-    year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
-    if not 1900.0 < year < 2200.0:
-        raise ValueError(f"{DATE}: expected a year between 1900 and 2200, got {text!r}")
+        return year_of_date(str(text))
+    except ValueError as error:
+        raise ValueError(f"{DATE}: {error}") from None
+
+
+def year_of_date(text):
+    """Julian year of UTC in ISO 8601; ValueError says what would be right."""
+    try:
+        when = datetime.fromisoformat(text.strip())
+        year = julian_year(when if when.tzinfo is None else when.astimezone(UTC).replace(tzinfo=None))
+    except (ValueError, OverflowError):  # of a date that is before the year one in UTC
+        words = f"expected UTC in ISO 8601, such as 2012-06-22 or 2012-06-22T19:22:00.5, got {text!r}"
+        raise ValueError(words) from None
+    if not FIRST_YEAR < year < LAST_YEAR:
+        raise ValueError(f"expected a year between {FIRST_YEAR} and {LAST_YEAR}, got {text!r}")
     return year
 
 

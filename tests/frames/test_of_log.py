@@ -54,8 +54,8 @@ def test_command_prints_both(flown, command):
     [
         ((), "is a log; --frame 240s solves its frame of that time"),
         (("--frame", "4"), "--frame: '4' has no unit"),
-        (("--frame", "50s"), "keeps frames as they were read out from T+"),
-        (("--frame=-5s",), "none near T-5.00 s"),
+        (("--frame", "50s"), "its whole frames are of T+"),
+        (("--frame=-5s",), "none is near T-5.00 s"),
         (("--frame", "4s", "--fov", "10"), "--frame: not together with --camera, --fov or --epoch"),
         (("--frame", "4s", "--camera", "night_sky"), "not together with --camera"),
     ],
@@ -69,7 +69,7 @@ def test_a_log_without_pictures_is_refused(command, tmp_path):
     log = runs.fly(
         load.load("night_sky", ["log.frames.full_every=0"]), 7, until_s=1.5, log=tmp_path / "a.mcap"
     ).log
-    with pytest.raises(UserError, match="keeps no frame as it was read out; fly with --set log"):
+    with pytest.raises(UserError, match="keeps no frame whole; fly with --set log"):
         of_log.solve(log, 1.0)
     none = runs.fly(load.load("rexus_like"), 7, until_s=1.0, log=tmp_path / "b.mcap").log
     with pytest.raises(UserError, match="has no frame of a star camera"):

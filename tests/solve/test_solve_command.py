@@ -82,7 +82,7 @@ def test_hostile_files_end_with_2(tmp_path, name, content, says):
         (["--fov", "11.4 parsec"], "--fov"),
         (["--fov", "90 deg"], "--fov"),
         (["--epoch", "20"], "--epoch"),
-        (["--epoch", "0001-01-01T00:00+10:00"], "--epoch: expected a date between 1900 and 2200"),
+        (["--epoch", "0001-01-01T00:00+10:00"], "--epoch: expected UTC in ISO 8601"),
         (["--overlay", "drawing.jpg"], "--overlay"),
         (["--overlay", "nowhere/drawing.png"], "--overlay"),
     ],
