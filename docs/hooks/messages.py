@@ -23,7 +23,7 @@ def text():
         "gives the same, and a few more ([Own software](../how-to/software.md)). `shefex-nav schema --proto` "
         "prints them as a `.proto` file. Each begins with `timestamp_ns`, UTC since 1970. "
         "The record in Python has the fields without units in their names. "
-        "SI units and radians; times are mission times. The last letter of a name is the frame of its "
+        "SI units and radians; times are mission times. The last letter before the unit is the frame of the "
         "components: i inertial, e Earth-fixed, b body, c star camera ([Conventions](../conventions.md)).",
         "## Of a log",
     ]
@@ -44,7 +44,7 @@ def _message(topic):
     yield f"{head}: {topic.comment}" if head else topic.comment
     rows = [f"| `{one.name}` | {_kind(one)} | {_cell(one.comment)} |" for one in topic.fields]
     if rows:
-        yield "\n".join(["| field | | |", "|---|---|---|", *rows])
+        yield "\n".join(["| field | type | meaning |", "|---|---|---|", *rows])
 
 
 def _kind(field):
