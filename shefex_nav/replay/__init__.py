@@ -3,6 +3,7 @@
 rerun                            a log of ours
 schema*, load, params            how data of others are described
 csv_folder, kf_gins, navego      their formats, read to a `dataset`
+matlab_file, matlab_child        Matlab files, and the process that reads them
 plausible, repeats, clocks, pressure, air    what such data are checked for, and their air
 align*, settle                   the start; a heading that is not known
 external, replayed               a run over them, from beginning to end

@@ -7,9 +7,9 @@ sample before, for they are made from differences of the reference.
 
 import numpy as np
 
-from shefex_nav.replay import series
+from shefex_nav.replay import matlab_file, series
 from shefex_nav.replay.series import ImuSeries, TruthSeries
-from shefex_nav.scenario.data_table import DataError, read_matlab
+from shefex_nav.scenario.data_table import DataError
 
 PLACE = ("lat", "lon", "h")
 VELOCITY = ("vel.0", "vel.1", "vel.2")
@@ -17,7 +17,7 @@ VELOCITY = ("vel.0", "vel.1", "vel.2")
 
 def read(_, files):
     """(ImuSeries, GnssSeries, TruthSeries or None) of the paths of the files."""
-    table, _ = read_matlab(files["imu"], ("t", "wb", "fb"))
+    table, _ = matlab_file.read(files["imu"], ("t", "wb", "fb"))
     gyro, accelerometer = (table.stack([f"{name}.{k}" for k in range(3)]) for name in ("wb", "fb"))
     imu = ImuSeries(table, table.columns["t"], gyro, accelerometer, "rate")
     return imu, _gnss(files["gnss"]), _truth(files["truth"])
@@ -25,12 +25,12 @@ def read(_, files):
 
 def lever_arm(path):
     """Lever arm that the file of the GNSS receiver states, (3,) m, or None."""
-    _, others = read_matlab(path, ("t",), ("larm",))
+    _, others = matlab_file.read(path, ("t",), ("larm",))
     return np.ravel(others["larm"]).astype(float) if "larm" in others else None
 
 
 def _gnss(path):
-    table, others = read_matlab(path, ("t", *PLACE, "vel"), ("stdm", "stdv"))
+    table, others = matlab_file.read(path, ("t", *PLACE, "vel"), ("stdm", "stdv"))
     r_e = series.positions(table, PLACE, "geodetic")
     n = len(r_e)
     return series.gnss(
@@ -56,7 +56,7 @@ def _sigma(path, name, others, n):
 def _truth(path):
     if path is None:
         return None
-    table, _ = read_matlab(path, ("t", *PLACE, "vel", "roll", "pitch", "yaw"))
+    table, _ = matlab_file.read(path, ("t", *PLACE, "vel", "roll", "pitch", "yaw"))
     r_e = series.positions(table, PLACE, "geodetic")
     velocity = series.velocities(table, VELOCITY, "ned", r_e)
     return TruthSeries(table, table.columns["t"], r_e, velocity, table.stack(("roll", "pitch", "yaw")))

@@ -1,4 +1,4 @@
-"""Text files and Matlab files -> columns of numbers that know their place in the file.
+"""Text files -> columns of numbers that know their place in the file.
 
 A file of some hundred thousand lines is read in one go; only when that fails is it searched for the lines
 that are wrong.
@@ -43,7 +43,7 @@ def read_csv(path, names):
     number, head = numbered[0]
     separator = next((mark for mark in (",", ";", "\t") if mark in head), None)
     found = [cell.strip() for cell in head.split(separator)]
-    problems = [f"{path}:{number}: {_missing(name, found)}" for name in names if found.count(name) != 1]
+    problems = [f"{path}:{number}: {missing(name, found)}" for name in names if found.count(name) != 1]
     if problems:
         raise DataError("\n".join(problems))
     if len(numbered) == 1:
@@ -100,57 +100,6 @@ def read_columns(path, names, others=()):
     return _numbers(path, numbered, list(range(len(chosen))), chosen, separator)
 
 
-def read_matlab(path, names, optional=()):
-    """Table of the fields `names` of the one structure in a Matlab file, and its `optional` ones as they are.
-
-    A field of N rows and three columns becomes three columns, `name.0` to `name.2`.
-
-    Returns
-    -------
-    Table, {name: value} of the optional fields that are there
-    """
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except NotImplementedError:
-        raise DataError(f"{path}: a Matlab file of version 7.3; save it with -v7") from None
-    except Exception as error:  # whatever a file that is none makes the reader do
-        raise DataError(f"{path}: cannot be read as a Matlab file: {error}") from None
-    structures = [value for name, value in content.items() if hasattr(value, "_fieldnames")]
-    if len(structures) != 1:
-        raise DataError(f"{path}: expected one structure with {', '.join(names)}, found {len(structures)}")
-    structure = structures[0]
-    problems = [
-        f"{path}: {_missing(n, structure._fieldnames, 'field')}" for n in names if not _has(structure, n)
-    ]
-    if problems:
-        raise DataError("\n".join(problems))
-    columns = {}
-    for name in names:
-        value = np.asarray(getattr(structure, name))
-        if value.dtype.kind not in "fiu" or value.ndim not in (1, 2):
-            raise DataError(f"{path}: field {name}: expected numbers, got {quoted(value.dtype.name)}")
-        for k, column in enumerate([value] if value.ndim == 1 else value.T):
-            columns[f"{name}.{k}" if value.ndim == 2 else name] = np.array(column, dtype=float)
-    _same_length(path, columns)
-    table = Table(path, columns, None)
-    _finite(table)
-    return table, {name: getattr(structure, name) for name in optional if _has(structure, name)}
-
-
-def _has(structure, name):
-    return name in structure._fieldnames
-
-
-def _same_length(path, columns):
-    lengths = {name: len(column) for name, column in columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise DataError(
-            f"{path}: fields differ in length: {', '.join(f'{k} {n}' for k, n in lengths.items())}"
-        )
-
-
 def _lines(path):
     """(number, text) of every line that is neither empty nor a comment."""
     pairs = ((n, line.partition("#")[0].strip()) for n, line in _numbered_text(path))
@@ -169,7 +118,7 @@ def _numbered_text(path):
     return enumerate(text.splitlines(), 1)
 
 
-def _missing(name, found, kind="column"):
+def missing(name, found, kind="column"):
     """Words about a column that is not there, or not alone."""
     if found.count(name) > 1:
         return f"{kind} {quoted(name)} is there {found.count(name)} times; keep one of them"
@@ -190,11 +139,11 @@ def _numbers(path, numbered, indices, names, separator):
         raise _explained(path, numbered, indices, names, separator) from None
     lines = np.array([n for n, _ in numbered])
     table = Table(path, {name: values[:, k].copy() for k, name in enumerate(names)}, lines)
-    _finite(table)
+    refuse_infinite(table)
     return table
 
 
-def _finite(table):
+def refuse_infinite(table):
     """Refuse numbers that are none."""
     bad = [
         (int(row), name)

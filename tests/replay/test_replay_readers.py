@@ -5,7 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import csv_folder, kf_gins, navego, schema_data, series
+from shefex_nav.replay import csv_folder, kf_gins, matlab_file, navego, schema_data, series
 from shefex_nav.scenario import data_table as table
 from shefex_nav.scenario.data_table import DataError
 
@@ -193,7 +193,31 @@ def test_navego_with_fields_that_differ_in_length(tmp_path):
 def test_a_text_is_no_matlab_file(tmp_path):
     (tmp_path / "imu.mat").write_text("t,wx\n")
     with pytest.raises(DataError, match=r"imu\.mat: cannot be read as a Matlab file"):
-        table.read_matlab(str(tmp_path / "imu.mat"), ("t",))
+        matlab_file.read(str(tmp_path / "imu.mat"), ("t",))
+
+
+@pytest.mark.parametrize("seed", [46, 80, 246, 384, 1000, 1001])  # the first four crash scipy 1.17
+def test_a_damaged_matlab_file_is_refused_or_read(tmp_path, seed):
+    path = tmp_path / "imu.mat"
+    savemat(path, {"imu": {"t": np.arange(5.0), "wb": np.ones((5, 3)), "fb": np.ones((5, 3))}})
+    content, rng = bytearray(path.read_bytes()), np.random.default_rng(seed)
+    for _ in range(1 + rng.integers(4)):
+        content[rng.integers(124, len(content))] = rng.integers(256)
+    path.write_bytes(content)
+    try:
+        table, _ = matlab_file.read(str(path), ("t", "wb", "fb"))
+    except DataError as error:
+        assert str(path) in str(error)
+    else:
+        assert np.isfinite(table.stack(("t", "wb.0", "fb.2"))).all()
+
+
+def test_a_crash_of_the_reader_is_a_message(tmp_path, monkeypatch):
+    child = tmp_path / "child.py"
+    child.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr(matlab_file, "CHILD", child)
+    with pytest.raises(DataError, match=r"imu\.mat: is damaged, or no Matlab file: .* crashed"):
+        matlab_file.read(str(tmp_path / "imu.mat"), ("t",))
 
 
 def test_a_sigma_of_zero_is_refused(tmp_path):

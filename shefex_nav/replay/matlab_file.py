@@ -1,0 +1,69 @@
+"""Matlab files -> columns of numbers; a process of its own reads them, which a damaged file may crash."""
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from shefex_nav.replay.matlab_child import FIELD, KINDS
+from shefex_nav.scenario.data_table import DataError, Table, missing, refuse_infinite
+from shefex_nav.scenario.quantity import quoted
+
+CHILD = Path(__file__).with_name("matlab_child.py")
+
+
+def read(path, names, optional=()):
+    """Table of the fields `names` of the one structure in a Matlab file, and its `optional` ones as they are.
+
+    A field of N rows and three columns becomes three columns, `name.0` to `name.2`.
+
+    Returns
+    -------
+    Table, {name: array} of the optional fields of numbers that are there
+    """
+    kinds, fields = _structure(path, names)
+    problems = [f"{path}: {missing(name, list(kinds), 'field')}" for name in names if name not in kinds]
+    if problems:
+        raise DataError("\n".join(problems))
+    columns = {}
+    for name in names:
+        value = fields.get(name)
+        if value is None or value.ndim not in (1, 2):
+            raise DataError(f"{path}: field {name}: expected numbers, got {_found(kinds[name], value)}")
+        for k, column in enumerate([value] if value.ndim == 1 else value.T):
+            columns[f"{name}.{k}" if value.ndim == 2 else name] = np.array(column, dtype=float)
+    _same_length(path, columns)
+    table = Table(path, columns, None)
+    refuse_infinite(table)
+    return table, {name: fields[name] for name in optional if name in fields}
+
+
+def _structure(path, names):
+    """{field: name of its dtype} and {field: array}, those of numbers, of the one structure in a file."""
+    done = subprocess.run([sys.executable, "-P", str(CHILD), str(path)], capture_output=True, check=False)
+    if done.returncode == 1:
+        raise DataError(f"{path}: {done.stderr.decode(errors='replace').strip().splitlines()[-1]}")
+    if done.returncode:
+        raise DataError(f"{path}: is damaged, or no Matlab file: the program that reads it crashed")
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+        kinds = json.loads(str(archive[KINDS]))
+        fields = {name.removeprefix(FIELD): archive[name] for name in archive.files if name != KINDS}
+    if isinstance(kinds, int):
+        raise DataError(f"{path}: expected one structure with {', '.join(names)}, found {kinds}")
+    return kinds, fields
+
+
+def _found(kind, value):
+    """Words for a field that is no column of numbers."""
+    return quoted(kind) if value is None else f"{value.ndim} dimensions"
+
+
+def _same_length(path, columns):
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise DataError(
+            f"{path}: fields differ in length: {', '.join(f'{k} {n}' for k, n in lengths.items())}"
+        )
