@@ -77,7 +77,7 @@ def with_word(model, path, word):
     return with_field(model, path, lambda words: Literal[(*get_args(words), word)])
 
 
-class _Unknown(Block):
+class UnknownKind(Block):
     """Stands for a section whose kind is missing or misspelt."""
 
     model_config = ConfigDict(extra="ignore")
@@ -94,7 +94,7 @@ def by_kind(key, *models):
     A kind that is missing or misspelt is what is complained about, not the other keys.
     """
     known = {get_args(model.model_fields[key].annotation)[0]: model for model in models}
-    unknown = create_model("Unknown", __base__=_Unknown, **{key: (Literal[tuple(known)], ...)})
+    unknown = create_model("Unknown", __base__=UnknownKind, **{key: (Literal[tuple(known)], ...)})
 
     def choose(value: Any):
         if isinstance(value, Block):

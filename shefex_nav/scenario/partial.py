@@ -1,7 +1,8 @@
 """What is good of a scenario that has mistakes, so that the rest of it can be checked as well.
 
 A value that is wrong, missing, or perhaps given under a misspelt key is not there: to read it is an
-AttributeError, with which a check of values against each other ends (`known`).
+AttributeError, with which a check of values against each other ends (`known`). No other AttributeError is
+caught.
 """
 
 from typing import Annotated, get_args, get_origin
@@ -9,6 +10,7 @@ from typing import Annotated, get_args, get_origin
 from pydantic import TypeAdapter, ValidationError
 
 from shefex_nav.scenario import messages
+from shefex_nav.scenario.block import Block, UnknownKind
 from shefex_nav.scenario.fields import chosen_form
 
 
@@ -30,9 +32,17 @@ def known(complaints):
     try:
         for one in complaints:
             found.append(one)
-    except (AttributeError, StopIteration):
-        pass
+    except AttributeError as error:
+        if not _left_out(error.obj, error.name):  # a mistake of the check itself
+            raise
     return found
+
+
+def _left_out(section, name):
+    """Whether a section has a field of this name and no value for it, or nobody knows which kind it is."""
+    return isinstance(section, UnknownKind) or (
+        isinstance(section, Block) and name in type(section).model_fields
+    )
 
 
 def _value(annotation, metadata, value, path, bad):

@@ -3,7 +3,8 @@
 import pytest
 from broken import DEFAULT, messages
 
-from shefex_nav.scenario.load import ScenarioError, load
+from shefex_nav.scenario import partial
+from shefex_nav.scenario.load import Scenario, ScenarioError, load
 
 
 def fields_of(path, overrides=()):
@@ -105,3 +106,24 @@ def test_a_section_that_is_there_for_one_value_of_it_is_said_to_be_new():
     assert "the scenario has no programme.wait yet" in first and "'wait: {task: damp}'" in first
     said = messages(DEFAULT, ["magnetometer.noise=1", "magnetometer={noise: 50 nT, rate: 10 Hz}"])
     assert any("magnetometer.hard_iron: is missing; expected for example" in line for line in said)
+
+
+def test_a_check_that_needs_what_is_not_there_ends_without_a_word():
+    part = partial.validated(Scenario, {"mission": {"start": 5}}, [("mission", "start")])
+
+    def check():
+        yield "before"
+        yield part.mission.start
+        yield "after"
+
+    assert partial.known(check()) == ["before"]
+
+
+def test_a_check_that_is_broken_is_not_taken_for_one_that_needs_what_is_not_there():
+    scenario = load(DEFAULT)
+
+    def check():
+        yield scenario.mission.strat
+
+    with pytest.raises(AttributeError, match="strat"):
+        partial.known(check())
