@@ -44,7 +44,7 @@ def read(path):
     raw, is_complete = _read_file(Path(path))
     arrays, lists, single, steady = {}, {}, {}, kept_as_arrays()
     for topic in _stored_topics(path, raw):
-        with _readable(path, topic.topic):
+        with _readable(path, f"a message of {topic.topic}"):
             decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
         if topic.record in steady:
             arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
@@ -64,13 +64,13 @@ def read(path):
 
 @contextmanager
 def _readable(path, what):
-    """LogError where messages of a log, `what`, cannot be decoded."""
+    """LogError where `what` of a log cannot be decoded."""
     from google.protobuf.message import DecodeError
 
     try:
         yield
-    except (DecodeError, ValueError, IndexError, struct.error) as error:
-        raise LogError(f"{path}: damaged: {what} has a message that cannot be read: {error}") from error
+    except (DecodeError, ValueError, LookupError, struct.error) as error:
+        raise LogError(f"{path}: damaged: {what} cannot be read: {error}") from error
 
 
 def _stored_topics(path, raw):
@@ -84,9 +84,11 @@ def _stored_topics(path, raw):
     for channel in raw.channels.values():
         if channel.topic not in stored:
             continue
-        stored[channel.topic] = wire.as_stored(raw.schemas[channel.schema_id].data, stored[channel.topic])
+        with _readable(path, f"the description of {channel.topic}"):
+            schema = raw.schemas[channel.schema_id]
+            stored[channel.topic] = wire.as_stored(schema.data, stored[channel.topic])
         if stored[channel.topic] is None:
-            version = raw.metadata["version"]
+            version = raw.metadata.get("version", "another one")
             raise LogError(
                 f"{path}: {channel.topic} has other fields than this version knows; {version} wrote it"
             )

@@ -86,6 +86,12 @@ def expand(tree, places, texts):
     return errors, rated
 
 
+def not_expanded(tree):
+    """Paths of what a file was to give and has not given, after `expand` with errors: list."""
+    left = [path for section, path, _ in _sections(tree) if FILE in section]
+    return [("gps", ALMANAC), ("star_tracker", MODEL), *left]
+
+
 def _tables_of_dispersions(tree):
     """(name, table) of every dispersion whose table is a section, that is, names a file."""
     for name, one in _inner(tree, "dispersions").items():

@@ -42,7 +42,6 @@ __all__ = [
     "load_text",
     "load_text_as",
 ]
-NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what a file gave, or was to give
 DISPERSIONS = "dispersions"
 DRAWN = Mark("drawn", 0, 0)  # place of what a run has drawn
 
@@ -204,7 +203,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
     model = model_of(_provided(tree, places, trust))
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
-    bad = list(NOT_EXPANDED) if found else []
+    bad = expand.not_expanded(tree) if found else []
     try:
         scenario = model.model_validate(tree)
     except ValidationError as error:

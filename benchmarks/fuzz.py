@@ -1,0 +1,248 @@
+"""Spoilt scenarios, logs, pictures and recorded data: is each of them read, or refused in words?
+
+uv run python benchmarks/fuzz.py [scenarios logs pictures data ...] [--first 0] [--cases 1000] [--minutes M]
+                                 [--json FILE]
+
+Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
+changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
+twentieth that is good is prepared as for a flight; logs are read; pictures are solved; recorded data are
+prepared for a replay. Bad: an exception that is no UserError, more than 10 s of the processor, more than 2 GB
+beside what the process had. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one.
+`--first` goes on where another run has ended.
+"""
+
+import argparse
+import collections
+import json
+import resource
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from functools import cache
+from pathlib import Path
+
+import mutations
+import numpy as np
+import yaml
+
+from shefex_nav.errors import UserError
+from shefex_nav.scenario import document, load
+
+ROOT = Path(__file__).parent.parent
+SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
+LONGEST_S, MOST_BYTES = 10.0, 2e9
+PREPARED = 20  # of how many scenarios one is prepared for its flight
+FORMATS = "png", "tif", "jpg", "webp", "fits"
+
+
+class Kind:
+    """One kind of file. `folder` : for what is made once and for the case."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+
+    def case(self, rng):
+        """Write the file of a case."""
+        raise NotImplementedError
+
+    def read(self, rng):
+        """Give it to the program."""
+        raise NotImplementedError
+
+
+class Scenarios(Kind):
+    """Scenarios of the package: their trees, sometimes their text."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        (self.folder / "data").symlink_to(ROOT / "scenarios" / "data")  # which they name
+
+    def case(self, rng):
+        source = SCENARIOS[rng.integers(len(SCENARIOS))]
+        text = source.read_text()
+        if rng.integers(5):
+            spoilt = yaml.safe_dump(mutations.tree(rng, _whole(source)), allow_unicode=True).encode()
+        else:
+            spoilt = mutations.data(rng, text.encode())
+        (self.folder / "case.yaml").write_bytes(spoilt)
+
+    def read(self, rng):
+        from shefex_nav import prepare
+
+        loaded = load.load(str(self.folder / "case.yaml"))
+        if not rng.integers(PREPARED):
+            prepare.settled_with_effects(loaded)
+
+
+class Logs(Kind):
+    """A log of three seconds."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        from shefex_nav.commands.main import app
+
+        path = self.folder / "whole.mcap"
+        app(["run", "night_sky", "--until", "3s", "--out", str(path)], standalone_mode=False)
+        self.content = path.read_bytes()
+
+    def case(self, rng):
+        (self.folder / "case.mcap").write_bytes(mutations.data(rng, self.content))
+
+    def read(self, _rng):
+        from shefex_nav.log import pixels, reader
+
+        reader.read(self.folder / "case.mcap")
+        for _ in pixels.between(self.folder / "case.mcap"):
+            pass
+
+
+class Pictures(Kind):
+    """A picture with forty stars in five formats."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.content = {name: _picture(self.folder / f"whole.{name}") for name in FORMATS}
+
+    def case(self, rng):
+        self.format = FORMATS[rng.integers(len(FORMATS))]
+        spoilt = mutations.data(rng, self.content[self.format])
+        (self.folder / f"case.{self.format}").write_bytes(spoilt)
+
+    def read(self, _rng):
+        import shefex_nav
+
+        shefex_nav.solve_image(self.folder / f"case.{self.format}", fov_deg=20.0)
+
+
+class Data(Kind):
+    """Recorded data: the example of a student rocket, its tables or its description."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.source = ROOT / "scenarios" / "replay" / "csv_example.yaml"
+        self.tables = {path.name: path.read_text() for path in (self.source.with_suffix("")).iterdir()}
+        (self.folder / self.source.stem).mkdir()
+
+    def case(self, rng):
+        described, tables = _own(self.source), dict(self.tables)
+        if rng.integers(3):
+            name = sorted(tables)[rng.integers(len(tables))]
+            tables[name] = mutations.table(rng, tables[name])
+        else:
+            described = mutations.tree(rng, described)
+        for name, text in tables.items():
+            (self.folder / self.source.stem / name).write_text(text)
+        (self.folder / "case.yaml").write_text(yaml.safe_dump(described, allow_unicode=True))
+
+    def read(self, _rng):
+        from shefex_nav.replay import external
+        from shefex_nav.replay import load as recorded
+
+        external.prepare(*recorded.load(str(self.folder / "case.yaml")))
+
+
+KINDS = {"scenarios": Scenarios, "logs": Logs, "pictures": Pictures, "data": Data}
+
+
+def _own(path):
+    """Tree of a YAML file, as the program reads it: `on` and `off` are words."""
+    return document.parse(path.read_text(), str(path)).tree
+
+
+@cache
+def _whole(path):
+    """Tree of a scenario as a log keeps it, which needs no other file; not to be changed."""
+    return document.parse(load.load(str(path)).source, str(path)).tree
+
+
+def _picture(path):
+    """Bytes of a picture that is written to a path, whose suffix says the format."""
+    from astropy.io import fits
+    from PIL import Image
+
+    rng = np.random.default_rng(0)
+    grey = rng.normal(20.0, 2.0, (240, 320))
+    y, x = np.mgrid[:240, :320]
+    for u, v, light in zip(
+        rng.uniform(5, 315, 40), rng.uniform(5, 235, 40), rng.uniform(40, 200, 40), strict=True
+    ):
+        grey += light * np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / 1.2**2)
+    grey = np.clip(grey, 0, 255).astype(np.uint8)
+    if path.suffix == ".fits":
+        fits.writeto(path, grey)
+    else:
+        Image.fromarray(grey).save(path)
+    return path.read_bytes()
+
+
+def tried(kind, number):
+    """What becomes of a case: (outcome, words, s). Outcomes: read, refused, traceback, slow, large."""
+    rng = np.random.default_rng(number)
+    kind.case(rng)
+    before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    try:
+        kind.read(rng)
+        outcome, words = "read", ""
+    except UserError as error:
+        outcome, words = "refused", str(error)
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        outcome, words = "traceback", f"{type(error).__name__}: {error} ({last.filename}:{last.lineno})"
+    took_s = time.process_time() - began
+    grew = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    if outcome != "traceback" and took_s > LONGEST_S:
+        outcome, words = "slow", f"{took_s:.1f} s"
+    elif outcome != "traceback" and grew > MOST_BYTES:
+        outcome, words = "large", f"{grew / 1e9:.1f} GB"
+    return outcome, words, took_s
+
+
+def study(name, folder, numbers, until_s):
+    """Cases of a kind, as many as there is time for: {outcome: count}, list of bad ones, s of the slowest."""
+    kind, count, bad, slowest_s = KINDS[name](folder), collections.Counter(), [], 0.0
+    tried(kind, numbers[0])  # imports, and compiles
+    for number in numbers:
+        if time.monotonic() > until_s:
+            break
+        outcome, words, took_s = tried(kind, number)
+        count[outcome] += 1
+        slowest_s = max(slowest_s, took_s)
+        if outcome not in ("read", "refused"):
+            bad.append({"kind": name, "case": number, "outcome": outcome, "words": words})
+            print(f"{name} {number}: {outcome}: {words}", flush=True)
+    return count, bad, slowest_s
+
+
+def main():
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kinds", nargs="*", default=[], metavar="KIND", help=", ".join(KINDS))
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="at most, of each kind")
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    unknown = set(asked.kinds) - set(KINDS)
+    if unknown:
+        parser.error(f"{', '.join(sorted(unknown))}: expected {', '.join(KINDS)}")
+    warnings.simplefilter("ignore")
+    found, every = {}, []
+    for name in asked.kinds or KINDS:
+        until_s = time.monotonic() + 60.0 * asked.minutes
+        with tempfile.TemporaryDirectory() as folder:
+            numbers = range(asked.first, asked.first + asked.cases)
+            count, bad, slowest_s = study(name, folder, numbers, until_s)
+        every += bad
+        total = sum(count.values())
+        found[name] = {"first": asked.first, "cases": total, **count, "slowest_s": round(slowest_s, 2)}
+        words = ", ".join(f"{number} {outcome}" for outcome, number in count.most_common())
+        print(f"{name}: cases {asked.first} to {asked.first + total - 1}: {words}; slowest {slowest_s:.1f} s")
+    if asked.json:
+        asked.json.write_text(json.dumps({"kinds": found, "bad": every}, indent=1))
+    sys.exit(1 if every else 0)
+
+
+if __name__ == "__main__":
+    main()
