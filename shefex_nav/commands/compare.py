@@ -59,8 +59,11 @@ def compare(
         )
     how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
     flights = flying.planned([one for one in told if one.kind in words.FLOWN], how)
+    there = _there(told)
+    if flights and there:
+        _check_seeds(told, there, flying.seeds(how))
     lost = _fly(flights, how)
-    sides, found = _compared(told, flights)
+    sides, found = _compared(told, there, flights)
     _show(sides, found, html, json)
     nothing = any(not any(row.seeds for row in one.rows) for one in found)
     raise typer.Exit(1 if lost or nothing else 0)
@@ -86,21 +89,47 @@ def _fly(flights, how):
     return lost
 
 
-def _compared(told, flights):
+def _there(told):
+    """{letter: Side} of what of list of given.Given needs not fly."""
+    from shefex_nav.campaign.compare import given as words
+    from shefex_nav.campaign.compare import sides
+
+    found = {}
+    for letter, one in zip(sides.LETTERS, told, strict=False):
+        if one.kind == words.SOLUTION:
+            if "A" not in found:
+                raise words.CompareError(f"{one.text}: is about the flight of a log; expected that before it")
+            found[letter] = sides.of_solution(one.text, letter, found["A"])
+        elif one.kind not in words.FLOWN:
+            found[letter] = sides.of(one.kind, one.text, letter, one.text)
+    return found
+
+
+def _check_seeds(told, there, planned):
+    """CompareError where the first and another would have no seed in common after all have flown."""
+    from shefex_nav.campaign.compare import comparison, sides
+
+    every = [
+        comparison.Seeds(letter, one.text, there[letter].kind, list(there[letter].runs))
+        if letter in there
+        else comparison.Seeds(letter, one.text, "campaign", planned)
+        for letter, one in zip(sides.LETTERS, told, strict=False)
+    ]
+    for other in every[1:]:
+        comparison.in_common(every[0], other)
+
+
+def _compared(told, there, flights):
     """(sides, Comparisons of the others with the first) of list of given.Given."""
     from shefex_nav.campaign.compare import comparison, sides
     from shefex_nav.campaign.compare import given as words
 
     flown, found = iter(flights), []
     for letter, one in zip(sides.LETTERS, told, strict=False):
-        if one.kind == words.SOLUTION:
-            if not found:
-                raise words.CompareError(f"{one.text}: is about the flight of a log; expected that before it")
-            found.append(sides.of_solution(one.text, letter, found[0]))
-            continue
-        path = next(flown).folder if one.kind in words.FLOWN else one.text
-        kind = words.CAMPAIGN if one.kind in words.FLOWN else one.kind
-        found.append(sides.of(kind, path, letter, one.text))
+        is_there = letter in there
+        found.append(
+            there[letter] if is_there else sides.of(words.CAMPAIGN, next(flown).folder, letter, one.text)
+        )
     first, *others = found
     return found, [comparison.compare(first, other) for other in others]
 

@@ -161,6 +161,14 @@ def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole
     assert (one.difference.verdict == paired.NOT_SEEN) == (low <= 0.0 <= high)
 
 
+def test_rounding_is_no_difference():
+    a = np.array([1.0, 2.0, 3.0])
+    found = paired.difference(a, a * (1.0 + 2e-16 * np.array([1.0, -1.0, 2.0])))
+    assert (found.mean, found.better, found.worse, found.verdict) == (0.0, 0, 0, paired.NOT_SEEN)
+    seen = paired.difference(a, a + np.array([1e-9, 1.1e-9, 0.9e-9]))
+    assert (seen.worse, seen.verdict) == (3, paired.A_BETTER)
+
+
 def test_no_seed_in_common_is_one_line_and_exit_code_2(whole, scenario, tmp_path, command):
     folder, _ = whole
     fly(scenario, tmp_path / "other", 2, seed=2)
@@ -217,6 +225,17 @@ def test_logs_of_two_seeds_are_no_pair(tmp_path, command):
         assert command("run", str(short(tmp_path)), "--seed", seed, "--out", str(log)).code == 0
     run = command("compare", *map(str, logs))
     assert run.code == 2 and "A (" in run.err and "has seed 1" in run.err and "has seed 2" in run.err
+
+
+def test_a_log_without_the_seed_of_a_run_is_told_before_anything_flies(tmp_path, command):
+    log, out = tmp_path / "a.mcap", tmp_path / "out"
+    assert command("run", str(short(tmp_path)), "--out", str(log)).code == 0
+    for pair in ((str(log), "built-in"), ("built-in", str(log))):
+        run = command("compare", *pair, "--scenario", str(short(tmp_path)), "--out", str(out))
+        assert (
+            run.code == 2 and "no seed in common: A (" in run.err and "shefex-nav repeat DIR RUN" in run.err
+        )
+        assert not out.exists()
 
 
 # ---- software --------------------------------------------------------------------------------------------

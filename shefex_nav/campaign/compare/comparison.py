@@ -14,6 +14,15 @@ IN_TURN = "flown one after the other"
 SAME_SHARE = 1e-3  # of the ticks with a solution, by which two sides of a seed may differ
 
 
+class Seeds(NamedTuple):
+    """The seeds of a side, which may not have flown yet."""
+
+    letter: str
+    label: str
+    kind: str
+    every: list  # of int
+
+
 class Row(NamedTuple):
     """One figure of both."""
 
@@ -51,9 +60,7 @@ class Comparison(NamedTuple):
 
 def compare(a, b):
     """Comparison of two sides; CompareError if they have no seed in common."""
-    seeds = tuple(seed for seed in a.runs if seed in b.runs)
-    if not seeds:
-        raise CompareError(_unpaired(a, b))
+    seeds = in_common(*(Seeds(one.letter, one.label, one.kind, list(one.runs)) for one in (a, b)))
     whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
     one_flight = a.kind == b.kind == LOG and a.where == b.where  # of which two filters say something
     compared = [one for one in QUANTITIES if not one.timed or (a.kind == b.kind and not one_flight)]
@@ -64,18 +71,26 @@ def compare(a, b):
     return Comparison(a, b, seeds, rows, shares, different, _notes(a, b, seeds, whole))
 
 
-def _unpaired(a, b):
-    """Words about sides without a common seed."""
-    each = (f"{side.letter} ({side.label}) has {_seeds(side)}" for side in (a, b))
-    return (
-        f"no seed in common: {', '.join(each)}; runs are compared in pairs of one seed: fly both with the "
-        "same --seed"
-    )
+def in_common(a, b):
+    """Seeds that two sides have, in the order of the first: tuple. a, b : Seeds. CompareError without any."""
+    of_b = set(b.every)
+    found = tuple(seed for seed in a.every if seed in of_b)
+    if found:
+        return found
+    each = ", ".join(f"{side.letter} ({side.label}) has {_some(side.every)}" for side in (a, b))
+    advice = "fly both with the same --seed"
+    if a.kind != b.kind:
+        advice = (
+            "a campaign draws the seeds of its runs from its own; `shefex-nav repeat DIR RUN --log FILE` "
+            "makes the log of one"
+        )
+    raise CompareError(f"no seed in common: {each}; runs are compared in pairs of one seed: {advice}")
 
 
-def _seeds(side):
-    some = ", ".join(map(str, list(side.runs)[:MOST_SEEDS]))
-    return f"seed{'' if len(side.runs) == 1 else 's'} {some}{', ...' if len(side.runs) > MOST_SEEDS else ''}"
+def _some(seeds):
+    """Words for the first of a list of seeds."""
+    some = ", ".join(map(str, seeds[:MOST_SEEDS]))
+    return f"seed{'' if len(seeds) == 1 else 's'} {some}{', ...' if len(seeds) > MOST_SEEDS else ''}"
 
 
 def _row(quantity, a, b, seeds):

@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from shefex_nav.campaign import draws, running, store
 from shefex_nav.campaign import plan as planning
-from shefex_nav.campaign import running, store
 from shefex_nav.campaign.compare.given import BUILT_IN, SOFTWARE, CompareError, override
 from shefex_nav.scenario import load, software
 
@@ -50,6 +50,11 @@ def planned(given, how):
         software.refuse_reached(loaded)
         found.append(Flight(loaded, one.text, _folder(loaded, one, how)))
     return found
+
+
+def seeds(how):
+    """Seeds of the runs that are flown: list of int."""
+    return [draws.sensor_seed(how.seed, run) for run in range(how.runs)]
 
 
 def _folder(scenario, given, how):

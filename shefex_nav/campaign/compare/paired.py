@@ -13,6 +13,7 @@ import numpy as np
 
 from shefex_nav.report import intervals
 
+ROUNDING = 1e-12  # of the figures: a smaller difference is the order in which one has been summed
 CONFIDENCE = intervals.CONFIDENCE
 A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is no interval
 NOT_JUDGED = 2  # verdict where the difference is not that of the two sides alone
@@ -69,7 +70,9 @@ def sample(values):
 
 def difference(a, b, *, larger_is_better=False):
     """Difference of two samples (n,), (n,), n >= 1, row k of both of one seed."""
-    found = np.asarray(b, dtype=float) - np.asarray(a, dtype=float)
+    a, b = (np.asarray(side, dtype=float) for side in (a, b))
+    found = b - a
+    found[np.abs(found) <= ROUNDING * np.maximum(np.abs(a), np.abs(b))] = 0.0
     worse = -found if larger_is_better else found
     n, mean, counts = len(found), float(found.mean()), (int((worse < 0.0).sum()), int((worse > 0.0).sum()))
     if why := _no_interval(found):
