@@ -25,7 +25,6 @@ from pathlib import Path
 
 import mutations
 import numpy as np
-import yaml
 
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import document, load
@@ -63,7 +62,7 @@ class Scenarios(Kind):
         source = SCENARIOS[rng.integers(len(SCENARIOS))]
         text = source.read_text()
         if rng.integers(5):
-            spoilt = yaml.safe_dump(mutations.tree(rng, _whole(source)), allow_unicode=True).encode()
+            spoilt = _text(mutations.tree(rng, _whole(source))).encode()
         else:
             spoilt = mutations.data(rng, text.encode())
         (self.folder / "case.yaml").write_bytes(spoilt)
@@ -134,7 +133,7 @@ class Data(Kind):
             described = mutations.tree(rng, described)
         for name, text in tables.items():
             (self.folder / self.source.stem / name).write_text(text)
-        (self.folder / "case.yaml").write_text(yaml.safe_dump(described, allow_unicode=True))
+        (self.folder / "case.yaml").write_text(_text(described))
 
     def read(self, _rng):
         from shefex_nav.replay import external
@@ -149,6 +148,11 @@ KINDS = {"scenarios": Scenarios, "logs": Logs, "pictures": Pictures, "data": Dat
 def _own(path):
     """Tree of a YAML file, as the program reads it: `on` and `off` are words."""
     return document.parse(path.read_text(), str(path)).tree
+
+
+def _text(tree):
+    """A tree as JSON, which is YAML."""
+    return json.dumps(tree, indent=1, ensure_ascii=False)
 
 
 @cache
