@@ -26,6 +26,8 @@ PARAMS = gps_settings.Gps(
     elevation_mask=np.deg2rad(5.0),
     lowest_ray_height=50e3,
     max_pdop=10.0,
+    highest_speed=np.inf,
+    highest_height=np.inf,
     antenna=gps_settings.Antenna(
         lever_arm=(0.6, 0.05, -0.03), blind_nose=np.deg2rad(30.0), blind_tail=np.deg2rad(30.0)
     ),
