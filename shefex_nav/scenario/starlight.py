@@ -116,6 +116,17 @@ def of_camera(camera):
     return Light(flux, band, aperture, transmission, efficiency)
 
 
+def of_section(camera):
+    """Light of a section star_camera that has been read; None if its flux was given."""
+    optics, detector = camera.optics, camera.detector
+    if detector.quantum_efficiency is None:
+        return None
+    aperture = optics.aperture or optics.focal_length / optics.f_number
+    return Light(
+        optics.zero_magnitude_flux, camera.stars.band, aperture, optics.transmission, detector.quantum_efficiency
+    )
+
+
 def given(camera, path):
     """Whether a tree of a camera has a value at a path."""
     inner = camera.get(path[0])
