@@ -1,15 +1,18 @@
 """Light of a star of magnitude 0 at the entrance of a lens, and how much of it a detector counts.
 
-The star is of type A0, as Vega, for which all magnitudes are equal. Its flux in the bands B, V, R and I is that
-of Bessell, PASP 91, 589 (1979), in J that of Campins, Rieke and Lebofsky, AJ 90, 896 (1985); between them and
-below B the logarithm of the flux per frequency is a straight line over that of the wavelength. A band of the relative width w holds F w/h photons, F in W/m^2/Hz; in V that
-are 8.8e9 in a second and square metre.
+The star is of type A0, as Vega, for which all magnitudes are equal. Its flux in the bands B, V, R and I is
+that of Bessell, PASP 91, 589 (1979), in J that of Campins, Rieke and Lebofsky, AJ 90, 896 (1985); between
+them and below B the logarithm of the flux per frequency is a straight line over that of the wavelength. A
+band of the relative width w holds F w/h photons, F in W/m^2/Hz; in V that are 8.8e9 in a second and square
+metre.
 
 A bare silicon detector sees more than V. Its response over the wavelength, 1 at 550 nm where data sheets give
 the quantum efficiency, is [E] that of detectors with front-side illumination and microlenses::
 
     flux = photons in V  x  factor of the band  x  area of the pupil  x  transmission  x  quantum efficiency
-    factor of the band = integral of photons x response over photons in V: 4.0 for silicon, 1 behind a V filter
+    factor of the band = integral of photons x response over photons in V
+
+It is 4.0 for silicon, and 1 behind a V filter.
 """
 
 import math

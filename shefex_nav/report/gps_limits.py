@@ -41,7 +41,10 @@ def beyond(gps, flown):
         if over.any():
             begin_s, total_s = flown.t_s[np.argmax(over)], STEP_S * over.sum()
             words = f"{scale * limit:g} {unit} is exceeded for {total_s:.0f} s, first at T{begin_s:+.0f} s"
-            yield ("gps", key), f"{words}, up to {scale * reached.max():.4g} {unit}: no fixes and no ranges then"
+            yield (
+                ("gps", key),
+                f"{words}, up to {scale * reached.max():.4g} {unit}: no fixes and no ranges then",
+            )
 
 
 def _speed(flown):

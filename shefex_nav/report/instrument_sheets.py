@@ -106,7 +106,9 @@ def _imu(shown, tree, loaded):
     computed = {}
     for triad, said in (("gyro", loaded.gyro), ("accelerometer", loaded.accelerometer)):
         lowest, at_s = allan.floor(said)
-        computed[f"{triad}: lowest Allan deviation as simulated"] = f"{_written(said, lowest)} at {at_s:.3g} s"
+        computed[f"{triad}: lowest Allan deviation as simulated"] = (
+            f"{_written(said, lowest)} at {at_s:.3g} s"
+        )
     own = f"{_written(loaded.gyro, allan.floor(loaded.gyro)[0])}*"  # no data sheet says so
     keys = "gyro.random_walk", "gyro.range", "accelerometer.bias", "accelerometer.random_walk"
     rows = shown.get("floor.gyro", own), *(shown[key] for key in (*keys, "accelerometer.range"))
@@ -146,7 +148,13 @@ def _star_camera(shown, tree, loaded):
     if light is not None:
         computed["star of magnitude 0"] = light.words()
     number = optics.focal_length / light.aperture if light else math.nan
-    rows = (f"{detector.columns} x {detector.rows}", view, f"{number:.3g}", f"{flux:.3g} electron/s", faintest)
+    rows = (
+        f"{detector.columns} x {detector.rows}",
+        view,
+        f"{number:.3g}",
+        f"{flux:.3g} electron/s",
+        faintest,
+    )
     return computed, _compared("star_camera", rows)
 
 

@@ -1,8 +1,9 @@
 """Instruments in files of their own, for sections that `use` them: what such a file holds, and where it is.
 
 A file says for which section it is (`instrument`), which unit it describes and from where its values are, and
-may give figures as its data sheet has them from which values follow; the rest are keys of that section. A name means a file as the name of a scenario does (`shipped`); those that come
-with the package are in `scenarios/data/instruments`.
+may give figures as its data sheet has them from which values follow; the rest are keys of that section. A
+name means a file as the name of a scenario does (`shipped`); those that come with the package are in
+`scenarios/data/instruments`.
 """
 
 import os
@@ -70,7 +71,7 @@ class GpsFile(InstrumentFile):
 
 
 class CameraFile(InstrumentFile):
-    """File of a star camera, a sensor behind a lens; mounting, sky, defects and baffle stay in the scenario."""
+    """File of a star camera: sensor and lens; mounting, sky, defects and baffle stay in the scenario."""
 
     instrument: Literal["star_camera"]
 

@@ -123,7 +123,11 @@ def of_section(camera):
         return None
     aperture = optics.aperture or optics.focal_length / optics.f_number
     return Light(
-        optics.zero_magnitude_flux, camera.stars.band, aperture, optics.transmission, detector.quantum_efficiency
+        optics.zero_magnitude_flux,
+        camera.stars.band,
+        aperture,
+        optics.transmission,
+        detector.quantum_efficiency,
     )
 
 
@@ -159,7 +163,9 @@ def _incomplete(camera, places):
         example = section(SECTIONS[path[0]]).model_fields[path[1]]
         shown = next(spec.example for spec in _specs(example) if hasattr(spec, "example"))
         yield _line(
-            places, path, f"is missing; the flux of a star follows from {NEEDED}, such as '{path[1]}: {shown}'"
+            places,
+            path,
+            f"is missing; the flux of a star follows from {NEEDED}, such as '{path[1]}: {shown}'",
         )
 
 

@@ -1,13 +1,13 @@
 """Allan deviation of a gyro or accelerometer triad at rest: what its settings amount to.
 
-With random walk N, in-run bias of sigma B and correlation time T (first-order Gauss-Markov) and quantum q, over
-the averaging time tau and with x = tau/T (IEEE Std 952-1997, annex C)::
+With random walk N, in-run bias of sigma B and correlation time T (first-order Gauss-Markov) and quantum q,
+over the averaging time tau and with x = tau/T (IEEE Std 952-1997, annex C)::
 
     sigma^2(tau) = N^2/tau + (2 B^2/x) (1 - (3 - 4 exp(-x) + exp(-2 x))/(2 x)) + q^2/(4 tau^2)
 
-A data sheet's bias instability is the lowest point of that curve. Flicker noise, which real sensors have, keeps
-the curve level; a Gauss-Markov bias lifts it to 0.617 B at 1.9 T and lets it fall beyond, so the lowest point
-is sought up to there.
+A data sheet's bias instability is the lowest point of that curve. Flicker noise, which real sensors have,
+keeps the curve level; a Gauss-Markov bias lifts it to 0.617 B at 1.9 T and lets it fall beyond, so the lowest
+point is sought up to there.
 """
 
 from typing import NamedTuple
@@ -79,7 +79,8 @@ def measured(increments, dt_s, tau_s):
     phase = np.concatenate([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
     counts = np.unique(np.maximum(1, np.rint(np.asarray(tau_s) / dt_s).astype(int)))
     found = [
-        np.sqrt(0.5 * np.mean((phase[2 * k :] - 2.0 * phase[k:-k] + phase[: -2 * k]) ** 2, axis=0)) / (k * dt_s)
+        np.sqrt(0.5 * np.mean((phase[2 * k :] - 2.0 * phase[k:-k] + phase[: -2 * k]) ** 2, axis=0))
+        / (k * dt_s)
         for k in counts
     ]
     return counts * dt_s, np.array(found)

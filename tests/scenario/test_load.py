@@ -266,8 +266,9 @@ def test_schema_holds_together():
     for name, block in blocks.items():
         for reference in references(block):
             assert reference.removeprefix("#/$defs/") in blocks
-            # for imu: {use: NAME}, and likewise for what the computer is told
-            of_use = (name, reference) == ("Scenario", "#/$defs/Imu.partial")
+            # for imu: {use: NAME} and the like
+            kinds = ("Imu", "Gps", "StarCamera")
+            of_use = name == "Scenario" and reference in {f"#/$defs/{kind}.partial" for kind in kinds}
             assert reference.endswith(".partial") == name.endswith(".partial") or of_use
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}

@@ -58,7 +58,7 @@ def test_a_series_has_the_deviation_of_the_formula():
 
 
 def test_the_curve_has_the_slopes_of_its_parts():
-    """-1 for quanta, -1/2 for the random walk, +1/2 and then -1/2 for the bias, peak 0.617 sigma at 1.89 T."""
+    """-1 for quanta, -1/2 for the random walk, +1/2, then -1/2 for the bias, peak 0.617 sigma at 1.89 T."""
     nothing = {"random_walk": 0.0, "in_run_bias": 0.0, "in_run_bias_time": 100.0, "quantum": 0.0}
     tau_s = np.array([0.01, 0.02])
     for part, slope in (("quantum", -1.0), ("random_walk", -0.5), ("in_run_bias", 0.5)):
@@ -73,6 +73,6 @@ def test_the_curve_has_the_slopes_of_its_parts():
 
 
 def test_what_the_oldest_file_calls_in_run_bias():
-    """adis16470 gives its data sheet's stability as sigma of the wandering bias: its floor is half of that."""
+    """adis16470 has its data sheet's stability as sigma of the wandering bias: its floor is half of that."""
     gyro = unit("adis16470").gyro
     assert 0.4 < allan.floor(gyro)[0] / gyro.in_run_bias < 0.5
