@@ -29,7 +29,7 @@ def test_random_walk_and_floor_are_those_of_the_file(name):
     for triad, column in TRIADS.items():
         part = getattr(own, triad)
         lowest, at_s = allan.floor(part)
-        longest_s, dt_s = 1.5 * at_s, at_s / 40.0
+        longest_s, dt_s = min(1.5 * at_s, allan.PEAK * part.in_run_bias_time), at_s / 40.0
         n = int(np.ceil(2.0 * TIMES * longest_s / dt_s))
         series = allan.at_rest(own, n, dt_s, rng)[column]
         tau_s, found = allan.measured(series, dt_s, np.geomspace(dt_s, longest_s, 30))
