@@ -40,6 +40,7 @@ def carry_out(overrides, tree, places, texts):
         (used if is_use else others).append(one)
     for one in used:
         layers.put_instrument(tree, _USES[tuple(one.parts)], one.value, "", one.mark, places, texts)
+    found += starlight.set_twice([(one.mark, tuple(one.parts)) for one in others if one.value is not REMOVED])
     for one in others:
         starlight.set_one(tree, tuple(one.parts), one.value)
         problem = _put(tree, one.parts, one.value, one.mark, places)

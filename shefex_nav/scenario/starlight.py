@@ -74,6 +74,19 @@ def set_one(tree, path, value):
     give_way(tree, {CAMERA: {path[1]: {path[2]: value}}})
 
 
+def set_twice(told):
+    """(Mark, text) of a flux that is set together with what it follows from: list.
+
+    told : sequence of (Mark, path of the scenario) of what is set
+    """
+    marks = {path: mark for mark, path in told}
+    flux, lens = (CAMERA, *FLUX), [path for path in LENS if (CAMERA, *path) in marks]
+    if flux not in marks or not lens:
+        return []
+    words = f"{dotted((CAMERA, *lens[0]))}, from which it follows, is set too; set one of them"
+    return [(marks[flux], f"{dotted(flux)}: {words}")]
+
+
 def filled(tree, places):
     """A tree with the flux of its star camera, which is the same tree if that is given or cannot be known.
 

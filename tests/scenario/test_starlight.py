@@ -105,6 +105,12 @@ def test_both_in_one_file_is_an_error(written):
     assert "star_camera.optics.aperture: f_number says so too; keep one of them" in said
 
 
+def test_both_set_at_once_is_an_error():
+    said = the_message("shefex2_andoya", [*SETS, f"{FLUX}=2e6 electron/s"])
+    words = "star_camera.optics.f_number, from which it follows, is set too; set one of them"
+    assert said == f"--set {FLUX}: {words}"
+
+
 @pytest.mark.parametrize(
     ("gone", "path"),
     [
