@@ -23,7 +23,7 @@ there is meant by its name. Otherwise a bare name, without a folder, means `NAME
 copied with the files that it needs. What a scenario names in turn (tables, data) stands beside it.
 
 A section with the key `use` takes its values from a file of an instrument, found by name in the same way;
-what stands beside the key comes on top. `shefex-nav scenarios` lists the instruments of the program, too.
+what stands beside the key comes on top. `shefex-nav instruments` lists those of the program.
 
 `shefex-nav schema` prints the same as JSON Schema, for completion in an editor; `shefex-nav check FILE` tells
 all errors of a file at once.

@@ -23,7 +23,7 @@ def check(
     A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told, and
     errors of the IMU that last in it but are noise to the filter.
     """
-    from shefex_nav.scenario import aboard, load, surroundings, told
+    from shefex_nav.scenario import aboard, load, starlight, surroundings, told
 
     loaded, differences = load.load(scenario, overrides or ()), []
     if against is not None:
@@ -42,6 +42,8 @@ def check(
     count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
     for line in told.lines(loaded):
         say(f"told otherwise: {line}")
+    if light := starlight.of_section(loaded.star_camera):
+        say(f"star_camera.optics.zero_magnitude_flux: {light.words()}")
     typer.echo(f"{scenario}: good{count}")
     if effects:
         from shefex_nav.report import states

@@ -17,6 +17,7 @@ from shefex_nav.commands.characterise import characterise
 from shefex_nav.commands.check import check
 from shefex_nav.commands.compare import compare
 from shefex_nav.commands.export import export
+from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
 from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
 from shefex_nav.commands.repeat import repeat
@@ -53,6 +54,7 @@ app.command(epilog=TRUST_HELP)(compare)
 app.command(epilog=TRUST_HELP)(repeat)
 app.command(epilog=TRUST_HELP)(export)
 app.command()(scenarios)
+app.command()(instruments)
 app.command()(new)
 app.command(epilog=TRUST_HELP)(warmup)
 app.command(epilog=TRUST_HELP)(run)

@@ -16,12 +16,14 @@ from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.quantity import Quantity
+from shefex_nav.scenario.starlight import OF_LENS
 from shefex_nav.scenario.told import as_told
 from shefex_nav.solve.told import StarCamera
 from shefex_nav.world import camera_settings
 
 FLIGHT = ("vehicle", "programme", "trajectory")  # sections that only a scenario of a flight has
 HEAD = "# Star camera of pictures, for `shefex-nav solve --camera`; keys and units are those of scenarios.\n"
+FLUX = "zero_magnitude_flux"
 WORLD_ONLY = ("frames", "model", "software")  # keys of star_tracker that are not of the star tracker itself
 
 
@@ -126,13 +128,18 @@ def written(scenario, world, *, true=False):
         the flight software is told them
     """
     tree = layers.parsed(scenario.source, scenario.mission.name).tree
-    optics, told = tree["star_camera"]["optics"], tree.get("navigation", {}).get("told", {}) or {}
+    camera, told = tree["star_camera"], tree.get("navigation", {}).get("told", {}) or {}
+    optics, detector = camera["optics"], camera["detector"]
+    if FLUX not in optics:  # it follows from lens and detector, of which the file then says nothing
+        flux = scenario.star_camera.optics.zero_magnitude_flux
+        kept = {key: value for key, value in optics.items() if key not in OF_LENS["optics"]}
+        optics = {**kept, FLUX: f"{flux!r} electron/s"}
     out = {
         "description": f"{scenario.mission.name}, {'true in this run' if true else 'as calibrated'}",
         "epoch": tree["mission"]["epoch"],
         "star_camera": {
             "optics": {**optics, **(told.get("star_camera") or {}).get("optics", {})},
-            "detector": tree["star_camera"]["detector"],
+            "detector": {key: value for key, value in detector.items() if key not in OF_LENS["detector"]},
         },
     }
     if true:

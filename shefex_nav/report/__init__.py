@@ -1,7 +1,9 @@
 """What a log says. Works on `log.run_data.RunData`, never on the simulator.
 
 metrics, requirements            every figure of a run; what the scenario asks of them
-programme, lasting, states, trust, imu_range     what the planned flight means for navigation
+programme, lasting, states, trust    what the planned flight means for navigation
+imu_range, gps_limits            what of it IMU and receiver cannot show
+instrument_sheets                instruments of the package, to choose from
 table, page                      printed; one HTML page
 figures/, viewer/                for paper; in rerun
 export, track                    tables, ground tracks

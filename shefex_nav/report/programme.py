@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report import imu_range, lasting
+from shefex_nav.report import gps_limits, imu_range, lasting
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
@@ -35,6 +35,7 @@ class Flown(NamedTuple):
     astray_deg: float  # largest pointing error in the phases POINTING; 0 if there was none
     end_s: float  # of what is known of it
     motion: imu_range.Motion | None = None  # None: not known
+    track: gps_limits.Track | None = None  # likewise
 
 
 class _Moments(NamedTuple):
@@ -50,15 +51,18 @@ def of_flight(flight):
     """Flown of a world.flight.fly.Flight, before any sensor has seen it."""
     trajectory = flight.trajectory
     moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
-    return Flown(flight.events, astray_deg(flight.control, trajectory), float(trajectory.t_s[-1]), moved)
+    track = gps_limits.track(trajectory.t_s, trajectory.r_i, trajectory.v_i)
+    astray = astray_deg(flight.control, trajectory)
+    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track)
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved = data.truth, None
+    truth, moved, track = data.truth, None, None
     if len(truth.t_s):
         moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
-    return Flown(tuple(data.events), astray_deg(data.control, truth), float(data.last_t_s), moved)
+        track = gps_limits.track(truth.t_s, truth.r_i, truth.v_i)
+    return Flown(tuple(data.events), astray_deg(data.control, truth), float(data.last_t_s), moved, track)
 
 
 def astray_deg(control, truth):
@@ -102,6 +106,8 @@ def warnings(scenario, flown):
     found = [] if scenario.launch is None else _of_programme(scenario, flown)
     if flown.motion is not None:
         found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, flown.motion)]
+    if flown.track is not None:
+        found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
     return tuple(found)

@@ -1,6 +1,6 @@
 """Section of a scenario about the GPS receiver: its settings, and the satellites."""
 
-from typing import get_args
+from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
@@ -8,6 +8,7 @@ from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import bare
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Count, Number, Quantity, QuantitySpec
+from shefex_nav.scenario.use import Instrument
 from shefex_nav.world import gps_settings
 from shefex_nav.world.gps_settings import MOST
 
@@ -46,6 +47,11 @@ Satellites = tagged(_almanac_form, {"name": str, "prn": Almanac})
 class Gps(section(gps_settings.Gps)):
     """GPS receiver: fixes of position and velocity, and the ranges of which they are made."""
 
+    use: Annotated[Any, Instrument("max_m10s")] = Field(
+        None,
+        description="name of an instrument, or of its file, whose rate, noise, latency, limits, clock and "
+        "reacquisition these are; what stands beside it comes on top",
+    )
     almanac: Satellites | None = Field(
         default=None, description="satellites: name of a YUMA file, or its elements; else the nominal 24"
     )

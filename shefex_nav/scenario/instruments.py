@@ -1,19 +1,22 @@
 """Instruments in files of their own, for sections that `use` them: what such a file holds, and where it is.
 
-A file says for which section it is (`instrument`), which unit it describes and from where its values are; the
-rest are keys of that section. A name means a file as the name of a scenario does (`shipped`); those that come
-with the package are in `scenarios/data/instruments`.
+A file says for which section it is (`instrument`), which unit it describes and from where its values are, and
+may give figures as its data sheet has them from which values follow; the rest are keys of that section. A
+name means a file as the name of a scenario does (`shipped`); those that come with the package are in
+`scenarios/data/instruments`.
 """
 
 import os
 from typing import Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from shefex_nav.scenario import shipped
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.files import Unreadable
-from shefex_nav.scenario.sensors import Accelerometer, Gyro
+from shefex_nav.scenario.gps import Gps
+from shefex_nav.scenario.quantity import Quantity
+from shefex_nav.scenario.sensors import Accelerometer, Gyro, Imu, StarCamera
 
 KIND = "instrument"  # key that says for which section a file is
 
@@ -26,19 +29,76 @@ class InstrumentFile(Block):
     source: str = Field(min_length=1, description="data sheet, or who has measured the values")
 
 
+class Floor(Block):
+    """Lowest Allan deviations of the data sheet, there called bias instability or in-run bias stability.
+
+    `in_run_bias` and its time are what the sensor has to have, beside its random walk, to come down to these.
+    """
+
+    gyro: Quantity("rad/s", "2.3 deg/h", "of the gyros", positive=True) | None = None
+    accelerometer: Quantity("m/s2", "3.6 ugee", "of the accelerometers", positive=True) | None = None
+
+
 class ImuFile(InstrumentFile):
     """File of an inertial measurement unit; what shakes it is the vehicle's and stays in the scenario."""
 
     instrument: Literal["imu"]
+    floor: Floor = Field(default_factory=Floor)
     gyro: Gyro
     accelerometer: Accelerometer
 
 
+class Accuracy(Block):
+    """What a data sheet says of the fixes of a receiver on the ground with many satellites in view.
+
+    Errors north and east are taken as normal, of one sigma, with the HDOP 1 [E] that goes with such a sky. So
+    the range noise is sqrt(2) sigma, with a sigma of CEP/1.1774 (half of all errors within the circle),
+    2DRMS/2.8284, RMS/1.4142 (of both) or 1SIGMA itself; likewise the noise of the range rate.
+    """
+
+    position: Quantity("m", "1.5 m", "horizontal", positive=True)
+    position_is: Literal["CEP", "2DRMS", "RMS", "1SIGMA"]
+    velocity: Quantity("m/s", "0.05 m/s", "horizontal", positive=True) | None = None
+    velocity_is: Literal["CEP", "2DRMS", "RMS", "1SIGMA"] | None = None
+
+
+class GpsFile(InstrumentFile):
+    """File of a GPS receiver; antenna, spin, outages and what the sky does stay in the scenario."""
+
+    instrument: Literal["gps"]
+    highest_rate: Quantity("Hz", "10 Hz", "of fixes that the receiver can give", positive=True)
+    accuracy: Accuracy | None = None
+
+
+class CameraFile(InstrumentFile):
+    """File of a star camera: sensor and lens; mounting, sky, defects and baffle stay in the scenario."""
+
+    instrument: Literal["star_camera"]
+
+
+def _with(file, model, *names):
+    """A file's model with fields of a section."""
+    fields = {name: (model.model_fields[name].annotation, model.model_fields[name]) for name in names}
+    return create_model(file.__name__, __base__=file, __module__=__name__, __doc__=file.__doc__, **fields)
+
+
+GpsFile = _with(
+    GpsFile, Gps, "rate", "latency", "range_noise", "range_rate_noise", "highest_speed", "highest_height",
+    "clock", "reacquisition",
+)  # fmt: skip
+CameraFile = _with(CameraFile, StarCamera, "optics", "detector")
 SECTIONS = {  # path of the section: what a file for it holds
     ("imu",): ImuFile,
     ("navigation", "told", "imu"): ImuFile,
+    ("gps",): GpsFile,
+    ("star_camera",): CameraFile,
 }
-HEAD = (KIND, *InstrumentFile.keys())  # keys of a file that are no values of the section
+OF_SECTION = {"imu": Imu, "gps": Gps, "star_camera": StarCamera}
+
+
+def values_of(section):
+    """Keys of a file for a section that are values of the section: list."""
+    return [key for key in SECTIONS[section].keys() if key in OF_SECTION[section[-1]].keys()]
 
 
 class Shipped(NamedTuple):

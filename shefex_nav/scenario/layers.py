@@ -20,6 +20,7 @@ from shefex_nav.scenario import (
     plugged,
     shipped,
     software,
+    starlight,
     trajectory,
 )
 from shefex_nav.scenario.document import BadText, Mark, dotted, placed
@@ -129,6 +130,7 @@ def extended(path, texts, chain=(), said=None, find=None):
         places.keys[()] = places.values[()] = own.values[()]
     for section, name in used:
         put_instrument(tree, section, name, folder, own.values[*section, USE], places, texts)
+    starlight.give_way(tree, own.tree, own.removed)
     merge(tree, own, (), own.tree, places)
     in_reach = [path for path in own.removed if has_base or any(_is_below(path, one) for one, _ in used)]
     found = [(own.keys[path], words) for path in in_reach if (words := _remove(tree, path, places))]
@@ -180,6 +182,8 @@ def put_instrument(tree, section, name, folder, mark, places, texts):
             outer[path[-1]] = {}
             places.put(path, {(): mark}, {(): mark})
     into = node(tree, section)
+    for key in instruments.values_of(section):  # of the unit that was there nothing is left
+        into.pop(key, None)
     for key, value in values.items():
         into[key] = value
         keys, marks = (_below(one, (key,)) for one in (inner.keys, inner.values))
@@ -214,7 +218,7 @@ def _instrument(section, name, folder, said, texts):
         model.model_validate(tree)
     except ValidationError as error:
         texts.mistakes |= dict.fromkeys(messages.lines(model, error, places))
-    return {key: value for key, value in tree.items() if key not in instruments.HEAD}, places
+    return {key: value for key, value in tree.items() if key in instruments.values_of(section)}, places
 
 
 def _read(path, said):

@@ -20,6 +20,7 @@ from shefex_nav.scenario import (
     plugged,
     schema,
     software,
+    starlight,
     trajectory,
     trying,
 )
@@ -138,11 +139,12 @@ def _validated_as(model, tree, places, files, overrides, parts, trust=False):
     """What `load_as` returns, of a merged tree."""
     overriding.carry_out(overrides, tree, places, files)
     model = model(_provided(tree, places, trust))
+    whole, dark = starlight.filled(tree, places)
     try:
-        loaded, found, read = model.model_validate(tree), [], list
+        loaded, found, read = model.model_validate(whole), dark, list
     except ValidationError as error:
-        loaded, read = part_of(model, tree, messages.paths(error)), known
-        found = messages.lines(model, error, places)
+        loaded, read = part_of(model, whole, messages.paths(error)), known
+        found = dark + messages.lines(model, error, places)
     found = files.with_mistakes(found)
     for part in parts:
         found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
@@ -204,15 +206,17 @@ def _validated(tree, places, files, overrides, path, trust=False):
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
     bad = expand.not_expanded(tree) if found else []
+    whole, dark = starlight.filled(tree, places)
+    found += dark
     try:
-        scenario = model.model_validate(tree)
+        scenario = model.model_validate(whole)
     except ValidationError as error:
         found += messages.lines(model, error, places)
         bad += messages.paths(error)
     found = files.with_mistakes(found)
     about = partial(_about, places, path, others)
     if found:
-        more = check_what_is_known(part_of(model, tree, bad), rated)
+        more = check_what_is_known(part_of(model, whole, bad), rated)
     else:
         more = list(cross_check(scenario, rated))
         more += _dispersions(tree, scenario, try_them=not more)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from shefex_nav.scenario import document, instruments, layers, moved
+from shefex_nav.scenario import document, instruments, layers, moved, starlight
 from shefex_nav.scenario.dispersions import KEYS, ColumnOfFile
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
 from shefex_nav.scenario.use import USE
@@ -40,7 +40,9 @@ def carry_out(overrides, tree, places, texts):
         (used if is_use else others).append(one)
     for one in used:
         layers.put_instrument(tree, _USES[tuple(one.parts)], one.value, "", one.mark, places, texts)
+    found += starlight.set_twice([(one.mark, tuple(one.parts)) for one in others if one.value is not REMOVED])
     for one in others:
+        starlight.set_one(tree, tuple(one.parts), one.value)
         problem = _put(tree, one.parts, one.value, one.mark, places)
         found += [(one.mark, problem)] if problem else []
     if found:
@@ -78,6 +80,10 @@ def _fill(tree, section, name, places, texts):
     layers.node(tree, section[:-1])[section[-1]] = {}
     layers.put_instrument(tree, section, name, "", mark, places, texts)
     marks = {path: mark for path in _paths(given, section)}
+    whole = given
+    for key in reversed(section):
+        whole = {key: whole}
+    starlight.give_way(tree, whole)
     layers.merge(layers.node(tree, section), _Marks(marks, marks), section, given, places)
 
 

@@ -1,9 +1,11 @@
 """Sections of a scenario about the IMU, the alignment on the pad and the star camera."""
 
+from typing import Annotated, Any
+
 from pydantic import Field
 
 from shefex_nav.scenario.of_settings import section
-from shefex_nav.scenario.use import Use
+from shefex_nav.scenario.use import Instrument, Use
 from shefex_nav.world import camera_settings, settings
 from shefex_nav.world.settings import OFF, UNLIMITED
 
@@ -25,7 +27,16 @@ OF_IMU = (
 Gyro, Accelerometer, Vibration, PadAlignment = (
     section(one) for one in (settings.Gyro, settings.Accelerometer, settings.Vibration, settings.PadAlignment)
 )
-StarCamera = section(camera_settings.StarCamera)
+
+
+class StarCamera(section(camera_settings.StarCamera)):
+    """Star camera, in the world."""
+
+    use: Annotated[Any, Instrument("prosilica_ec655")] = Field(
+        None,
+        description="name of an instrument, or of its file, whose optics and detector these are; "
+        "what stands beside it comes on top",
+    )
 
 
 class Imu(section(settings.Imu)):

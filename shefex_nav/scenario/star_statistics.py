@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Number, Quantity, QuantitySpec
 from shefex_nav.scenario.software import BUILT_IN
+from shefex_nav.scenario.starlight import OF_LENS
 
 NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result travels
     "enabled", "on", "off", "latency", "frames", "model", "software",
@@ -103,7 +104,8 @@ Model = Annotated[
 def settings(scenario):
     """What a fitted star tracker depends on: {path: number, text or bool}, in SI, as far as it is given."""
     tracker = scenario.star_tracker.model_dump(exclude=NOT_OF_THE_MODEL)
-    found = _flat(scenario.star_camera.model_dump(), ("star_camera",)) | _flat(tracker, ("star_tracker",))
+    camera = scenario.star_camera.model_dump(exclude=OF_LENS)  # the flux says all of that
+    found = _flat(camera, ("star_camera",)) | _flat(tracker, ("star_tracker",))
     return {path: value for path, value in found.items() if value is not None}
 
 

@@ -21,7 +21,14 @@ OF_GPS = {
     **dict.fromkeys(("latency", "clock_offset", "range_noise", "range_rate_noise", "clock", "errors")),
     "antenna": {"lever_arm": None},
 }
-OF_CAMERA = dict.fromkeys(("mounting", "optics"))
+OF_OPTICS = (
+    "focal_length",
+    "focal_length_error",
+    "principal_point_error",
+    "psf_sigma",
+    "zero_magnitude_flux",
+)
+OF_CAMERA = {"mounting": None, "optics": dict.fromkeys(OF_OPTICS)}
 SAME = {  # keys of `navigation.sensors`: what they say too
     "gyro_bias": ("imu", "gyro", "bias"),
     "gyro_random_walk": ("imu", "gyro", "random_walk"),

@@ -17,11 +17,13 @@ USE = "use"
 class Instrument:
     """Type of the key: whatever is still there once files have been read had no file to be read from."""
 
+    example: str = "ln_200s"
+
     def __get_pydantic_core_schema__(self, source: Any, handler: Any):
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
-        return {"type": "string", "examples": ["ln_200s"]}
+        return {"type": "string", "examples": [self.example]}
 
     def read(self, value):
         """None, as nothing is left of the key."""
@@ -30,4 +32,4 @@ class Instrument:
         raise refuse(f"names an instrument, which only a scenario file or --set can, got {describe(value)}")
 
 
-Use = Annotated[Any, Instrument()]
+Use = Annotated[Any, Instrument()]  # of an IMU

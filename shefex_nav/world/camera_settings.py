@@ -39,8 +39,21 @@ class Optics(Settings):
     psf_sigma: float = quantity(
         "pix", "0.8 pix", "Gaussian image of a star", at_least="0.3 pix", at_most="5 pix"
     )
-    zero_magnitude_flux: float = quantity(
-        "electron/s", "2.5e6 electron/s", "from a star of magnitude 0", positive=True
+    zero_magnitude_flux: float | None = quantity(
+        "electron/s",
+        "2.5e6 electron/s",
+        "from a star of magnitude 0; left out: follows from lens and detector",
+        None,
+        positive=True,
+    )
+    f_number: float | None = number(
+        "1.4", "focal length over aperture; in place of the flux", None, at_least=0.5
+    )
+    aperture: float | None = quantity(
+        "m", "18 mm", "diameter of the pupil, in the place of f_number", None, positive=True
+    )
+    transmission: float | None = quantity(
+        "", "80 %", "of lens, filters and windows, mean over the band", None, positive=True, at_most="100 %"
     )
 
 
@@ -65,6 +78,10 @@ class Detector(Settings):
     line_time: float | None = quantity(
         "s", "60 us", "rolling: from the start of one row to that of the next", None, positive=True
     )
+    quantum_efficiency: float | None = quantity(
+        "", "60 %", "at 550 nm, of a pixel as a whole; in place of the flux", None, positive=True,
+        at_most="100 %",
+    )  # fmt: skip
 
     @property
     def line_s(self):

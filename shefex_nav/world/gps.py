@@ -92,6 +92,9 @@ def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng
         present = gps_receiver.reacquired(present & lit, t_s, settings.reacquisition, fractions)
     tracked = present & ~(spinning[:, None] & (fortune < settings.spin.loss))
     tracked = gps_receiver.limited(tracked, t_s, settings.only, prn, u_e)
+    silent = gps_receiver.silenced(settings, antenna.r_ea_e, antenna.v_ea_e)
+    reasons = [reason or why for reason, why in zip(reasons, silent, strict=True)]
+    told = lit & np.array([not why for why in silent])[:, None]
 
     factor = np.where(spinning, settings.spin.noise_factor, 1.0)
     sigmas = np.stack([settings.range_noise * factor, settings.range_rate_noise * factor])
@@ -101,7 +104,7 @@ def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng
     fixes = _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
     geometry = gps_channels.geometry(constellation, t_s, antenna.r_ea_e, antenna.v_ea_e)
-    reception = gps_channels.Reception(t_s, prn, tracked & lit, reasons)
+    reception = gps_channels.Reception(t_s, prn, tracked & told, reasons)
     ranges = gps_channels.ranges(geometry, clock, errors, sigmas, reception, settings.latency)
     return GpsData(fixes, ranges, antenna)
 

@@ -1,4 +1,5 @@
-"""Which of the satellites in view a receiver tracks: reacquisition after a loss, and limits.
+"""Which of the satellites in view a receiver tracks: reacquisition after a loss, and limits; where it is
+silent by order of its maker.
 
 A solution that freezes, and other faults: `world.faults`.
 """
@@ -6,6 +7,7 @@ A solution that freezes, and other faults: `world.faults`.
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.geometry import wgs84
 
 LONG = 0.9  # of the time that the best satellite is tracked, for one that counts as tracked long
 
@@ -69,6 +71,23 @@ def apart(seconds, count, u_e):
         nearest = np.max(u_e @ u_e[chosen].T, axis=1)  # cosine of the smallest angle
         chosen[np.argmin(np.where(good & ~chosen, nearest, np.inf))] = True
     return chosen
+
+
+def silenced(settings, r_ea_e, v_ea_e):
+    """Why a receiver tells nothing at each epoch although it goes on tracking: it is beyond the speed or the
+    height for which it may be sold.
+
+    settings : gps_settings.Gps;  r_ea_e, v_ea_e : (m, 3) m, m/s -> list of str, empty where it tells
+    """
+    reasons = [""] * len(r_ea_e)
+    if np.isfinite(settings.highest_height):
+        for k, r_e in enumerate(r_ea_e):
+            if wgs84.geodetic_from_ecef(r_e)[2] > settings.highest_height:
+                reasons[k] = f"beyond its {1e-3 * settings.highest_height:g} km"
+    if np.isfinite(settings.highest_speed):
+        for k in np.flatnonzero(np.linalg.norm(v_ea_e, axis=1) > settings.highest_speed):
+            reasons[k] = reasons[k] or f"beyond its {settings.highest_speed:g} m/s"
+    return reasons
 
 
 def _during(t_s, span):

@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.settings import Settings, choice, count, number, quantity, section, text
+from shefex_nav.world.settings import UNLIMITED
 
 MOST = 63  # the highest number of a satellite
 
@@ -168,6 +169,22 @@ class Gps(Settings):
         "m", "50 km", "signals below the mask must pass above this height", non_negative=True
     )
     max_pdop: float = number("10.0", "no fix above it", positive=True)
+    highest_speed: float = quantity(
+        "m/s",
+        "500 m/s",
+        "over the ground; beyond it the receiver is silent",
+        "unlimited",
+        positive=True,
+        words=UNLIMITED,
+    )
+    highest_height: float = quantity(
+        "m",
+        "50 km",
+        "over the ellipsoid; beyond it the receiver is silent",
+        "unlimited",
+        positive=True,
+        words=UNLIMITED,
+    )
     antenna: Antenna = section()
     spin: Spin = section()
     outages: tuple[GpsOutage, ...] = section()

@@ -6,6 +6,7 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from broken import SCENARIO_FOLDER, messages, the_message
 
@@ -18,8 +19,12 @@ from shefex_nav.scenario.json_schema import json_schema
 from shefex_nav.scenario.load import Pattern, ScenarioError, load, load_as
 from shefex_nav.scenario.sensors import Imu
 
-SHIPPED = {"hg9900": "navigation", "ln_200s": "tactical", "adis16470": "industrial MEMS",
-           "icm_42688_p": "consumer MEMS"}  # fmt: skip
+GRADES = {"hg9900": "navigation", "ln_200s": "tactical", "adis16470": "industrial MEMS",
+          "icm_42688_p": "consumer MEMS"}  # fmt: skip
+LISTED = instruments.listed()
+NAMES = [one.name for one in LISTED]
+ASSUMED = "[E] assumed"
+TO_SIGMA = {"CEP": 1.0 / 1.17741, "RMS": 1.0 / 2.0**0.5, "2DRMS": 1.0 / 8.0**0.5, "1SIGMA": 1.0}
 DEG_H = 3.14159265358979 / 180.0 / 3600.0
 BASE = "extends: shefex2_andoya\n"
 
@@ -42,25 +47,89 @@ def plain(model):
     return model.model_dump(by_alias=True)
 
 
+def file_of(one):
+    """What the file of an instruments.Shipped holds."""
+    return load_as(lambda provided: SECTIONS[one.instrument,], one.file)[0]
+
+
 def test_what_comes_with_the_program():
     """Four grades of IMU, each better than the next in what tells grades apart."""
-    listed = instruments.listed()
-    assert {one.name: one.grade for one in listed if one.instrument == "imu"} == SHIPPED
-    grades = [load("shefex2_andoya", [f"imu.use={name}"]).imu for name in SHIPPED]
+    kinds = [one.instrument for one in LISTED]
+    assert kinds.count("imu") >= 12 and kinds.count("gps") >= 6 and kinds.count("star_camera") >= 8
+    assert {one.name: one.grade for one in LISTED if one.name in GRADES} == GRADES
+    grades = [load("shefex2_andoya", [f"imu.use={name}"]).imu for name in GRADES]
     for better, worse in pairwise(grades):
         for triad in ("gyro", "accelerometer"):
             for key in ("bias", "scale_factor", "misalignment"):
                 assert getattr(getattr(better, triad), key) <= getattr(getattr(worse, triad), key)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_each_says_its_unit_its_source_and_what_is_assumed(name):
-    path = Path(instruments.files()[name])
-    text = path.read_text(encoding="utf-8")
-    loaded, _, _ = load_as(lambda provided: SECTIONS["imu",], path)
-    assert loaded.grade == SHIPPED[name] and loaded.unit.split()[0] in loaded.source
-    head, body = text.split("instrument: imu")
-    assert loaded.unit.split()[-1] in head and "[E] assumed" in head and "[E] assumed" in body
+@pytest.mark.parametrize("one", LISTED, ids=NAMES)
+def test_each_says_its_unit_its_source_and_what_is_assumed(one):
+    text, loaded = Path(one.file).read_text(encoding="utf-8"), file_of(one)
+    head, body = text.split(f"instrument: {one.instrument}")
+    assert loaded.grade == one.grade and loaded.source and loaded.unit.split(",")[0].split()[-1] in head
+    assert ASSUMED in head and ASSUMED in body
+    for line in body.splitlines():  # the mark is always written so
+        assert ("[E]" in line) == (ASSUMED in line), line
+
+
+@pytest.mark.parametrize("one", [one for one in LISTED if one.instrument == "gps"], ids=lambda one: one.name)
+def test_noise_of_a_receiver_follows_from_the_accuracy_of_its_data_sheet(one):
+    """sqrt(2) times the sigma of north and of east, which is the share of the figure that its kind says."""
+    said = file_of(one)
+    sigma = said.accuracy.position * TO_SIGMA[said.accuracy.position_is]
+    assert said.range_noise == pytest.approx(2.0**0.5 * sigma, rel=0.01)
+    sigma = said.accuracy.velocity * TO_SIGMA[said.accuracy.velocity_is]
+    assert said.range_rate_noise == pytest.approx(2.0**0.5 * sigma, rel=0.01)
+    assert said.rate <= said.highest_rate
+
+
+def test_kinds_of_accuracy_by_drawing_errors():
+    """CEP holds half of the errors north and east, 2DRMS is twice their root mean square together."""
+    rng = np.random.default_rng(4)
+    off = np.hypot(*rng.standard_normal((2, 400_000)))
+    rms = np.sqrt(np.mean(off**2))
+    drawn = {"CEP": np.median(off), "RMS": rms, "2DRMS": 2.0 * rms}
+    for kind, value in drawn.items():
+        assert value * TO_SIGMA[kind] == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.parametrize("one", [one for one in LISTED if one.instrument == "gps"], ids=lambda one: one.name)
+def test_a_receiver_replaces_what_is_its_own_and_leaves_the_vehicle(written, one):
+    base = load("shefex2_andoya", ["gps.highest_speed=1 m/s"])
+    own = load(written("a.yaml", f"{BASE}gps:\n  use: {one.name}\n  latency: 0.3 s\n")).gps
+    said = file_of(one)
+    own_keys = "range_noise", "range_rate_noise", "highest_speed", "highest_height", "clock", "reacquisition"
+    for key in own_keys:
+        assert getattr(own, key) == getattr(said, key)
+    assert own.latency == 0.3 and base.gps.highest_speed == 1.0
+    assert (own.antenna, own.spin, own.outages) == (base.gps.antenna, base.gps.spin, base.gps.outages)
+
+
+@pytest.mark.parametrize(
+    "one", [one for one in LISTED if one.instrument == "star_camera"], ids=lambda one: one.name
+)
+def test_a_camera_replaces_optics_and_detector_and_leaves_mounting_and_sky(written, one):
+    """With the exposure and the identification that suit it: a scenario of its own is not made by `use`."""
+    said = file_of(one)
+    sets = ["star_tracker.rate=2 Hz", f"star_tracker.detection.saturation={2**said.detector.bits - 1} DN"]
+    sets += ["star_tracker.detection.scan=streaks"] if said.detector.shutter == "rolling" else []
+    own = load(written("a.yaml", f"{BASE}star_camera: {{use: {one.name}}}\n"), sets).star_camera
+    base = load("shefex2_andoya").star_camera
+    assert own.detector == said.detector and own.optics.focal_length == said.optics.focal_length
+    assert own.optics.zero_magnitude_flux > 1e6
+    for key in ("mounting", "stars", "artefacts", "stray_light"):
+        assert getattr(own, key) == getattr(base, key)
+
+
+def test_of_an_old_unit_nothing_is_left(written):
+    """Not even what the new one does not give: an instrument of one's own without reacquisition."""
+    text = Path(instruments.files()["max_m10s"]).read_text(encoding="utf-8")
+    written("mine.yaml", text[: text.index("reacquisition:")])
+    written("a.yaml", f"{BASE}gps: {{use: max_m10s}}\n")
+    assert load("a.yaml").gps.reacquisition is not None
+    assert load(written("b.yaml", "extends: a.yaml\ngps: {use: mine}\n")).gps.reacquisition is None
 
 
 def test_an_instrument_replaces_what_the_extended_file_says(written):
@@ -144,11 +213,11 @@ def test_a_campaign_disperses_its_values(written):
     ("given", "words"),
     [
         ("ln200s", "did you mean ln_200s?"),
-        ("tactical", "did you mean ln_200s?"),
-        ("zzz", "there are adis16470 (industrial MEMS), hg9900 (navigation)"),
+        ("navigation", "did you mean hg9900?"),
+        ("zzz", "there are adis16465_1 (industrial MEMS), adis16470 (industrial MEMS)"),
         ("there/zzz.yaml", "there is no such file"),
         ("rexus_like.yaml", "no instrument 'rexus_like' comes with the program"),
-        ("[1]", "expected the name of an instrument or of its file; there are adis16470"),
+        ("[1]", "expected the name of an instrument or of its file; there are adis16465_1"),
         ("", "expected the name of an instrument or of its file"),
     ],
 )
@@ -256,9 +325,9 @@ def test_a_text_that_cannot_name_files():
 def test_the_list_of_what_comes_with_the_program_has_them(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     command = shefex_nav(monkeypatch, capsys)
-    assert {one["name"] for one in json.loads(command("scenarios", "--json"))["instruments"]} == set(SHIPPED)
+    assert [one["name"] for one in json.loads(command("scenarios", "--json"))["instruments"]] == NAMES
     table = command("scenarios")
-    assert all(name in table and grade in table for name, grade in SHIPPED.items())
+    assert all(name in table and grade in table for name, grade in GRADES.items())
     path = Path(instruments.files()["ln_200s"])
     assert command("scenarios", "ln_200s") == path.read_text(encoding="utf-8")
     command("scenarios", "ln_200s", "--copy", "mine")

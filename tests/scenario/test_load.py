@@ -71,6 +71,8 @@ def test_what_the_default_leaves_out():
         *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation"),
         *("thrust_factor", "misalignment", "offset", "axial_factor", "normal_factor"),
         *("faintest_south", "line_time", "gradient", "software"),
+        *("highest_speed", "highest_height"),
+        *("f_number", "aperture", "transmission", "quantum_efficiency"),
         *("hot_pixel_smear", "upsets_per_frame", "trails_per_frame", "trail_longest"),
         *("particle_weakest", "particle_strongest"),
         *("moving_objects", "moving_slowest", "moving_fastest"),
@@ -264,8 +266,9 @@ def test_schema_holds_together():
     for name, block in blocks.items():
         for reference in references(block):
             assert reference.removeprefix("#/$defs/") in blocks
-            # for imu: {use: NAME}, and likewise for what the computer is told
-            of_use = (name, reference) == ("Scenario", "#/$defs/Imu.partial")
+            # for imu: {use: NAME} and the like
+            kinds = ("Imu", "Gps", "StarCamera")
+            of_use = name == "Scenario" and reference in {f"#/$defs/{kind}.partial" for kind in kinds}
             assert reference.endswith(".partial") == name.endswith(".partial") or of_use
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}

@@ -35,6 +35,7 @@ MAY_BE_NONE = (
     *("parachute", "height", "at", "payload_aerodynamics", "faintest_south"),
     *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time"),
     *("cross_period", "ramp", "separation"),
+    *("f_number", "aperture", "transmission", "quantum_efficiency"),
 )
 
 

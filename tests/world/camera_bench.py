@@ -32,6 +32,9 @@ PARAMS = StarCamera(
         principal_point_error=0.3,
         psf_sigma=0.8,
         zero_magnitude_flux=2.5e6,
+        f_number=None,
+        aperture=None,
+        transmission=None,
     ),
     detector=Detector(
         columns=659,
@@ -46,6 +49,7 @@ PARAMS = StarCamera(
         bits=8,
         shutter="global",
         line_time=None,
+        quantum_efficiency=None,
     ),
     stars=Stars(faintest=7.0, brightness_error=0.1, band="silicon"),
     artefacts=Artefacts(

@@ -9,9 +9,9 @@ from imu_settings import PERFECT, imu_with
 from scipy import stats
 
 from shefex_nav.environment import gnss
-from shefex_nav.geometry import frames, rotation
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.settings import changed
-from shefex_nav.world import gps, gps_settings, imu, noise
+from shefex_nav.world import gps, gps_receiver, gps_settings, imu, noise
 
 GPS_START_S = 500_000.0
 CONSTELLATION = gnss.nominal_24("2012-06-22T19:18:00Z")
@@ -26,6 +26,8 @@ PARAMS = gps_settings.Gps(
     elevation_mask=np.deg2rad(5.0),
     lowest_ray_height=50e3,
     max_pdop=10.0,
+    highest_speed=np.inf,
+    highest_height=np.inf,
     antenna=gps_settings.Antenna(
         lever_arm=(0.6, 0.05, -0.03), blind_nose=np.deg2rad(30.0), blind_tail=np.deg2rad(30.0)
     ),
@@ -249,6 +251,39 @@ def test_outages_begin_with_their_event_and_last_as_drawn(flight):
 
 def test_no_event_no_outage(flight):
     assert all(fix.valid for fix in measure(replace(CALM, outages=PARAMS.outages), flight, events=()))
+
+
+def test_limits_of_speed_and_height_silence_fixes_and_ranges_and_nothing_else(flight):
+    """Each by itself; other fixes keep every digit, and satellites stay tracked: no reacquisition begins."""
+    waits = gps_settings.Reacquisition(shortest=5.0, longest=5.0)
+    plain = received(replace(CALM, reacquisition=waits), flight)
+    speed = np.linalg.norm(plain.antenna.v_ea_e, axis=1)
+    height = np.array([wgs84.geodetic_from_ecef(r)[2] for r in plain.antenna.r_ea_e])
+    valid = np.array([fix.valid for fix in plain.fixes])
+    for key, values, scale, unit in (
+        ("highest_speed", speed, 1.0, "m/s"),
+        ("highest_height", height, 1e-3, "km"),
+    ):
+        limit = float(np.quantile(values, 0.6))
+        limited = received(replace(CALM, reacquisition=waits, **{key: limit}), flight)
+        over = values > limit
+        assert over.any() and not over.all()
+        assert np.array_equal([fix.valid for fix in limited.fixes], valid & ~over)
+        assert {limited.fixes[k].reason for k in np.flatnonzero(over)} == {
+            f"beyond its {scale * limit:g} {unit}"
+        }
+        assert not any(len(limited.ranges[k].prn) for k in np.flatnonzero(over))
+        for k in np.flatnonzero(valid & ~over):
+            np.testing.assert_array_equal(limited.fixes[k].r_ea_e, plain.fixes[k].r_ea_e)
+
+
+def test_a_receiver_that_comes_back_within_its_limits_speaks_at_once():
+    """Up and down again, faster and slower: silent exactly where it is beyond one of the two."""
+    r_e = np.array([[6378137.0 + h, 0.0, 0.0] for h in (0.0, 60e3, 90e3, 60e3, 0.0)])
+    v_e = np.array([[0.0, v, 0.0] for v in (0.0, 600.0, 400.0, 400.0, 0.0)])
+    settings = replace(CALM, highest_speed=500.0, highest_height=80e3)
+    assert gps_receiver.silenced(settings, r_e, v_e) == ["", "beyond its 500 m/s", "beyond its 80 km", "", ""]
+    assert gps_receiver.silenced(CALM, r_e, v_e) == [""] * 5
 
 
 def test_spin_costs_satellites_and_accuracy(flight):

@@ -41,6 +41,8 @@ PARAMS = gps_settings.Gps(
     elevation_mask=np.deg2rad(5.0),
     lowest_ray_height=50e3,
     max_pdop=10.0,
+    highest_speed=np.inf,
+    highest_height=np.inf,
     antenna=gps_settings.Antenna(lever_arm=(0.6, 0.05, -0.03), blind_nose=0.0, blind_tail=0.0),
     spin=gps_settings.Spin(threshold=np.deg2rad(90.0), loss=0.2, noise_factor=2.0),
     outages=(gps_settings.GpsOutage(event="burn_out_1", shortest=6.0, longest=6.0),),
