@@ -47,9 +47,11 @@ def trend(quantity, condition, published, measured, n, why, least=verdict.LEAST)
     return row._replace(tolerance=None)
 
 
-def figure(quantity, condition, published, measured, ci95, n, **how):
-    """Row of a figure beside a published one, as `verdict.compare` judges it."""
+def figure(quantity, condition, published, measured, ci95, n, why="", **how):
+    """Row of a figure beside a published one, as `verdict.compare` judges it; why: if it differs."""
     judged = verdict.compare(published, measured, ci95, n, **how)
+    if why and judged.verdict == Verdict.OPEN:
+        judged = judged._replace(why=why)
     return Row(quantity, condition, published, measured, ci95, *judged)
 
 

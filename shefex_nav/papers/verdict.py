@@ -57,7 +57,7 @@ def reach(value, interval, other):
     return low if other < value else high
 
 
-def compare(published, measured, ci95, n, *, resolves, rounding=0.0, of_paper=None, better="", why=""):
+def compare(published, measured, ci95, n, *, resolves, rounding=0.0, of_paper=None, better=""):
     """Judge a figure against a published one, in both directions.
 
     Parameters
@@ -69,7 +69,6 @@ def compare(published, measured, ci95, n, *, resolves, rounding=0.0, of_paper=No
     rounding : float, half a unit of the last digit that is published, or what a drawing can be read to
     of_paper : (low, high) of the published one; None: its sample is not known, no error is allowed for
     better : 'more', 'less' or '': what would be better than published
-    why : str, the reason if it differs
 
     Returns
     -------
@@ -89,7 +88,7 @@ def compare(published, measured, ci95, n, *, resolves, rounding=0.0, of_paper=No
         return Judgement(Verdict.REPRODUCED, stated)
     if better and (difference > 0.0) == (better == "more"):
         return Judgement(Verdict.BETTER, stated)
-    return Judgement(Verdict.OPEN, stated, why or NOT_EXPLAINED)
+    return Judgement(Verdict.OPEN, stated, NOT_EXPLAINED)
 
 
 def judgement(measured, ci95, why, *, least=-inf, most=inf, resolves, refuted=False):

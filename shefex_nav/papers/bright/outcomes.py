@@ -11,6 +11,7 @@ from shefex_nav.papers import rows
 from shefex_nav.papers.bright.fields import ARCSEC, MODEL, VOTING_TOLERANCE
 from shefex_nav.papers.bright.methods import brightness, two_angles, voting
 from shefex_nav.papers.experiment import Row
+from shefex_nav.papers.picture import COLOURS, tidy
 from shefex_nav.papers.shefex2.methods import pyramid
 from shefex_nav.papers.verdict import POINTS
 from shefex_nav.records import Reason
@@ -207,22 +208,28 @@ def _ratio(above, below):
     return above.mean() / below.mean()
 
 
+SHORT = {"brightness_referenced": "brightness", "pyramid": "pyramid", "geometric_voting": "voting"}
+
+
 def draw_outcomes(figure, rows, conditions):
-    """Failed and wrong in each condition, published and measured with its interval; a list is a column."""
+    """Failed and wrong in each condition: published, simulated, and with each variant; a list is a column."""
     grid = [conditions] if isinstance(conditions[0], str) else conditions
     axes = figure.subplots(len(grid[0]), len(grid), squeeze=False).T
+    of = {(row.quantity, row.condition): row for row in rows}
+    cells = [(method, outcome) for method in PUBLISHED for outcome in OUTCOMES[1:]]
+    variant_of = {whose: name for name, (whose, _, _) in VARIANTS.items()}
+    places = np.arange(len(cells))
     for axis, condition in zip(axes.ravel(), [one for column in grid for one in column], strict=True):
-        shown = [
-            row for row in rows
-            if row.condition == condition and row.quantity.endswith(("failed", "wrong"))
-            and row.published is not None and row.quantity.split(":")[0] in PUBLISHED
-        ]  # fmt: skip
-        places = np.arange(len(shown))
-        measured = np.array([row.measured for row in shown])
-        reach = np.abs(np.array([row.ci95 for row in shown]) - measured[:, None]).T
-        axis.bar(places - 0.2, [100.0 * row.published for row in shown], 0.4, label="published")
-        axis.bar(places + 0.2, 100.0 * measured, 0.4, yerr=100.0 * reach, capsize=3, label="simulated here")
-        axis.set_xticks(places, [row.quantity.replace(": ", "\n") for row in shown], fontsize=7)
+        here = [of[f"{method}: {outcome}", condition] for method, outcome in cells]
+        other = [of[f"{method}, {variant_of[method]}: {outcome}", condition] for method, outcome in cells]
+        axis.bar(places - 0.27, [100.0 * row.published for row in here], 0.26, label="published", color="0.6")
+        for k, (found, label) in enumerate(((here, "simulated here"), (other, "simulated, variant"))):
+            measured = np.array([row.measured for row in found])
+            reach = 100.0 * np.abs(np.array([row.ci95 for row in found]) - measured[:, None]).T
+            look = {"color": COLOURS[k], "label": label, "capsize": 2, "error_kw": {"lw": 0.8}}
+            axis.bar(places + 0.27 * k, 100.0 * measured, 0.26, yerr=reach, **look)
+        axis.set_xticks(places, [f"{SHORT[method]}\n{outcome}" for method, outcome in cells], fontsize=7)
         axis.set_ylabel("per cent")
         axis.set_title(condition.replace("_", " "), fontsize=9)
-    axes[0, 0].legend()
+        tidy(axis)
+    axes[0, 0].legend(fontsize=8, frameon=False)

@@ -179,7 +179,13 @@ def draw(figure, _results, rows):
     rate = np.linspace(0.3, 5.2, 200)
     for beta, colour in zip(BETAS, COLOURS, strict=False):
         model = model_magnitude(rate, np.radians(beta) - HALF_FIELD)
-        axis.plot(rate, np.minimum(model, FAINTEST_SHOWN), color=colour, lw=1.2, label=f"model, {beta:g} deg")
+        axis.plot(
+            rate,
+            np.minimum(model, FAINTEST_SHOWN),
+            color=colour,
+            lw=1.2,
+            label=f"equations (28), (30), {beta:g} deg",
+        )
     for method, style in zip(METHODS, ("o", "s"), strict=True):
         for beta, colour in zip(BETAS, COLOURS, strict=False):
             mine = [row for row in rows if row.quantity == f"{method}: {FAINTEST}"]
@@ -187,7 +193,7 @@ def draw(figure, _results, rows):
             values = np.array([row.measured for row in mine])
             ends = np.array([row.ci95 or (row.measured, row.measured) for row in mine])
             face = colour if style == "o" else "none"
-            label, reach = f"{method}, {beta:g} deg", np.abs(ends - values[:, None]).T
+            label, reach = f"simulated, {method}, {beta:g} deg", np.abs(ends - values[:, None]).T
             axis.errorbar(
                 RATES, values, reach, fmt=style, color=colour, ms=5, mfc=face, capsize=2, label=label
             )
@@ -198,7 +204,7 @@ def draw(figure, _results, rows):
     axis.legend(
         loc="upper right",
         frameon=False,
-        fontsize=9,
+        fontsize=8,
         ncols=3,
         title="angle between axis and boresight",
         title_fontsize=9,

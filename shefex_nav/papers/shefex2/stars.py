@@ -84,7 +84,7 @@ def conclude_catalogue(results):
 
 
 def _count_rows(built):
-    """Sizes and pairs, and the faint stars that the text counts."""
+    """Sizes and pairs; the faint stars."""
     stars, n_pairs = SHEFEX["catalogue"]["stars"], SHEFEX["catalogue"]["pairs"]
     pairs = {name: len(catalogue.pair_table(one, FIELD).cosine) for name, one in built.items()}
     shallow = catalogue.build(replace(COMBINED, faintest=SHALLOW), load_catalogue(8.0), YEAR)
@@ -99,20 +99,7 @@ def _count_rows(built):
         f"one still {south[thinned]:.0%}; the same number of stars makes more pairs where the sky is uneven, "
         f"and the published number is near that of the even one ({pairs['uniform']})"
     )
-    faint = _between(built["asymmetric"], 5.2, 5.4)
-    left = _between(built[thinned], 5.2, 5.4)
-    somewhere = (
-        f"all of the southern sky is filled here, and it has {faint} such stars; the paper does not say "
-        f"which part it fills. {left} are left of it in the combined one"
-    )
-    deeper = [_between(_uniform(limit), 5.25, 5.75) for limit in (6.0, 6.5)]
-    depth = (
-        "neither the size nor the depth of the uniform catalogue is published; of the same size, one from "
-        f"stars to V 6 has {deeper[0]}, to V 6.5 {deeper[1]}"
-    )
-    faint_uniform = _between(built["uniform"], 5.25, 5.75)
     as_written = "combined, filled from the asymmetric one as the text says"
-    size, filled = f"uniform, {stars} stars of V <= 5.75", "asymmetric: V 5.2 north, 5.4 south"
     return [
         given("stars", "combined; the size is given", stars, len(built["combined"].hip)),
         explained(
@@ -125,6 +112,28 @@ def _count_rows(built):
         variant(from_shallow),
         count("pairs", as_written, n_pairs, pairs[thinned], uneven),
         Row("pairs", "uniform", None, pairs["uniform"]),
+        *_faint_rows(built),
+    ]
+
+
+def _faint_rows(built):
+    """The faint stars that the text counts."""
+    thinned = "combined, from the asymmetric"
+    faint = _between(built["asymmetric"], 5.2, 5.4)
+    left = _between(built[thinned], 5.2, 5.4)
+    somewhere = (
+        f"all of the southern sky is filled here, and it has {faint} such stars; the paper does not say "
+        f"which part it fills. {left} are left of it in the combined one"
+    )
+    deeper = [_between(_uniform(limit), 5.25, 5.75) for limit in (6.0, 6.5)]
+    depth = (
+        "neither the size nor the depth of the uniform catalogue is published; of the same size, one from "
+        f"stars to V 6 has {deeper[0]}, to V 6.5 {deeper[1]}"
+    )
+    faint_uniform = _between(built["uniform"], 5.25, 5.75)
+    size = f"uniform, {SHEFEX['catalogue']['stars']} stars of V <= 5.75"
+    filled = "asymmetric: V 5.2 north, 5.4 south"
+    return [
         explained(
             count("stars with V 5.2 ... 5.4", filled, 180, faint, somewhere, ABOUT),
             count("", "", 180, left, "", ABOUT),
