@@ -108,14 +108,14 @@ def draw_calibration(figure, results, _rows):
     figure.set_size_inches(11.0, 4.8)
     left, right = figure.subplots(1, 2)
     estimates = []
-    for n in (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000):
-        if n <= len(frames):
-            try:
-                result = attitude.calibrated(frames[:n])
-            except ValueError:  # too few stars in so few frames: there is no estimate to draw
-                continue
-            f_mm = result.camera.focal_length_px * attitude.PIXEL_MM
-            estimates.append((n, f_mm, 1.96 * result.sigma["focal_length_px"] * attitude.PIXEL_MM))
+    fewer = [n for n in (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000) if n < len(frames)]
+    for n in (*fewer, len(frames)):
+        try:
+            result = attitude.calibrated(frames[:n])
+        except ValueError:  # too few stars in so few frames: there is no estimate to draw
+            continue
+        f_mm = result.camera.focal_length_px * attitude.PIXEL_MM
+        estimates.append((n, f_mm, 1.96 * result.sigma["focal_length_px"] * attitude.PIXEL_MM))
     left.axhspan(
         attitude.TRUE_MM - attitude.ACCURACY_MM, attitude.TRUE_MM + attitude.ACCURACY_MM, color="0.92"
     )
