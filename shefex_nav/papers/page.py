@@ -66,13 +66,11 @@ def page(folder):
             content = [html.join(_experiment(name, found[name], Path(folder))) for name in names]
             sections.append((paper, heading, content))
     rows = [row for one in found.values() for row in one["rows"]]
-    header = html.join(
-        [
-            html.element("h1", "Three papers, published and measured"),
-            html.element("p", LEAD, class_="lead"),
-            _counts({"all": rows} | {name: one["rows"] for name, one in found.items()}),
-        ]
-    )
+    header = [
+        html.element("h1", "Three papers, published and measured"),
+        html.element("p", LEAD, class_="lead"),
+        _counts({"all": rows} | {name: one["rows"] for name, one in found.items()}),
+    ]
     footer = f"shefex_nav {__version__}, shefex-nav reproduce"
     return html.page("Three papers, published and measured", header=header, sections=sections, footer=footer)
 

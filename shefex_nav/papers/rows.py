@@ -108,6 +108,8 @@ def variant(row):
 def explained(row, other, run, words, passes=False):
     """A row that differs, explained by a run with one thing otherwise; unchanged where that does not reach.
 
+    A figure that is better than the paper's stays so, and says which run is as the paper.
+
     Parameters
     ----------
     row, other : Row of one published figure, measured without and with the change
@@ -115,7 +117,7 @@ def explained(row, other, run, words, passes=False):
     words : str, what is otherwise in that run
     passes : bool, of something continuous: it is enough that the figure lies between the two
     """
-    if row.verdict != Verdict.OPEN or not isfinite(other.measured):
+    if row.verdict not in (Verdict.OPEN, Verdict.BETTER) or not isfinite(other.measured):
         return row
     reached = other.verdict in (Verdict.REPRODUCED, Verdict.CALIBRATED)
     between = (
@@ -128,4 +130,5 @@ def explained(row, other, run, words, passes=False):
     said = "it is" if reached else "the published figure lies between, it is"
     value = other.measured
     why = f"{words}, {said} {value:.0f} ({run})" if value >= 1e3 else f"{words}, {said} {value:.4g} ({run})"
-    return row._replace(verdict=Verdict.EXPLAINED, why=why, run=run)
+    differs = Verdict.EXPLAINED if row.verdict == Verdict.OPEN else Verdict.BETTER
+    return row._replace(verdict=differs, why=why, run=run)

@@ -95,6 +95,7 @@ def test_the_page_has_the_papers_side_by_side(tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     page = (tmp_path / "report.html").read_text()
     assert "&lt;b&gt;bold&lt;/b&gt;" in page and "<b>bold" not in page
+    assert "<h1>" in page and "&lt;h1&gt;" not in page
     assert page.count("data:image/png;base64,") == 1 and "IMPA" in page and "BRIGHT" not in page
     assert "there is nothing to measure it with" in page and "differs, open" in page
     (tmp_path / "toy.png").unlink()
