@@ -81,7 +81,8 @@ def _counts(rows_of):
     for name, rows in rows_of.items():
         counts = [sum(row["verdict"] == verdict for row in rows) for verdict in Verdict]
         lines.append([name, *(str(count or "") for count in counts)])
-    heads = ("rows per class", *Verdict)
+    short = [verdict.replace("differs, ", "").replace("own ", "") for verdict in Verdict]
+    heads = ("rows per class", *short)
     return html.table("", heads, lines, numbers=range(1, len(heads)))
 
 
