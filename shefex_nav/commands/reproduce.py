@@ -16,6 +16,7 @@ from shefex_nav.progress import bar, lines
 from shefex_nav.stopping import wishes
 
 OUT = Path("logs/reproduce")
+REPORT = "report"  # in place of an experiment
 
 
 class ListingCommand(typer.core.TyperCommand):
@@ -28,12 +29,12 @@ class ListingCommand(typer.core.TyperCommand):
 
 
 def reproduce(
-    name: Annotated[str | None, typer.Argument(help="Experiment, or all; none lists them.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Experiment, all, or report; none lists them.")] = None,
     samples: Annotated[
         int | None, typer.Option(help="Sample size; default as in the paper, with 'all' less for long ones.")
     ] = None,
     seed: Seed = 1,
-    out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
+    out: Annotated[Path, typer.Option(help="Folder for figures (PNG), results (JSON) and the page.")] = OUT,
     keep: Annotated[
         Path | None,
         typer.Option(
@@ -43,13 +44,19 @@ def reproduce(
     ] = None,
     json: Json = False,
 ):
-    """Run an experiment of the papers again and compare with what was published."""
+    """Run an experiment of the papers again and compare with what was published.
+
+    'report' runs nothing: it makes one HTML page of what is in the folder of --out. 'all' ends with it.
+    """
     if name is None:
         typer.echo(f"Experiments, each of them or 'all':\n{registry.listing()}")
         return
+    if name == REPORT:
+        _page(out)
+        return
     names = list(registry.EXPERIMENTS) if name == "all" else [name]
     if names[0] not in registry.EXPERIMENTS:
-        known = ", ".join(["all", *registry.EXPERIMENTS])
+        known = ", ".join(["all", REPORT, *registry.EXPERIMENTS])
         raise typer.BadParameter(f"there is no experiment {name!r}; choose from: {known}", param_hint="NAME")
     if samples is not None and samples < 1:
         raise typer.BadParameter(f"{samples} is not possible; at least 1", param_hint="--samples")
@@ -60,18 +67,45 @@ def reproduce(
     for one in names:
         folder = keep if name != "all" or registry.load(one).kept else None
         size = samples or (registry.load(one).brief if name == "all" else None)
-        outcome = _run(one, size, seed, out, folder, show=not json)
+        outcome = _run(one, size, seed, out, folder, dict(done), show=not json)
         done.append((one, outcome))
+    _close(done, out, name == "all", json)
+
+
+def _close(done, out, every, json):
+    """Leave results of (name, Outcome) in the folder; then JSON, or the counts and the page of all."""
+    import json as formats
+
+    from shefex_nav import files
+    from shefex_nav.papers import table
+
+    objects = [table.as_numbers(one, registry.load(one), outcome) for one, outcome in done]
+    for one in objects:
+        files.put(out / f"{one['experiment']}.json", formats.dumps(one, allow_nan=False, indent=1))
+    if every:
+        _page(out)
     if json:
-        from shefex_nav.papers.table import as_numbers
+        print_json({"experiments": objects} if every else objects[0])
+    elif every:
+        stdout(150).print(table.counts_table(done))
 
-        objects = [as_numbers(one, outcome) for one, outcome in done]
-        print_json({"experiments": objects} if name == "all" else objects[0])
+
+def _page(out):
+    """Make the page of a folder."""
+    from shefex_nav import files
+    from shefex_nav.papers import page
+
+    try:
+        made = page.page(out)
+    except page.FolderError as error:
+        raise typer.BadParameter(str(error), param_hint="--out") from None
+    files.put(out / "report.html", made)
+    say(f"wrote {out / 'report.html'}")
 
 
-def _run(name, samples, seed, out, keep, show):
-    """One experiment: measure, draw, and show the table if wanted. Outcome."""
-    from shefex_nav.papers import picture, table
+def _run(name, samples, seed, out, keep, before, show):
+    """One experiment, after those of `before`: measure, draw, and show the table if wanted. Outcome."""
+    from shefex_nav.papers import links, picture, table
     from shefex_nav.papers.keep import StoreError
 
     experiment = registry.load(name)
@@ -81,8 +115,9 @@ def _run(name, samples, seed, out, keep, show):
         outcome = _watched(experiment, samples, seed, keep)
     except StoreError as error:
         raise typer.BadParameter(str(error), param_hint="--keep") from None
+    outcome = links.linked(before | {name: outcome})[name]
     if show:
-        stdout(130).print(table.experiment_table(name, experiment, outcome))
+        stdout(140).print(table.experiment_table(name, experiment, outcome))
     path = out / f"{name}.png"
     picture.draw(experiment, outcome, path)
     say(f"wrote {path}")

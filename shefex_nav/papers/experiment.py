@@ -8,6 +8,8 @@ to run (`keep`) are dictionaries of arrays.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from shefex_nav.papers.verdict import Verdict
+
 
 class Row(NamedTuple):
     """One published figure beside the measured one."""
@@ -17,9 +19,10 @@ class Row(NamedTuple):
     published: float | None  # None where the paper gives no figure
     measured: float
     ci95: tuple[float, float] | None = None  # None where the measurement has no sampling error (a count)
-    # None where there is nothing to agree with, or the sample cannot tell (`verdict.judgement`)
-    agrees: bool | None = None
-    why: str = ""  # of a disagreement or of a verdict that was left open
+    verdict: Verdict = Verdict.NONE
+    tolerance: float | None = None  # difference up to which the two are the same; None: no such comparison
+    why: str = ""  # of a difference or of a verdict that was left open
+    run: str = ""  # experiment/variant, the run that explains a difference
 
 
 class Experiment(NamedTuple):

@@ -8,6 +8,7 @@ COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f", "#9c4f96", "#8c6d31")
 def tidy(axis):
     """The look of all figures."""
     axis.grid(True, color="0.9", lw=0.6)
+    axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
 
 

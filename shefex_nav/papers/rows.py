@@ -1,15 +1,18 @@
 """Rows of the tables: shares, counts, medians, and figures that are held against what was published."""
 
+from math import isfinite
+
 import numpy as np
 
+from shefex_nav.papers import verdict
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.verdict import judgement
+from shefex_nav.papers.verdict import POINTS, Judgement, Verdict
 from shefex_nav.report import intervals
 
 
-def share(quantity, condition, k, n, published=None):
-    """Row of k of n samples, with its interval, without a verdict."""
-    return Row(quantity, condition, published, k / n, intervals.proportion(int(k), int(n)))
+def share(quantity, condition, k, n):
+    """Row of k of n samples, with its interval, that has nothing published beside it."""
+    return Row(quantity, condition, None, k / n, intervals.proportion(int(k), int(n)))
 
 
 def median(quantity, condition, values):
@@ -17,26 +20,115 @@ def median(quantity, condition, values):
     return Row(quantity, condition, None, float(np.median(values)), intervals.percentile(values, 50.0))
 
 
-def count(quantity, condition, published, measured, why, tolerance=0.0):
+def given(quantity, condition, published, measured):
+    """Row of a figure that was put in: an input where it is the published one, else open."""
+    if abs(measured - published) <= 1e-9 * abs(published):
+        return Row(quantity, condition, published, measured, None, *Judgement(Verdict.INPUT, 0.0))
+    why = "the experiment is not set up as the paper's"
+    return Row(quantity, condition, published, measured, None, *Judgement(Verdict.OPEN, 0.0, why))
+
+
+def count(quantity, condition, published, measured, why="", tolerance=0.0):
     """Row of a count, which has no sampling error.
 
-    why : the reason if it differs by more than the share `tolerance` of the published one
+    tolerance : float, of what the paper gives as 'about', in the unit of the count
     """
-    agrees = bool(abs(measured - published) <= tolerance * published)
-    return Row(quantity, condition, published, measured, None, agrees, "" if agrees else why)
+    same = abs(measured - published) <= tolerance
+    words = "" if same else why or verdict.NOT_EXPLAINED
+    judged = Judgement(Verdict.REPRODUCED if same else Verdict.OPEN, tolerance, words)
+    return Row(quantity, condition, published, measured, None, *judged)
 
 
-def judged(quantity, condition, published, measured, ci95, why, **criterion):
-    """Row with the verdict of `judgement`, which `why` and the criterion are for."""
-    return Row(quantity, condition, published, measured, ci95, *judgement(measured, ci95, why, **criterion))
+def trend(quantity, condition, published, measured, n, why, least=verdict.LEAST):
+    """Row of curves or steps that do what the text says of them; n: samples behind each."""
+    row = count(quantity, condition, published, measured, why)
+    if n < least:
+        return row._replace(verdict=Verdict.TOO_FEW, why=verdict.TOO_FEW_WORDS)
+    return row._replace(tolerance=None)
 
 
-def near(quantity, condition, published, measured, ci95, why, margin):
-    """The same of a figure that agrees within a margin about the published one."""
-    criterion = {"least": published - margin, "most": published + margin, "resolves": margin}
-    return judged(quantity, condition, published, measured, ci95, why, **criterion)
+def figure(quantity, condition, published, measured, ci95, n, why="", **how):
+    """Row of a figure beside a published one, as `verdict.compare` judges it; why: if it differs."""
+    judged = verdict.compare(published, measured, ci95, n, **how)
+    if why and judged.verdict == Verdict.OPEN:
+        judged = judged._replace(why=why)
+    return Row(quantity, condition, published, measured, ci95, *judged)
 
 
-def judged_share(quantity, condition, published, k, n, why, **criterion):
-    """The same of k of n samples, with its interval."""
-    return judged(quantity, condition, published, k / n, intervals.proportion(k, n), why, **criterion)
+def published_share(quantity, condition, published, k, n, *, n_published=None, **how):
+    """The same of k of n samples; n_published: those of the paper, where they are known.
+
+    To be the same, a share must be known to half of itself or of what it lacks to one, and to ten points:
+    that none of 300 failed does not reproduce one failure in a hundred. Twice the paper's error is enough.
+    """
+    measured, of_paper, theirs = k / n, None, 0.0
+    if n_published is not None:
+        of_paper = intervals.proportion(round(published * n_published), n_published)
+        theirs = verdict.reach(published, of_paper, measured)
+    resolves = max(min(POINTS, 0.5 * min(published, 1.0 - published)), 2.0 * theirs)
+    ci95 = intervals.proportion(int(k), int(n))
+    given = quantity, condition, published, measured, ci95, n
+    return figure(*given, resolves=resolves, of_paper=of_paper, **how)
+
+
+def statement(quantity, condition, published, measured, ci95, n, why="", **criterion):
+    """Row of what a paper says in words: the criterion is a range, see `verdict.judgement`."""
+    judged = verdict.ranged(verdict.STATEMENT, n, measured, ci95, why, **criterion)
+    return Row(quantity, condition, published, measured, ci95, *judged)
+
+
+def goal(quantity, condition, published, measured, ci95, n, why="", **criterion):
+    """Row of a goal of our own; the paper's figure may stand beside it."""
+    judged = verdict.ranged(verdict.GOAL, n, measured, ci95, why, **criterion)
+    return Row(quantity, condition, published, measured, ci95, *judged)
+
+
+def goal_none(quantity, condition, which):
+    """Goal: none of these (n,) bool. One that occurred is one too many, however few there were."""
+    k, n = int(which.sum()), len(which)
+    ci95 = tuple(n * end for end in intervals.proportion(k, n))
+    if k:
+        judged = Judgement(Verdict.GOAL_MISSED, None, verdict.NOT_EXPLAINED)
+    else:
+        judged = Judgement(Verdict.GOAL_MET if n >= verdict.LEAST else Verdict.TOO_FEW)
+        judged = judged._replace(why="" if n >= verdict.LEAST else verdict.TOO_FEW_WORDS)
+    return Row(quantity, condition, None, float(k), ci95, *judged)
+
+
+def calibrated(row):
+    """The row as one whose figure an assumption was chosen for. One that differs stays what it is."""
+    return row._replace(verdict=Verdict.CALIBRATED) if row.verdict == Verdict.REPRODUCED else row
+
+
+def variant(row):
+    """A row that another is explained by: shown, not counted, unless an assumption was chosen for it."""
+    return row if row.verdict in (Verdict.CALIBRATED, Verdict.TOO_FEW) else Row(*row[:5])
+
+
+def explained(row, other, run, words, passes=False):
+    """A row that differs, explained by a run with one thing otherwise; unchanged where that does not reach.
+
+    A figure that is better than the paper's stays so, and says which run is as the paper.
+
+    Parameters
+    ----------
+    row, other : Row of one published figure, measured without and with the change
+    run : str, experiment/variant
+    words : str, what is otherwise in that run
+    passes : bool, of something continuous: it is enough that the figure lies between the two
+    """
+    if row.verdict not in (Verdict.OPEN, Verdict.BETTER) or not isfinite(other.measured):
+        return row
+    reached = other.verdict in (Verdict.REPRODUCED, Verdict.CALIBRATED)
+    between = (
+        passes
+        and other.verdict != Verdict.TOO_FEW
+        and ((row.measured - row.published) * (other.measured - other.published) < 0.0)
+    )
+    if not (reached or between):
+        return row
+    said = "it is" if reached else "the published figure lies between, it is"
+    value = other.measured
+    why = f"{words}, {said} {value:.0f} ({run})" if value >= 1e3 else f"{words}, {said} {value:.4g} ({run})"
+    differs = Verdict.EXPLAINED if row.verdict == Verdict.OPEN else Verdict.BETTER
+    return row._replace(verdict=differs, why=why, run=run)

@@ -6,14 +6,20 @@ from rich.console import Group
 from rich.padding import Padding
 from rich.text import Text
 
-from shefex_nav.papers.verdict import is_open
+from shefex_nav.papers.verdict import DIFFERS, Verdict
 from shefex_nav.report import columns
 
+STYLES = {Verdict.REPRODUCED: "green", Verdict.BETTER: "cyan", Verdict.GOAL_MET: "green"} | dict.fromkeys(
+    (*DIFFERS, Verdict.GOAL_MISSED), "bold red"
+)
 
-def as_numbers(name, outcome):
+
+def as_numbers(name, experiment, outcome):
     """One experiment as an object that JSON can hold: dict. A value that is no number becomes null."""
     return {
         "experiment": name,
+        "title": experiment.title,
+        "unit": experiment.unit,
         "seed": outcome.seed,
         "samples": outcome.samples,
         "rows": [_row_as_numbers(row) for row in outcome.rows],
@@ -26,7 +32,8 @@ def _row_as_numbers(row):
         "published": _finite(row.published),
         "measured": _finite(row.measured),
         "ci95": None if row.ci95 is None else [_finite(end) for end in row.ci95],
-        "agrees": None if row.agrees is None else bool(row.agrees),
+        "verdict": str(row.verdict),
+        "tolerance": None if row.tolerance is None else _finite(row.tolerance),
     }
 
 
@@ -37,7 +44,7 @@ def _finite(value):
 def experiment_table(name, experiment, outcome):
     """Table of published against measured, the reasons of disagreements below it: rich renderable."""
     title = f"{name}: {experiment.title}"
-    heads = ("quantity", "condition", ">published", ">measured", ">95 % interval", "agrees")
+    heads = ("quantity", "condition", ">published", ">measured", ">95 % interval", ">tolerance", "class")
     table = columns.table(title, heads, title_style="bold")
     for column in table.columns[2:]:
         column.no_wrap = True
@@ -50,6 +57,7 @@ def experiment_table(name, experiment, outcome):
             number(row.published),
             number(row.measured, step),
             "" if row.ci95 is None else f"{number(row.ci95[0], step)} … {number(row.ci95[1], step)}",
+            "" if row.tolerance is None else number(row.tolerance, row.tolerance),
             _verdict(row, notes),
         )
     unit = experiment.unit
@@ -59,10 +67,26 @@ def experiment_table(name, experiment, outcome):
 
 
 def _verdict(row, notes):
+    if row.verdict == Verdict.NONE:
+        return Text("-")
     reference = f" [{notes.index(row.why) + 1}]" if row.why else ""
-    if row.agrees is None:
-        return Text(("too few" if is_open(row) else "-") + reference)
-    return Text(("yes" if row.agrees else "NO") + reference, style="green" if row.agrees else "bold red")
+    return Text(f"{row.verdict}{reference}", style=STYLES.get(row.verdict, ""))
+
+
+def counts(rows):
+    """Rows of each class: dict of Verdict -> int, all classes."""
+    return {verdict: sum(row.verdict == verdict for row in rows) for verdict in Verdict}
+
+
+def counts_table(outcomes):
+    """Rows of each class, experiment by experiment and in all. Pairs of (name, Outcome) -> rich Table."""
+    made = columns.table("Rows per class", ("experiment", *(f">{verdict}" for verdict in Verdict)))
+    for name, outcome in outcomes:
+        made.add_row(name, *(str(n or "") for n in counts(outcome.rows).values()))
+    every = counts([row for _, outcome in outcomes for row in outcome.rows])
+    made.add_section()
+    made.add_row("all", *(str(n) for n in every.values()))
+    return made
 
 
 def number(value, width=None):

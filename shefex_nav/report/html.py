@@ -51,11 +51,17 @@ def table(caption, heads, rows, numbers=()):
     return element("div", element("table", *parts), class_="scroll")
 
 
-def picture(svg, name, alt, caption, size_inches):
-    """A figure of an SVG text (bytes), within the page and cut off from its styles and names. -> Safe"""
-    width, height = (round(96 * inches) for inches in size_inches)
-    source = "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
-    image = Safe(f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{width}" height="{height}">')
+def picture(data, name, alt, caption, size_inches, kind="svg+xml"):
+    """A figure (bytes) within the page, cut off from its styles and names. -> Safe
+
+    size_inches : width, height; None: as large as the picture says
+    """
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    size = ""
+    if size_inches is not None:
+        width, height = (round(96 * inches) for inches in size_inches)
+        size = f' width="{width}" height="{height}"'
+    image = Safe(f'<img src="{source}" alt="{escape(alt, quote=True)}"{size}>')
     return element("figure", image, element("figcaption", caption), id=f"figure-{name}")
 
 

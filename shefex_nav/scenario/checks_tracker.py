@@ -4,7 +4,7 @@ from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
 
-SPOTS = ("sequential", "maximum")  # scans that take a star for a spot at rest
+SPOTS = ("sequential", "maximum", "single_pixels")  # scans that take a star for a spot at rest
 CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings along
 SAME = 1e-9  # s, rounding of times that are to be equal
 

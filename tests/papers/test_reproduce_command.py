@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from shefex_nav.commands.main import app
 from shefex_nav.papers import registry
-from shefex_nav.papers.verdict import TOO_FEW
+from shefex_nav.papers.verdict import TOO_FEW_WORDS, Verdict
 
 RUNNER = CliRunner()
 
@@ -34,7 +34,7 @@ def test_table_and_figure(toy_registered, tmp_path):
     out = tmp_path / "figures" / "deep"
     result = reproduce("toy", "--samples", 200, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "a standard normal" in result.stdout and "NO [1]" in result.stdout
+    assert "a standard normal" in result.stdout and "differs, open [1]" in result.stdout
     assert "[1] there is nothing to measure it with" in result.stdout
     assert "200 numbers, seed 1" in result.stdout
     assert (out / "toy.png").read_bytes().startswith(b"\x89PNG")
@@ -48,29 +48,67 @@ def test_json_is_one_strict_object(toy_registered, tmp_path):
         raise AssertionError(f"{constant} is not JSON")
 
     found = json.loads(result.stdout, parse_constant=refuse)
-    assert list(found) == ["experiment", "seed", "samples", "rows", "wall_s"]
+    assert list(found) == ["experiment", "title", "unit", "seed", "samples", "rows", "wall_s"]
     assert (found["experiment"], found["seed"], found["samples"]) == ("toy", 7, 200)
     mean, impossible = found["rows"]
-    assert list(mean) == ["quantity", "condition", "published", "measured", "ci95", "agrees", "why"]
-    assert mean["ci95"][0] < mean["measured"] < mean["ci95"][1] and mean["agrees"] is True
-    assert impossible["measured"] is None and impossible["ci95"] is None and impossible["agrees"] is False
+    columns = ["quantity", "condition", "published", "measured", "ci95", "verdict", "tolerance", "why", "run"]
+    assert list(mean) == columns
+    assert mean["ci95"][0] < mean["measured"] < mean["ci95"][1]
+    assert mean["verdict"] == "reproduced" and mean["tolerance"] == 0.1
+    assert impossible["measured"] is None and impossible["ci95"] is None
+    assert impossible["verdict"] == "differs, open"
+    assert json.loads((tmp_path / "toy.json").read_text()) == found
 
 
 def test_a_sample_that_cannot_tell_says_so(toy_registered, tmp_path, monkeypatch):
     def undecided(results):
-        return [toy.conclude(results)[0]._replace(agrees=None, why=TOO_FEW)]
+        return [toy.conclude(results)[0]._replace(verdict=Verdict.TOO_FEW, why=TOO_FEW_WORDS)]
 
     monkeypatch.setattr(registry, "load", lambda name: toy.NORMAL._replace(conclude=undecided))
     arguments = ("toy", "--samples", 2, "--out", tmp_path)
     shown = reproduce(*arguments).stdout
-    assert "too few [1]" in shown and "NO" not in shown and "[1] too few samples" in shown
+    assert "too few [1]" in shown and "differs" not in shown and "[1] too few samples" in shown
     (row,) = json.loads(reproduce(*arguments, "--json").stdout)["rows"]
-    assert row["agrees"] is None and row["why"] == TOO_FEW
+    assert row["verdict"] == "too few" and row["why"] == TOO_FEW_WORDS
 
 
 def test_all_is_an_object_of_experiments(toy_registered, tmp_path):
     result = reproduce("all", "--samples", 50, "--out", tmp_path, "--json")
     assert [one["experiment"] for one in json.loads(result.stdout)["experiments"]] == ["toy"]
+
+
+def test_all_ends_with_the_rows_of_each_class_and_a_page(toy_registered, tmp_path):
+    result = reproduce("all", "--samples", 50, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "Rows per class" in result.stdout
+    total = result.stdout.splitlines()[-2].split("│")
+    assert [cell.strip() for cell in total[1:-1]] == ["all", *"0010010000"]  # as Verdict has them
+    page = (tmp_path / "report.html").read_text()
+    assert "default-src 'none'" in page and "<script" not in page
+
+
+def test_the_page_has_the_papers_side_by_side(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "EXPERIMENTS", {"toy": ("impa.toy", "a standard normal")})
+    monkeypatch.setattr(registry, "load", lambda name: toy.NORMAL._replace(title="<b>bold</b>"))
+    assert reproduce("toy", "--samples", 50, "--out", tmp_path).exit_code == 0
+    result = reproduce("report", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "report.html").read_text()
+    assert "&lt;b&gt;bold&lt;/b&gt;" in page and "<b>bold" not in page
+    assert "<h1>" in page and "&lt;h1&gt;" not in page
+    assert page.count("data:image/png;base64,") == 1 and "IMPA" in page and "BRIGHT" not in page
+    assert "there is nothing to measure it with" in page and "differs, open" in page
+    (tmp_path / "toy.png").unlink()
+    assert "toy.png is not beside" in " ".join(reproduce("report", "--out", tmp_path).output.split())
+
+
+@pytest.mark.parametrize("content", [None, "[]", "{", '{"experiment": "toy"}', "[1]"])
+def test_a_folder_without_results_is_refused(toy_registered, tmp_path, content):
+    if content is not None:
+        (tmp_path / "toy.json").write_text(content)
+    result = reproduce("report", "--out", tmp_path)
+    assert result.exit_code == 2 and "Traceback" not in result.output
+    assert "reproduce" in result.output and not (tmp_path / "report.html").exists()
 
 
 def test_the_default_sample_is_the_papers(toy_registered, tmp_path):

@@ -8,6 +8,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker.attitude import covariance
 from shefex_nav.papers.shefex2 import attitude, stars
 from shefex_nav.papers.shefex2 import field as fields
+from shefex_nav.papers.verdict import DIFFERS, Verdict
 
 
 def row(rows, quantity, condition=""):
@@ -56,11 +57,13 @@ def test_catalogue_rows():
     results = [stars.measure_catalogue(40, np.random.SeedSequence(1)) for _ in range(2)]
     rows = stars.conclude_catalogue(results)
     assert row(rows, "stars", "size is given").measured == 2023
-    assert row(rows, "pairs", "V <= 5.75").agrees
+    filled = row(rows, "pairs", "V <= 5.75")
+    assert filled.verdict == Verdict.EXPLAINED and filled.run == "shefex-catalogue/pool to V 5.5"
+    assert row(rows, "stars", "size is given").verdict == Verdict.INPUT
     few = row(rows, "fewer than four", "uniform")
     assert few.measured == pytest.approx((results[0]["uniform"] < 4).mean())  # both chunks are the same
     assert few.ci95[0] <= few.measured <= few.ci95[1]
-    assert all(one.why for one in rows if one.agrees is False)
+    assert all(one.why for one in rows if one.verdict in DIFFERS)
 
 
 def cos_error_results(time_of, success_of, n=60):
@@ -80,14 +83,14 @@ def test_curves_like_the_papers_agree():
         lambda x, e: 1.0 / (1.0 + np.exp(-6.0 * (x + 5.2 - np.log10(e / 0.1)))),
     )
     rows = stars.conclude_cos_error(results)
-    assert [one.agrees for one in rows if one.published is not None] == [True] * 4
+    assert [one.verdict for one in rows if one.published is not None] == [Verdict.REPRODUCED] * 4
     assert row(rows, "success", "error 0.1 px").measured > row(rows, "success", "error 0.5 px").measured
 
 
 def test_curves_unlike_the_papers_do_not_agree():
     results = cos_error_results(lambda x, e: 1e-3 * (7.0 + x), lambda x, e: 0.5 + 0.0 * x * e)
     published = [one for one in stars.conclude_cos_error(results) if one.published is not None]
-    assert [one.agrees for one in published] == [False] * 4
+    assert [one.verdict for one in published] == [Verdict.OPEN] * 4
     assert all(one.why for one in published)
 
 
@@ -100,7 +103,8 @@ def spike_results(rate):
 def test_spikes_that_mislead_are_seen():
     rate = stars.SPIKES[:, None] / 15.0 * np.array([0.05, 0.1, 0.3, 0.6])
     rows = stars.conclude_spikes(spike_results(rate))
-    assert row(rows, "curves that rise").agrees and row(rows, "steps of cosError").agrees
+    for words in ("curves that rise", "steps of cosError"):
+        assert row(rows, words).verdict == Verdict.REPRODUCED
     assert row(rows, "wrong", "0.0002, 15").measured == pytest.approx(0.6)
     rows = stars.conclude_spikes(spike_results(rate[::-1]))
     assert row(rows, "curves that rise").measured == 0
@@ -147,7 +151,8 @@ def test_calibration_finds_the_true_camera():
     rows = attitude.conclude_calibration(results)
     assert row(rows, "frames identified").measured >= 0.9
     assert row(rows, "named wrongly").measured == 0
-    focal = row(rows, "focal length [mm]")
+    focal = row(rows, "focal length found [mm]")
+    assert row(rows, "focal length of the camera").verdict == Verdict.INPUT
     sigma = (focal.ci95[1] - focal.ci95[0]) / 3.92
     assert abs(focal.measured - attitude.TRUE_MM) < 4.0 * sigma
     assert abs(focal.measured - 25.0) > 4.0 * sigma  # and it is not the nominal one
@@ -155,5 +160,5 @@ def test_calibration_finds_the_true_camera():
 
 def test_calibration_without_frames_says_why():
     rows = attitude.conclude_calibration([[None, None]])
-    focal = row(rows, "focal length [mm]")
-    assert np.isnan(focal.measured) and focal.agrees is False and "no frames" in focal.why
+    focal = row(rows, "focal length found [mm]")
+    assert np.isnan(focal.measured) and focal.verdict == Verdict.TOO_FEW and "no frames" in focal.why

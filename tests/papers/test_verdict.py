@@ -2,10 +2,13 @@
 
 from math import inf, nan
 
+import numpy as np
 import pytest
 
+from shefex_nav.papers import links, registry, rows
+from shefex_nav.papers.engine import Outcome
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.verdict import NO_FIGURE, POINTS, TOO_FEW, is_open, judgement
+from shefex_nav.papers.verdict import NO_FIGURE, POINTS, TOO_FEW_WORDS, Verdict, compare, judgement
 from shefex_nav.report import intervals
 
 
@@ -16,7 +19,7 @@ def share(k, n, least):
 @pytest.mark.parametrize("k, n, least", [(0, 1, 0.3), (1, 1, 0.95), (0, 3, 0.3), (11, 12, 0.9), (5, 12, 0.3)])
 def test_a_small_sample_leaves_open_what_its_interval_holds(k, n, least):
     """One failure is no proof of a small share, nor one success of a large one."""
-    assert share(k, n, least) == (None, TOO_FEW)
+    assert share(k, n, least) == (None, TOO_FEW_WORDS)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +59,101 @@ def test_no_figure_is_no_verdict():
     assert judgement(nan, None, "because", most=1.0, resolves=1.0) == (None, NO_FIGURE)
 
 
-def test_open_rows_are_known_from_those_without_a_criterion():
-    assert is_open(Row("q", "c", 1.0, 0.0, None, None, TOO_FEW))
-    assert not is_open(Row("q", "c", None, 0.0, None, None, ""))
-    assert not is_open(Row("q", "c", 1.0, 0.0, None, False, "because"))
+def verdict_of(published, measured, ci95, n=100, **how):
+    return compare(published, measured, ci95, n, **({"resolves": 0.2} | how)).verdict
+
+
+def test_a_figure_is_reproduced_within_the_errors_of_both_and_the_rounding():
+    of_paper = (0.96, 1.04)
+    assert compare(1.0, 1.04, (1.01, 1.07), 100, resolves=0.2, of_paper=of_paper).tolerance == pytest.approx(
+        0.05
+    )
+    assert verdict_of(1.0, 1.049, (1.019, 1.08), of_paper=of_paper) == Verdict.REPRODUCED
+    assert verdict_of(1.0, 1.051, (1.021, 1.08), of_paper=of_paper) == Verdict.OPEN
+    assert verdict_of(1.0, 1.051, (1.021, 1.08), of_paper=of_paper, rounding=0.005) == Verdict.REPRODUCED
+    assert verdict_of(1.0, 1.04, (1.01, 1.07)) == Verdict.OPEN  # of the paper no error is known
+
+
+@pytest.mark.parametrize(
+    "better, high, low", [("more", "BETTER", "OPEN"), ("less", "OPEN", "BETTER"), ("", "OPEN", "OPEN")]
+)
+def test_both_directions_are_judged_and_better_is_a_class_of_its_own(better, high, low):
+    assert verdict_of(1.0, 1.5, (1.4, 1.6), better=better) == Verdict[high]
+    assert verdict_of(1.0, 0.5, (0.4, 0.6), better=better) == Verdict[low]
+
+
+def test_an_interval_without_width_says_nothing_of_a_small_sample():
+    assert verdict_of(1.0, 1.0, (1.0, 1.0), n=2) == Verdict.TOO_FEW
+    assert verdict_of(1.0, 9.0, (9.0, 9.0), n=2) == Verdict.TOO_FEW
+    assert verdict_of(1.0, 1.0, (1.0, 1.0), n=20) == Verdict.REPRODUCED
+    assert verdict_of(1.0, 1.0, None) == verdict_of(1.0, nan, None) == Verdict.TOO_FEW
+
+
+def test_a_wide_interval_judges_only_what_it_excludes():
+    assert (
+        verdict_of(1.0, 1.1, (0.5, 1.7)) == Verdict.TOO_FEW
+        and verdict_of(1.0, 9.0, (5.0, 13.0)) == Verdict.OPEN
+    )
+
+
+def test_a_rare_event_that_did_not_occur_is_not_reproduced_by_few():
+    def row(k, n, published=0.0075):
+        return rows.published_share("wrong", "c", published, k, n, n_published=10000).verdict
+
+    assert (
+        row(0, 300) == Verdict.TOO_FEW
+        and row(0, 10000) == Verdict.OPEN
+        and row(74, 10000) == Verdict.REPRODUCED
+    )
+    assert row(300, 300, 1.0) == Verdict.TOO_FEW and row(10000, 10000, 1.0) == Verdict.REPRODUCED
+    assert row(9, 10000, 0.0) == Verdict.OPEN
+
+
+def test_inputs_calibrations_and_goals_are_not_reproductions():
+    assert rows.given("stars", "c", 2023, 2023).verdict == Verdict.INPUT
+    assert rows.given("stars", "c", 2023, 2022).verdict == Verdict.OPEN
+    same, other = (rows.figure("q", "c", 1.0, x, (x - 0.1, x + 0.1), 50, resolves=0.2) for x in (1.0, 2.0))
+    assert (
+        rows.calibrated(same).verdict == Verdict.CALIBRATED and rows.calibrated(other).verdict == Verdict.OPEN
+    )
+    assert rows.goal("q", "c", None, 0.5, (0.4, 0.6), 50, most=1.0, resolves=0.1).verdict == Verdict.GOAL_MET
+    assert (
+        rows.goal("q", "c", None, 5.0, (4.0, 6.0), 50, most=1.0, resolves=0.1).verdict == Verdict.GOAL_MISSED
+    )
+    none = np.zeros(50, dtype=bool)
+    assert rows.goal_none("q", "c", none).verdict == Verdict.GOAL_MET
+    assert rows.goal_none("q", "c", none[:3]).verdict == Verdict.TOO_FEW
+    one = np.array([True, False, False])
+    assert rows.goal_none("q", "c", one).verdict == Verdict.GOAL_MISSED  # however few
+
+
+def test_a_difference_is_explained_by_a_run_that_reaches_the_figure_and_by_no_other():
+    def of(measured):
+        return rows.figure("q", "c", 1.0, measured, (measured - 0.05, measured + 0.05), 50, resolves=0.2)
+
+    done = rows.explained(of(0.5), of(1.02), "toy/wide", "with a wide one")
+    assert done.verdict == Verdict.EXPLAINED and done.run == "toy/wide"
+    assert done.why == "with a wide one, it is 1.02 (toy/wide)"  # the figure is that of the run
+    assert rows.explained(of(0.5), of(0.8), "toy/wide", "w") == of(0.5)
+    assert rows.explained(of(0.5), of(1.5), "toy/wide", "w") == of(0.5)
+    assert rows.explained(of(0.5), of(1.5), "toy/wide", "w", passes=True).verdict == Verdict.EXPLAINED
+    assert rows.explained(of(0.5), of(0.8), "toy/wide", "w", passes=True) == of(0.5)
+    assert rows.explained(of(1.0), of(1.02), "toy/wide", "w") == of(1.0)  # nothing to explain
+    assert rows.variant(of(1.02)) == Row("q", "c", 1.0, 1.02, of(1.02).ci95)
+
+
+def test_differences_are_explained_across_experiments():
+    def row(measured):
+        return rows.figure("q", "c", 1.0, measured, (measured - 0.05, measured + 0.05), 50, resolves=0.2)
+
+    ran = {
+        "impa-images": Outcome([], [row(0.5)], 1, 1, 0.0),
+        "impa-joint": Outcome([], [row(1.0)], 1, 1, 0.0),
+    }
+    made = links.linked(ran)
+    assert made["impa-images"].rows[0].run == "impa-joint" and made["impa-joint"] == ran["impa-joint"]
+    alone = {"impa-images": ran["impa-images"]}
+    assert links.linked(alone) == alone
+    assert set(links.EXPLAINED_BY) | {other for other, _ in links.EXPLAINED_BY.values()} <= set(
+        registry.EXPERIMENTS
+    )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from shefex_nav.papers.experiment import Experiment, Row
+from shefex_nav.papers.verdict import Verdict
 from shefex_nav.report import intervals
 
 
@@ -19,14 +20,15 @@ def conclude(results):
     values = np.concatenate([values for _, values in results])
     interval = intervals.mean(values) if len(values) > 1 else None
     return [
-        Row("mean", "of a standard normal", 0.0, float(values.mean()), interval, True, ""),
+        Row("mean", "of a standard normal", 0.0, float(values.mean()), interval, Verdict.REPRODUCED, 0.1),
         Row(
             "impossible",
             "never measured",
             1.0,
             float("nan"),
             None,
-            False,
+            Verdict.OPEN,
+            None,
             "there is nothing to measure it with",
         ),
     ]

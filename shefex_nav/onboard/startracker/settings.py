@@ -37,9 +37,10 @@ class RunLength(Settings):
 class Detection(Settings):
     """Objects in a frame."""
 
-    scan: Literal["sequential", "maximum", "streaks", "run_length"] = choice(
+    scan: Literal["sequential", "maximum", "streaks", "run_length", "single_pixels"] = choice(
         "one pass over the frame; search of the brightest pixel again and again; along the "
-        "streaks that the gyro rate predicts; or clusters of two contiguous frames",
+        "streaks that the gyro rate predicts; clusters of two contiguous frames; or one pass over "
+        "single pixels",
         "sequential",
     )
     centroid: Literal["fit", "weighted", "centre_of_mass", "gaussian_interpolation"] = choice(

@@ -14,6 +14,7 @@ from shefex_nav.papers.picture import COLOURS, tidy
 from shefex_nav.papers.shefex2.frames import DETECT, MODEL, SPACE
 from shefex_nav.papers.stills import StillCamera, electrons, still
 from shefex_nav.papers.verdict import POINTS
+from shefex_nav.report import intervals
 
 IMAGES = 50
 VMAG = 2.9
@@ -73,9 +74,6 @@ def measure_centroids(samples, seed):
     return np.array([track(rng) for _ in range(samples)])
 
 
-WHY_ROUGHER = "with these spots and this noise the region carries more noise than two columns"
-
-
 def conclude_centroids(results):
     """Rows: which centroid is the smoother, r^2 and error of each."""
     distance = np.concatenate(results)
@@ -83,9 +81,10 @@ def conclude_centroids(results):
     smoother = left[:, 0] < left[:, 1]
     condition = f"{IMAGES} images of a star of V {VMAG:g}"
     quantity, one = "tracks on which the centre of mass has the higher r^2", ", published: one track"
-    given = 1.0, int(smoother.sum()), len(smoother), WHY_ROUGHER
+    k, n = int(smoother.sum()), len(smoother)
+    given = k / n, intervals.proportion(k, n), n
     criterion = {"least": np.nextafter(0.5, 1.0), "resolves": POINTS}
-    found = [rows.judged_share(quantity, condition + one, *given, **criterion)]
+    found = [rows.statement(quantity, condition + one, None, *given, **criterion)]
     names = [method.replace("_", " ") for method in TRACK_CENTROIDS]
     for m, name in enumerate(names):
         found.append(rows.median(f"1 - r^2, {name}", condition, left[:, m]))

@@ -3,12 +3,14 @@
 import numpy as np
 
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.papers.bright import centroids, fields, frames, outcomes
+from shefex_nav.papers import rows as row
+from shefex_nav.papers.bright import centroids, counting, fields, figures, frames, outcomes
 from shefex_nav.papers.bright.methods import brightness
 from shefex_nav.papers.bright.published import BRIGHT
-from shefex_nav.papers.experiment import Experiment, Row
-from shefex_nav.papers.rows import count, share
+from shefex_nav.papers.experiment import Experiment
+from shefex_nav.papers.rows import count
 from shefex_nav.papers.stills import random_attitude
+from shefex_nav.papers.verdict import POINTS
 from shefex_nav.report import intervals
 
 SITUATIONS = {  # name -> catalogue stars at least, false stars
@@ -33,7 +35,7 @@ def measure_counts(samples, seed):
 def conclude_counts(results):
     counts, _ = results[0]
     return [
-        count("stars", f"Hp {magnitudes}", published, counts[magnitudes], "another edition of the catalogue")
+        count("stars", f"Hp {magnitudes}", published, counts[magnitudes])
         for magnitudes, published in BRIGHT["catalogue_counts"].items()
     ]
 
@@ -44,7 +46,7 @@ def draw_counts(figure, results, rows):
     left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="mollweide")
     places = np.arange(len(rows))
     left.bar(places - 0.2, [row.published for row in rows], 0.4, label="published")
-    left.bar(places + 0.2, [row.measured for row in rows], 0.4, label="measured")
+    left.bar(places + 0.2, [row.measured for row in rows], 0.4, label="counted here")
     left.set_xticks(places, [row.condition for row in rows])
     left.set_yscale("log")
     left.set_ylabel("stars")
@@ -59,57 +61,67 @@ def draw_counts(figure, results, rows):
 
 
 def measure_brightest(samples, seed):
-    """Stars in the field, magnitude of the brightest, and how much dimmer the third dimmest of ten is."""
+    """Stars in view, Hp of the brightest, third dimmest less brightest of ten, of all: (samples, 4)."""
     rng, stars = np.random.default_rng(seed), fields.pairs()[0].stars
-    table = np.full((samples, 3), np.nan)
+    table = np.full((samples, 4), np.nan)
     for k in range(samples):
         rows, _ = fields.in_view(stars, random_attitude(rng), False)
-        magnitudes = np.sort(stars.vmag[rows])[: BRIGHT["protocol"]["brightest_used"]]
+        every = np.sort(stars.vmag[rows])
+        magnitudes = every[: BRIGHT["protocol"]["brightest_used"]]
         table[k, 0] = len(rows)
         if len(rows) >= 4:
-            table[k, 1:] = magnitudes[0], magnitudes[-3] - magnitudes[0]
+            table[k, 1:] = magnitudes[0], magnitudes[-3] - magnitudes[0], every[-3] - every[0]
     return table
 
 
-THIRD_DIMMEST = (
-    "it depends on how many stars a frame may have, which the section does not say: 2.06 with ten, as in the "
-    "simulations, 2.43 with all (4000 attitudes)"
-)
-
-
 def conclude_brightest(results):
+    """Share of the fields with four stars, and what the brightest is to the third dimmest."""
     table = np.vstack(results)
-    seen = table[table[:, 0] >= 4]
-    published = BRIGHT["brightest_star"]
+    seen, n = table[table[:, 0] >= 4], len(table)
+    four, published = "images with at least four stars", BRIGHT["brightest_star"]
     gamma = brightness.GAMMA_SIGMAS * fields.MAGNITUDE_SIGMA
-    n, k_four = len(table), len(seen)
-    rows = [
-        outcomes.share_row(
-            "images with at least four stars", "Hp < 5, random attitudes", 1.0, k_four, n, n,
-            "random attitudes also fall on the emptiest parts of the sky; the paper's, 'evenly distributed', "
-            "may have missed them",
-        )
-    ]  # fmt: skip
-    difference, interval = seen[:, 2].mean(), intervals.mean(seen[:, 2])
     wanted = published["mean_difference_to_third_dimmest_mag"]
-    rows.append(
-        Row(
-            "third dimmest of ten less brightest [mag], mean", "images with at least four stars", wanted,
-            difference, interval, bool(abs(difference - wanted) < 0.05),
-            "" if abs(difference - wanted) < 0.05 else THIRD_DIMMEST,
-        )
-    )  # fmt: skip
-    rows.append(
-        outcomes.share_row(
-            "order of brightness certain", f"that difference above {gamma:.1f} mag, three sigma",
-            published["within_magnitude_accuracy"], int((seen[:, 2] > gamma).sum()), k_four, n,
-            "the accuracy that the paper meant is not given",
-        )
+
+    def mean_row(words, values):
+        interval = intervals.mean(values) if len(values) > 1 else None
+        given = f"third dimmest of {words} less brightest [mag], mean", four, wanted, float(values.mean())
+        return row.figure(*given, interval, len(values), rounding=0.005, resolves=0.1)
+
+    ten, every = mean_row("ten", seen[:, 2]), mean_row("all", seen[:, 3])
+    run, words = "bright-brightest/all stars", "how many stars a frame may have is not said; with all of them"
+    certain = row.published_share(
+        "order of brightness certain", f"that difference above {gamma:.1f} mag, three sigma",
+        published["within_magnitude_accuracy"], (seen[:, 2] > gamma).sum(), len(seen), n_published=10000,
     )  # fmt: skip
     k_bright = int((seen[:, 1] < BRIGHT["protocol"]["reference_star_mag"]).sum())
-    return [*rows, share("a reference star, Hp < 3", "'most'", k_bright, k_four), _pair_row()]
+    given = k_bright / len(seen), intervals.proportion(k_bright, len(seen)), len(seen)
+    most = {"least": np.nextafter(0.5, 1.0), "resolves": POINTS}
+    return [
+        row.published_share(
+            four, "Hp < 5, random attitudes", 1.0, len(seen), n, n_published=10000,
+            why=f"{n - len(seen)} of {n} random attitudes show fewer; the paper's are 'evenly distributed'",
+        ),
+        row.explained(ten, every, run, words, passes=True),
+        row.variant(every),
+        row.calibrated(certain),  # gamma is three sigma because of this figure
+        row.statement("a reference star, Hp < 3; published: most", four, None, *given, **most),
+        _mismatch_row(n),
+        _pair_row(),
+    ]  # fmt: skip
 
 
+def _mismatch_row(n):
+    """Equation (15), of random fields: the paper has it 'in most instances' at 0.01 or below."""
+    rng, stars = np.random.default_rng(MISMATCH_SEED), fields.pairs()[0].stars
+    drawn = [fields.draw_field(rng, stars, least=4, n_false=0, is_round=False) for _ in range(min(n, 1000))]
+    small = sum(counting.mismatch_of(field, len(stars.hip)) <= RHO_MIS for field in drawn)
+    given = small / len(drawn), intervals.proportion(small, len(drawn)), len(drawn)
+    quantity = "mismatch by equation (15) at most 0.01; published: most"
+    most = {"least": np.nextafter(0.5, 1.0), "resolves": POINTS}
+    return row.statement(quantity, "brightest star with the three dimmest", None, *given, **most)
+
+
+RHO_MIS, MISMATCH_SEED = 0.01, 15
 PAIRS = 44234  # section 4.2.2, of the 1604 stars of the Bright Star Catalogue
 PAIR_STARS = 1604
 
@@ -123,18 +135,7 @@ def _pair_row():
         "these are the 1604 brightest of Hipparcos, the paper's those of the Bright Star Catalogue, which "
         "lists the parts of some doubles and has other magnitudes"
     )
-    return count("pairs within 20 deg", "1604 stars", PAIRS, n_pairs, why)
-
-
-def draw_brightest(figure, results, rows):
-    """Figure 3: histogram of the brightest star's magnitude."""
-    table = np.vstack(results)
-    left, right = figure.subplots(1, 2)
-    left.hist(table[:, 1][table[:, 0] >= 4], bins=np.arange(-1.5, 5.01, 0.25))
-    left.set_xlabel("Hp of the brightest star")
-    left.set_ylabel("images")
-    right.hist(table[:, 2][table[:, 0] >= 4], bins=np.arange(0.0, 6.01, 0.2))
-    right.set_xlabel("third dimmest of ten less brightest [mag]")
+    return count("pairs within 20 deg", f"{PAIR_STARS} stars", PAIRS, n_pairs, why)
 
 
 # ---------------------------------------------------------------------------------------------- table 3
@@ -145,7 +146,8 @@ def measure_table3(samples, seed):
 
     Returns
     -------
-    dict of shape -> (n_stars (3, samples), outcome (3, methods, samples), seconds (3, methods, samples))
+    dict of shape -> (n_stars (3, samples), outcome (3, methods, samples), seconds (3, methods, samples),
+        comparisons (3, paper's methods, samples))
     """
     rng, tables = np.random.default_rng(seed), fields.pairs()
     stars = tables[0].stars
@@ -156,8 +158,9 @@ def measure_table3(samples, seed):
     results = {}
     for shape in SHAPES:
         n_stars = np.zeros((len(SITUATIONS), samples), dtype=np.int16)
-        outcome = np.zeros((len(SITUATIONS), len(outcomes.METHODS), samples), dtype=np.int8)
+        outcome = np.zeros((len(SITUATIONS), len(outcomes.TRIED), samples), dtype=np.int8)
         seconds = np.zeros(outcome.shape)
+        counted = np.zeros((len(SITUATIONS), len(outcomes.PUBLISHED), samples), dtype=np.int64)
         for s, (least, n_false) in enumerate(SITUATIONS.values()):
             for k in range(samples):
                 is_round = shape == "round"
@@ -166,27 +169,40 @@ def measure_table3(samples, seed):
                 outcome[s, :, k], seconds[s, :, k] = outcomes.attempt(
                     fields.IDENTIFY, fields.REFERENCE_FLUX, tables, field
                 )
-        results[shape] = n_stars, outcome, seconds
+                compared = counting.comparisons(fields.IDENTIFY, tables[0], field)
+                counted[s, :, k] = [compared[method] for method in outcomes.PUBLISHED]
+        results[shape] = n_stars, outcome, seconds, counted
     return results
 
 
 def conclude_table3(results):
-    rows = []
-    for shape in SHAPES:
-        n_stars = np.concatenate([result[shape][0] for result in results], axis=1)
-        outcome = np.concatenate([result[shape][1] for result in results], axis=2)
-        seconds = np.array([result[shape][2].mean(axis=2) for result in results])  # a row a chunk
-        rows += few_star_rows(n_stars, shape)
-        for s, situation in enumerate(SITUATIONS):
-            condition, published = f"{situation}, {shape} field", BRIGHT["table3"][situation]
-            for method, codes in zip(outcomes.METHODS, outcome[s], strict=True):
-                if method in published:
-                    rows += outcomes.outcome_rows(condition, method, codes, published[method], 10000)
-                elif shape == "square":  # ours is told the shape of the detector, which is square
-                    rows += outcomes.own_rows(condition, method, codes, n_stars[s])
-            if shape == "square":
-                rows += outcomes.time_rows(condition, seconds[:, s], published)
-    return rows
+    """Table 3 for both shapes of the field; times and comparisons of the square one."""
+    found = {shape: _shape_rows(results, shape) for shape in SHAPES}
+    round_rows = {one.quantity + one.condition: one for one in found["round"]}
+    words = "in a round field 20 deg across, which shows so few stars as often as the paper says"
+    square = []
+    for one in found["square"]:
+        other = round_rows.get(one.quantity + one.condition.replace("square", "round"))
+        square.append(one if other is None else row.explained(one, other, "bright-table3/round field", words))
+    return [*square, *found["round"]]
+
+
+def _shape_rows(results, shape):
+    n_stars = np.concatenate([result[shape][0] for result in results], axis=1)
+    outcome = np.concatenate([result[shape][1] for result in results], axis=2)
+    seconds = np.array([result[shape][2].mean(axis=2) for result in results])  # a row a chunk
+    counted = np.concatenate([result[shape][3] for result in results], axis=2)
+    found = few_star_rows(n_stars, shape)
+    for s, situation in enumerate(SITUATIONS):
+        condition, published = f"{situation}, {shape} field", BRIGHT["table3"][situation]
+        found += outcomes.method_rows("bright-table3", condition, outcome[s], published, 10000)
+        if shape == "square":  # ours is told the shape of the detector, which is square
+            for method, codes in zip(outcomes.METHODS, outcome[s], strict=False):
+                if method in outcomes.OWN:
+                    found += outcomes.own_rows(condition, method, codes, n_stars[s])
+            found += outcomes.time_rows(condition, seconds[:, s], published)
+            found += outcomes.comparison_rows(condition, counted[s])
+    return found
 
 
 # Section 5.1 counts, among 10 000, '140 cases where there are four stars' with the false one, and '478 five
@@ -199,16 +215,17 @@ def few_star_rows(n_stars, shape):
     rows = []
     for s, n_true, published in FEW_STARS:
         condition = f"{list(SITUATIONS)[s]}, {shape} field"
-        why = outcomes.FEW_SQUARE if shape == "square" else outcomes.FEW_ROUND
-        k = int((n_stars[s] == n_true).sum())
-        quantity = f"images with {n_true} catalogue stars"
-        rows.append(outcomes.share_row(quantity, condition, published / 1e4, k, n_stars.shape[1], 10000, why))
+        given = f"images with {n_true} catalogue stars", condition, published / 1e4
+        k = (n_stars[s] == n_true).sum()
+        rows.append(row.published_share(*given, k, n_stars.shape[1], n_published=10000))
     return rows
 
 
 def draw_table3(figure, results, rows):
     """Failures and wrong identifications of each method in each situation, beside the published ones."""
-    outcomes.draw_outcomes(figure, rows, [f"{situation}, round field" for situation in SITUATIONS])
+    figure.set_size_inches(12.0, 8.5)
+    shapes = [[f"{situation}, {shape} field" for situation in SITUATIONS] for shape in SHAPES]
+    outcomes.draw_outcomes(figure, rows, shapes)
 
 
 EXPERIMENTS = {
@@ -228,7 +245,7 @@ EXPERIMENTS = {
         chunk=1000,
         measure=measure_brightest,
         conclude=conclude_brightest,
-        draw=draw_brightest,
+        draw=figures.draw_brightest,
     ),
     "bright-table3": Experiment(
         title="three identifications, and ours, in three situations (BRIGHT table 3)",

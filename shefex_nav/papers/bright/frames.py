@@ -108,7 +108,7 @@ def measure_table4(samples, seed):
     n_false : (samples,)
     """
     rng, tables = np.random.default_rng(seed), fields.pairs()
-    outcome = np.zeros((len(outcomes.METHODS), samples), dtype=np.int8)
+    outcome = np.zeros((len(outcomes.TRIED), samples), dtype=np.int8)
     seconds, n_false = np.zeros(outcome.shape), np.zeros(samples, dtype=np.int16)
     warm = detected_field(*draw_frame(np.random.default_rng(0)))
     outcomes.attempt(IDENTIFY, REFERENCE_FLUX, tables, warm)
@@ -128,10 +128,9 @@ def conclude_table4(results):
     if len(n_false) > 1:
         interval = tuple(v / IDENTIFY.most_centroids for v in intervals.mean(n_false))
     rows = [Row("false stars among the ten brightest", condition, None, float(share), interval)]
-    for method, codes in zip(outcomes.METHODS, outcome, strict=True):
-        if method in published:
-            rows += outcomes.outcome_rows(condition, method, codes, published[method], 1000)
-        else:
+    rows += outcomes.method_rows("bright-table4", condition, outcome, published, 1000)
+    for method, codes in zip(outcomes.METHODS, outcome, strict=False):
+        if method in outcomes.OWN:
             rows += outcomes.own_rows(condition, method, codes, np.full(len(codes), LEAST_STARS))
     return rows + outcomes.time_rows(condition, seconds, published)
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.papers.experiment import Experiment
+from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.impa import field, flight, trackers
 from shefex_nav.papers.impa.methods import chain
 from shefex_nav.papers.impa.published import IMPA
-from shefex_nav.papers.rows import share
+from shefex_nav.papers.rows import calibrated, explained, goal_none, published_share
 from shefex_nav.papers.stills import still
 from shefex_nav.records import Reason
 
@@ -23,6 +23,9 @@ SHUTTER = "global_shutter"
 IMAGES = 2
 UNIFORM = "uniform V 0 to 5.5"
 FAINT_MAG = 0.28  # by which stars look fainter above the threshold, median
+
+
+JOINT = "the joint set: spot of 0.7 px, V uniform"  # as flown by impa-joint
 
 
 class Setting(NamedTuple):
@@ -47,6 +50,7 @@ SETTINGS = (
     Setting("eps_m 0.5 mag, magnitudes corrected by -0.28", WORST, 1.124, 0.5, FAINT_MAG),
     Setting("eps_m 0.3 mag, magnitudes corrected by -0.28", WORST, 1.124, 0.3, FAINT_MAG),
     Setting("spot of 0.6 px, V uniform, eps_m 0.3, corrected", WORST, 0.6, 0.3, FAINT_MAG, UNIFORM),
+    *(Setting(JOINT, case, flight.JOINT.sigma_px, false=UNIFORM) for case in flight.CASES),
 )  # fmt: skip
 
 
@@ -107,15 +111,30 @@ def measure(samples, seed):
 
 def conclude(results):
     """Success within two images of each setting and rate, beside the published one."""
-    found, rows = np.concatenate(results), []
+    found, by_setting = np.concatenate(results), []
     for s, setting in enumerate(SETTINGS):
         published = IMPA["success_percent_by_images"][setting.case][SHUTTER][IMAGES]
+        mine = []
         for r, rate in enumerate(IMPA["protocol"]["rates_deg_s"]):
             here = found[:, r, s]
             condition = f"{setting.case.replace('_', ' ')}, {setting.words}, {rate:g} deg/s"
-            of_paper = published[1 + r] / 100.0
-            rows.append(share("success within 2 images", condition, (here > 0).sum(), len(here), of_paper))
-    return [*rows, share("share of wrong attitudes", "all settings", (found < 0).sum(), found.size)]
+            given = "success within 2 images", condition, published[1 + r] / 100.0
+            how = {"n_published": field.PAIRS_OF_ALL, "better": "more"}
+            mine.append(published_share(*given, (here > 0).sum(), len(here), **how))
+        by_setting.append((setting, mine))
+    joint = {setting.case: mine for setting, mine in by_setting if setting.words == JOINT}
+    rows = []
+    for setting, mine in by_setting:
+        if setting.words == JOINT:  # fitted to the best case alone
+            rows += [calibrated(row) for row in mine] if setting.case == BEST else mine
+        elif setting[1:] == Setting("", setting.case)[1:]:
+            how = {"run": "impa-assumptions/joint", "words": "with the joint set"}
+            both = zip(mine, joint[setting.case], strict=True)
+            rows += [explained(row, other, **how) for row, other in both]
+        else:  # one step of a scan
+            rows += [Row(*row[:5]) for row in mine]
+    words = "wrong attitudes, all settings; goal: none", "acceptance verified"
+    return [*rows, goal_none(*words, (found < 0).ravel())]
 
 
 def draw(figure, results, rows):

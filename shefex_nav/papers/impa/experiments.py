@@ -29,6 +29,12 @@ EXPERIMENTS = {
         draw=figures.draw_images,
         **_CAMPAIGN,
     ),
+    "impa-joint": Experiment(
+        title="The campaign with one joint set of assumptions, fitted to table 8 (IMPA tables 6 to 13)",
+        conclude=tables.conclude_joint,
+        draw=figures.draw_joint,
+        **_CAMPAIGN | {"measure": flight.measure_joint, "unit": "simulations at 1 to 5 deg/s"},
+    ),
     "impa-attitude": Experiment(
         title="Attitude errors (IMPA tables 6, 7, 10, 11)",
         conclude=tables.conclude_attitude,

@@ -12,9 +12,15 @@ from shefex_nav.report import intervals
 
 COLOURS = dict(zip(SITUATIONS, picture.COLOURS, strict=False))
 SHOWN_RATE = 3.0  # of figure 16
+WHO = {"IMPA": "IMPA's chain here", "ours": "ours"}
 
 
-def draw_images(figure, results, _rows):
+def draw_joint(figure, results, rows):
+    """As `draw_images`, of the paper's chain alone."""
+    draw_images(figure, results, rows, with_own=False)
+
+
+def draw_images(figure, results, _rows, with_own=True):
     """Figures 16 and 17: success against images at 3 deg/s, and against the rate; ours beside."""
     found = tables.stack(results)
     figure.set_size_inches(10.5, 8.0)
@@ -24,10 +30,11 @@ def draw_images(figure, results, _rows):
             _success_by_images(axes[0, s], found, s, c)
             _success_by_rate(axes[1, s], found, s, c)
             _published(axes[0, s], axes[1, s], case, shutter)
-        _own_by_rate(axes[1, s], found, s)
+        if with_own:
+            _own_by_rate(axes[1, s], found, s)
         axes[0, s].set_title(f"{shutter.replace('_', ' ')}, {SHOWN_RATE:g} deg/s", loc="left", fontsize=10)
         axes[1, s].set_title(
-            f"{shutter.replace('_', ' ')}, within 60 images; ours: 2", loc="left", fontsize=10
+            f"{shutter.replace('_', ' ')}, within 60 images" + "; ours: 2" * with_own, loc="left", fontsize=10
         )
         axes[0, s].set_xlabel("images")
         axes[1, s].set_xlabel("rate [deg/s]")
@@ -54,7 +61,7 @@ def _success_by_rate(axis, found, s, c):
     """Measured success of all images against the rate, with intervals."""
     _points(axis, found, tables.RATES, lambda rows: (
         (rows["published"][:, s, c, 0, 0] > 0) & tables.good(rows["published"][:, s, c, 0, 1:])
-    ), COLOURS[CASES[c]], "o-", f"IMPA, {CASES[c].replace('_', ' ')}")  # fmt: skip
+    ), COLOURS[CASES[c]], "o-", f"IMPA's chain here, {CASES[c].replace('_', ' ')}")  # fmt: skip
 
 
 def _own_by_rate(axis, found, s):
@@ -108,8 +115,13 @@ def draw_attitude(figure, _results, rows):
                     mine = [row for row in rows if row.quantity.startswith(f"{who}: std of {name}")]
                     mine = [row for row in mine if row.condition.startswith(words + ",")]
                     at = [float(row.condition.split(", ")[-1].split()[0]) for row in mine]
-                    values = [row.measured for row in mine]
-                    axis.plot(at, values, style, ms=4, lw=1.2, color=colour, label=f"{who}, {name}")
+                    values = np.array([row.measured for row in mine])
+                    ends = np.array([row.ci95 for row in mine]).reshape(-1, 2)
+                    reach = np.abs(ends - values[:, None]).T
+                    look = {"fmt": style, "color": colour, "ms": 4, "lw": 1.2, "capsize": 2}
+                    label = f"{WHO[who]}, {name}"
+                    if len(at):
+                        axis.errorbar(at, values, reach, label=label, **look)
             axis.set_title(words, loc="left", fontsize=10)
             axis.set_yscale("log")
             tidy(axis)

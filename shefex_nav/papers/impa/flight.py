@@ -6,6 +6,8 @@ enter the lists after the fusion. Our tracker sees the first two frames, with an
 objects in its list, and the same two frames again with 50 hits in the picture.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.papers.impa import field, trackers
@@ -16,12 +18,26 @@ MOST_IMAGES = IMPA["protocol"]["max_images"]
 CASES = ("best_case", "worst_case")
 SITUATIONS = ("best_case", "worst_case", "hits in the frame")  # of ours
 OWN_FRAMES = 2
+
+
+class Assumed(NamedTuple):
+    """What the paper does not give."""
+
+    sigma_px: float  # of the spot
+    uniform: bool  # magnitudes of the false objects: even from 0 to the catalogue's limit, or as of its stars
+    with_own: bool  # whether our tracker flies too
+
+
+AS_SET = Assumed(field.PSF_SIGMA_PX, False, True)
+JOINT = Assumed(0.7, True, False)  # the spot is fitted to table 8, success within two images at 1 and 2 deg/s
+
 NEAR = np.cos(0.5 * field.FIELD + np.radians(3.0))  # of the boresight: stars that are drawn
 
 
-def frame(shutter, case, number, rng):
+def frame(shutter, case, number, rng, sigma_px=field.PSF_SIGMA_PX):
     """Frame `number` (0, 1, ...) of a simulation: (rows, columns) uint16."""
-    camera, q_ic = field.camera(shutter), field.attitude_at(case, number)
+    camera = field.camera(shutter)._replace(sigma_psf_px=sigma_px)
+    q_ic = field.attitude_at(case, number)
     u_i, light = near_stars(camera, q_ic)
     return still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]
 
@@ -35,7 +51,7 @@ def near_stars(camera, q_ic):
     return u_i[rows], electrons(camera, vmag[rows])
 
 
-def simulate(shutter, case, seed, most_images=MOST_IMAGES):
+def simulate(shutter, case, seed, most_images=MOST_IMAGES, assumed=AS_SET):
     """One simulation.
 
     Parameters
@@ -44,6 +60,7 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES):
     case : impa_field.Case
     seed : SeedSequence
     most_images : int, of the paper's chain; 0: ours alone
+    assumed : Assumed; without our tracker `own` is zero
 
     Returns
     -------
@@ -59,9 +76,9 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES):
     times, clusters, number = field.times(shutter), None, 0
     motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
     while number < max(OWN_FRAMES, most_images) and not (number >= OWN_FRAMES and published[..., 0].all()):
-        image = frame(shutter, case, number, noise)
-        truth, false = field.attitude_at(case, number), trackers.false_objects(false_rng)
-        if number < OWN_FRAMES:
+        image = frame(shutter, case, number, noise, assumed.sigma_px)
+        truth, false = field.attitude_at(case, number), trackers.false_objects(false_rng, assumed.uniform)
+        if number < OWN_FRAMES and assumed.with_own:
             found = trackers.streaks_of(image, omega_c, P_omega_c, times)
             struck = trackers.streaks_of(trackers.with_hits(image, hit_rng), omega_c, P_omega_c, times)
             lists = (found, trackers.with_false(found, false, omega_c), struck)
@@ -89,7 +106,12 @@ def _own_result(found, truth):
     return np.concatenate([[1.0], trackers.error_of(q_ic, truth) / trackers.ARCSEC, sigma / trackers.ARCSEC])
 
 
-def measure(samples, seed, first):
+def measure_joint(samples, seed, first):
+    """The same with JOINT, without ours and the flights at 10 deg/s."""
+    return measure(samples, seed, first, JOINT)
+
+
+def measure(samples, seed, first, assumed=AS_SET):
     """Samples first ... of the campaign, each with both shutters.
 
     Returns
@@ -102,10 +124,12 @@ def measure(samples, seed, first):
     rows = {name: [] for name in names}
     for number, own_seed in zip(range(first, first + samples), seed.spawn(samples), strict=True):
         for case in field.cases(number):
+            if case.rate >= field.FAST and not assumed.with_own:
+                continue
             images = MOST_IMAGES if case.rate < field.FAST else 0
             seeds = own_seed.spawn(len(field.SHUTTERS))
             done = [
-                simulate(shutter, case, one, images)
+                simulate(shutter, case, one, images, assumed)
                 for shutter, one in zip(field.SHUTTERS, seeds, strict=True)
             ]
             rows["rate_deg_s"].append(round(float(np.degrees(case.rate)), 6))

@@ -7,10 +7,10 @@ beyond that, or with the error about the boresight beyond 0.5 deg.
 import numpy as np
 
 from shefex_nav.papers import rows
-from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.impa.field import SHUTTERS
+from shefex_nav.papers.impa.field import N_ATTITUDES, PAIRS_OF_ALL, SHUTTERS
 from shefex_nav.papers.impa.flight import CASES, SITUATIONS
 from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.papers.impa.published_moments import ATTITUDE_MEAN_ARCSEC
 from shefex_nav.papers.impa.trackers import ACCEPTANCES
 from shefex_nav.papers.verdict import POINTS
 from shefex_nav.report import intervals
@@ -22,18 +22,10 @@ AXES = ("pitch", "yaw", "roll")  # the paper's names of our x, y, z
 SUCCESS_ARCSEC = float(IMPA["protocol"]["success_arcsec"])
 ROLL_ARCSEC = 0.5 * 3600.0
 COVERED = 1.1  # RMS of the errors over their sigmas that still counts as covered
-STD_MARGIN = 1.25  # of a standard deviation, likewise
+STD_MARGIN = 0.25  # of a standard deviation: known so well, two can be said to be the same
 OWN_GOALS = {"best_case": 0.98, "worst_case": 0.95}  # of ours at 5 deg/s within two images
 
-WHY_IMAGES = {
-    "best_case": "five of the catalogue's stars must pass the threshold, and with a spot whose streaks are "
-    "r_psf = 3 wide fewer do than in the paper; with narrower spots the success passes the paper's, see the "
-    "experiment impa-assumptions",
-    "worst_case": "as in the best case fewer stars pass the threshold, and what the false objects do hangs "
-    "on their magnitudes and on the magnitude filter, which the paper does not give; its figures lie within "
-    "what these leave open, see the experiment impa-assumptions",
-}
-NOT_EXPLAINED = "not explained"
+N_AT_RATE, N_AT_REST = PAIRS_OF_ALL, N_ATTITUDES  # simulations of the paper in each cell
 
 
 def stack(results):
@@ -54,30 +46,63 @@ def wrong(given, error_arcsec):
 def conclude_images(results):
     """Tables 8, 9, 12, 13; the wrong ones; the same of ours."""
     found = stack(results)
-    out = []
+    return image_rows(found) + published_wrong_rows(found) + _own_wrong_rows(found) + own_rows(found)
+
+
+def conclude_joint(results):
+    """All tables with the joint set of assumptions; table 8 is what it was fitted to."""
+    found, out = stack(results), []
+    for row in image_rows(found):
+        is_fitted = row.condition.startswith("best case, global shutter")
+        out.append(rows.calibrated(row) if is_fitted else row)
+    out += published_wrong_rows(found)
+    for case, shutter, r, here in _cells(found):
+        condition = _condition(case, shutter, RATES[r])
+        out += _moment_rows("IMPA", condition, _right(here), case, shutter, r)
+    return out
+
+
+def _condition(case, shutter, rate):
+    return f"{_words(case)}, {_words(shutter)}, {rate:g} deg/s"
+
+
+def _cells(found):
+    """(case, shutter, number of the rate, (n, 4) with verified acceptance) of what was flown: iterator."""
     for c, case in enumerate(CASES):
         for s, shutter in enumerate(SHUTTERS):
-            table = IMPA["success_percent_by_images"][case][shutter]
-            for images in IMAGES:
-                for r, rate in enumerate(RATES):
-                    here = found["published"][found["rate_deg_s"] == rate][:, s, c, 0]
-                    if len(here):
-                        condition = f"{_words(case)}, {_words(shutter)}, {rate:g} deg/s"
-                        share = table[images][r] / 100.0
-                        out.append(_images_row(here, images, condition, share, WHY_IMAGES[case]))
-    return out + _wrong_rows(found) + own_rows(found)
+            for r, rate in enumerate(RATES):
+                here = found["published"][found["rate_deg_s"] == rate][:, s, c, 0]
+                if len(here):
+                    yield case, shutter, r, here
 
 
-def _images_row(published, images, condition, share, why):
+def _right(codes_and_errors):
+    """Errors of the right attitudes. (n, 4) -> (m, 3) arcsec."""
+    codes, errors = codes_and_errors[:, 0], codes_and_errors[:, 1:]
+    return errors[(codes > 0) & good(errors)]
+
+
+def image_rows(found):
+    """Every cell of tables 8, 9, 12 and 13."""
+    return [
+        _images_row(here, images, _condition(case, shutter, RATES[r]), (case, shutter, r))
+        for case, shutter, r, here in _cells(found)
+        for images in IMAGES
+    ]
+
+
+def _images_row(published, images, condition, cell):
     """One cell of the tables."""
+    case, shutter, r = cell
+    share = IMPA["success_percent_by_images"][case][shutter][images][r] / 100.0
     done = (published[:, 0] > 0) & (published[:, 0] <= images) & good(published[:, 1:])
-    quantity = f"IMPA: success within {images} images; agrees if not 10 points below"
-    given, criterion = (int(done.sum()), len(done), why), {"least": share - POINTS, "resolves": POINTS}
-    return rows.judged_share(quantity, condition, share, *given, **criterion)
+    given = f"IMPA: success within {images} images", condition, share, done.sum(), len(done)
+    n_published = N_AT_RATE if RATES[r] else N_AT_REST
+    return rows.published_share(*given, n_published=n_published, rounding=5e-5, better="more")
 
 
-def _wrong_rows(found):
-    """Wrong attitudes of all frames flown."""
+def published_wrong_rows(found):
+    """Wrong attitudes of the paper's chain, which the text says there were none of (section 6.2)."""
     out = []
     for s, shutter in enumerate(SHUTTERS):
         frames = int(found["flown"][:, s].sum())
@@ -86,39 +111,28 @@ def _wrong_rows(found):
             for a, acceptance in enumerate(ACCEPTANCES):
                 published = found["published"][:, s, c, a]
                 across, about = wrong(published[:, 0] > 0, published[:, 1:])
-                why = WHY_WRONG[case] if acceptance == "as published" else NOT_EXPLAINED
-                quantity = f"IMPA {acceptance}: wrong across the boresight [attitudes]; agrees if none"
-                out.append(_count_row(quantity, condition, across, 0.0, why))
-                quantity = f"IMPA {acceptance}: wrong about the boresight [attitudes]"
-                out.append(_count_row(quantity, condition, about, None, why))
+                given = f"IMPA {acceptance}: wrong across the boresight", condition
+                n = int((published[:, 0] > 0).sum())
+                if n:
+                    of_paper = {"n_published": len(RATES[1:]) * N_AT_RATE + N_AT_REST}
+                    out.append(rows.published_share(*given, 0.0, across.sum(), n, **of_paper))
+                    quantity = f"IMPA {acceptance}: wrong about the boresight"
+                    out.append(rows.share(quantity, condition, about.sum(), n))
+    return out
+
+
+def _own_wrong_rows(found):
+    """Wrong attitudes of ours, of all frames flown."""
+    out = []
+    for s, shutter in enumerate(SHUTTERS):
         for k, situation in enumerate(SITUATIONS):
             own = found["own"][:, s, k].reshape(-1, 7)
             across, about = wrong(own[:, 0] > 0, own[:, 1:4])
             condition = f"{_words(situation)}, {_words(shutter)}, {len(own)} frames"
             for what, which in (("across", across), ("about", about)):
-                quantity = f"ours: wrong {what} the boresight [attitudes]; agrees if none"
-                out.append(_count_row(quantity, condition, which, None, NOT_EXPLAINED, goal=True))
+                quantity = f"ours: wrong {what} the boresight [attitudes]; goal: none"
+                out.append(rows.goal_none(quantity, condition, which))
     return out
-
-
-def _count_row(quantity, condition, which, published, why, goal=False):
-    """Row of a number that should be none, judged where it was published or is a goal.
-
-    It counts, and so needs no interval to judge: one that occurred is one too many, however few were flown.
-    """
-    k, n = int(which.sum()), len(which)
-    agrees = k == 0 if goal or published is not None else None
-    interval = tuple(n * v for v in intervals.proportion(k, n))
-    return Row(quantity, condition, published, float(k), interval, agrees, why if agrees is False else "")
-
-
-WHY_WRONG = {
-    "best_case": "no false objects were added here: clusters of the frame itself passed the paper's "
-    "acceptance and check phases and gave a wrong attitude; whether their names were wrong or their places "
-    "was not looked into; the rows of the verification say whether it refused them",
-    "worst_case": "with 50 false objects five stars with the names of a false match in both of the paper's "
-    "lists occur by chance; the verification against the whole field refuses them",
-}
 
 
 def own_rows(found):
@@ -133,75 +147,69 @@ def own_rows(found):
                 done = (good(own[..., 1:4]) & (own[..., 0] > 0)).any(axis=1)
                 given, quantity = (int(done.sum()), len(done)), "ours: success within 2 images"
                 condition = f"{_words(situation)}, {_words(shutter)}, {rate:g} deg/s"
-                if rate < FAST and situation in CASES:
-                    share = IMPA["success_percent_by_images"][situation][shutter][2][r] / 100.0
-                    goal = OWN_GOALS[situation] if rate == RATES[-1] else share
-                    quantity += f"; agrees if at least {100.0 * goal:g} %"
-                    why, criterion = NOT_EXPLAINED, {"least": goal, "resolves": POINTS}
-                    out.append(rows.judged_share(quantity, condition, share, *given, why, **criterion))
-                else:
+                if situation not in CASES or rate == FAST:
                     out.append(rows.share(quantity, condition, *given))
+                    continue
+                share = IMPA["success_percent_by_images"][situation][shutter][2][r] / 100.0
+                if rate == RATES[-1]:
+                    goal, n = OWN_GOALS[situation], len(done)
+                    measured = share, done.mean(), rows.intervals.proportion(int(done.sum()), n), n
+                    quantity += f"; goal: at least {100.0 * goal:g} %"
+                    out.append(rows.goal(quantity, condition, *measured, least=goal, resolves=POINTS))
+                else:
+                    how = {"n_published": N_AT_RATE if rate else N_AT_REST, "better": "more"}
+                    out.append(rows.published_share(quantity, condition, share, *given, **how))
     return out
 
 
 def conclude_attitude(results):
-    """Tables 6, 7, 10, 11: standard deviations of the right attitudes; ours against half of them."""
+    """Tables 6, 7, 10, 11: means and standard deviations of the right attitudes, and of ours."""
     found = stack(results)
     out = []
-    for c, case in enumerate(CASES):
-        for s, shutter in enumerate(SHUTTERS):
-            for r, rate in enumerate(RATES):
-                at = found["rate_deg_s"] == rate
-                condition = f"{_words(case)}, {_words(shutter)}, {rate:g} deg/s"
-                published = found["published"][at][:, s, c, 0]
-                own = found["own"][at][:, s, c].reshape(-1, 7)
-                for name, codes, errors in (
-                    ("IMPA", published[:, 0], published[:, 1:]),
-                    ("ours", own[:, 0], own[:, 1:4]),
-                ):
-                    is_good = (codes > 0) & good(errors)
-                    if name == "ours":
-                        out += _sigma_rows(condition, errors[is_good] / own[is_good, 4:7])
-                    errors = errors[is_good]
-                    out += _std_rows(name, condition, errors, _published_std(case, shutter, r), rate)
+    for case, shutter, r, here in _cells(found):
+        condition = _condition(case, shutter, RATES[r])
+        out += _moment_rows("IMPA", condition, _right(here), case, shutter, r)
+        at = found["rate_deg_s"] == RATES[r]
+        own = found["own"][at][:, SHUTTERS.index(shutter), CASES.index(case)].reshape(-1, 7)
+        is_good = (own[:, 0] > 0) & good(own[:, 1:4])
+        out += _sigma_rows(condition, own[is_good, 1:4] / own[is_good, 4:7])
+        out += _moment_rows("ours", condition, own[is_good, 1:4], case, shutter, r)
     return out
 
 
 def _sigma_rows(condition, normal):
     """Whether the covariances of our attitudes cover their errors, axis by axis. (n, 3)"""
-    out, criterion = [], {"most": COVERED, "resolves": (STD_MARGIN - 1.0) * COVERED, "refuted": True}
+    out, criterion = [], {"most": COVERED, "resolves": STD_MARGIN * COVERED, "refuted": True}
     for axis in range(3 if len(normal) > 1 else 0):
         ratio, interval = float(np.sqrt((normal[:, axis] ** 2).mean())), intervals.rms(normal[:, axis])
-        quantity = f"ours: {AXES[axis]} error over its sigma, RMS; agrees if {COVERED:g} is possible"
-        out.append(rows.judged(quantity, condition, None, ratio, interval, NOT_EXPLAINED, **criterion))
+        quantity = f"ours: {AXES[axis]} error over its sigma, RMS; goal: {COVERED:g} is possible"
+        out.append(rows.goal(quantity, condition, None, ratio, interval, len(normal), **criterion))
     return out
 
 
-def _published_std(case, shutter, r):
-    """The paper's standard deviations in the order of AXES, arcsec."""
-    table = IMPA["attitude_error_std_arcsec"][case][shutter]
-    return [table[axis][r] for axis in AXES]
-
-
-def _std_rows(name, condition, errors, published, rate):
-    """Rows of the three axes."""
-    out = []
-    if len(errors) < 2:
-        return out
-    for axis, value in enumerate(published):
-        std = float(errors[:, axis].std(ddof=1))
-        interval = intervals.rms(errors[:, axis] - errors[:, axis].mean())
-        quantity, most = f"{name}: std of {AXES[axis]} [arcsec]", value
-        if name == "IMPA":
-            most = STD_MARGIN * value
-            quantity += "; agrees if not 25 % above"
-        elif rate == RATES[-1]:
-            most = 0.5 * value
-            quantity += "; agrees if under half"
+def _moment_rows(name, condition, errors, case, shutter, r):
+    """Standard deviation and mean about the three axes. (n, 3) arcsec"""
+    out, n = [], len(errors)
+    simulations = N_AT_RATE if RATES[r] else N_AT_REST
+    flown = IMPA["success_percent_by_images"][case][shutter][max(IMAGES)][r] / 100.0 * simulations
+    for axis in range(3 if n > 1 else 0):
+        own, words = errors[:, axis], AXES[axis]
+        value = IMPA["attitude_error_std_arcsec"][case][shutter][words][r]
+        std, interval = float(own.std(ddof=1)), intervals.rms(own - own.mean())
+        half = 1.96 / np.sqrt(2.0 * flown)  # of the paper's, if its errors are normal, as it says
+        how = {"rounding": 0.005, "of_paper": (value * (1.0 - half), value * (1.0 + half)), "better": "less"}
+        given = value, std, interval, n
+        if name == "ours" and RATES[r] == RATES[-1]:
+            quantity, criterion = f"{name}: std of {words} [arcsec]; goal: under half", {"most": 0.5 * value}
+            out.append(rows.goal(quantity, condition, *given, **criterion, resolves=0.5 * STD_MARGIN * value))
         else:
-            quantity += "; agrees if below"
-        criterion = {"most": most, "resolves": (STD_MARGIN - 1.0) * most, "refuted": name == "IMPA"}
-        out.append(rows.judged(quantity, condition, value, std, interval, NOT_EXPLAINED, **criterion))
+            quantity = f"{name}: std of {words} [arcsec]"
+            out.append(rows.figure(quantity, condition, *given, resolves=STD_MARGIN * value, **how))
+        if name == "IMPA":
+            mean, half = ATTITUDE_MEAN_ARCSEC[case][shutter][words][r], 1.96 * value / np.sqrt(flown)
+            how = {"rounding": 0.005, "of_paper": (mean - half, mean + half), "resolves": STD_MARGIN * value}
+            given = mean, float(own.mean()), intervals.mean(own), n
+            out.append(rows.figure(f"{name}: mean of {words} [arcsec]", condition, *given, **how))
     return out
 
 

@@ -67,13 +67,16 @@ class False50(NamedTuple):
     """The false objects of one frame."""
 
     xy_px: np.ndarray  # (50, 2) uniform on the detector
-    vmag: np.ndarray  # (50,) of stars of the on-board catalogue, drawn at random
+    vmag: np.ndarray  # (50,)
 
 
-def false_objects(rng):
-    """Draw them: False50."""
+def false_objects(rng, uniform=False):
+    """Draw them, as bright as stars of the on-board catalogue, or evenly from 0 to its limit: False50."""
     size = np.array([field.CAMERA.width_px, field.CAMERA.height_px])
-    vmag = rng.choice(field.pairs(False).stars.vmag, N_FALSE)
+    if uniform:
+        vmag = rng.uniform(0.0, IMPA["camera"]["catalogue_mag"], N_FALSE)
+    else:
+        vmag = rng.choice(field.pairs(False).stars.vmag, N_FALSE)
     return False50(rng.uniform(-0.5, size - 0.5, (N_FALSE, 2)), vmag)
 
 

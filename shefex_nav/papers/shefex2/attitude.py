@@ -28,7 +28,7 @@ from shefex_nav.papers.shefex2.field import (
 from shefex_nav.papers.shefex2.methods.calibrate import calibrate
 from shefex_nav.papers.shefex2.published import SHEFEX
 from shefex_nav.papers.stills import random_attitude
-from shefex_nav.papers.verdict import TOO_FEW
+from shefex_nav.papers.verdict import Verdict
 from shefex_nav.report import intervals
 from shefex_nav.solve.camera import Camera, undistort
 from shefex_nav.solve.centroids import solve_centroids
@@ -111,21 +111,22 @@ def conclude_attitude(results):
     critical = int((curves[:2, AT] > LIMIT_DEG).sum())
     where = f"centroid error {CROSSING_PX} px"
     n = len(identified)
-    thin = f"not explained ({n} attitudes)"
-    if n < intervals.values_needed(PERCENTILE):
-        thin = f"{n} attitudes do not have a {PERCENTILE}th percentile"
     fewer = _why_fewer(identified, errors[:, 1], used)
-    stricter = (
-        "three times the RMS lies above the 97.5th percentile (2.24 sigma if normal) and passes the limit "
-        "earlier; the paper does not say which statistic it draws"
-    )
-    return [
+    given = (
         _crossing_row(identified, percentiles, "97.5th percentile, stars as identified", fewer),
-        _crossing_row(errors[:, 1], percentiles, "97.5th percentile, all stars known", thin),
-        _crossing_row(identified, three_sigma, "3 sigma, stars as identified", stricter),
-        _crossing_row(errors[:, 1], three_sigma, "3 sigma, all stars known", stricter),
-        rows.count("axes whose error rises steadily", "figure 10", 3, rising, thin),
-        rows.count("of roll and pitch, above 0.1 deg", where, 0, critical, thin),
+        _crossing_row(errors[:, 1], percentiles, "97.5th percentile, all stars known"),
+    )
+    strict = (
+        _crossing_row(identified, three_sigma, "3 sigma, stars as identified"),
+        _crossing_row(errors[:, 1], three_sigma, "3 sigma, all stars known"),
+    )
+    run, words = "shefex-attitude/97.5th percentile", "which statistic is drawn is not said; as a percentile"
+    least, pitch = intervals.values_needed(PERCENTILE), f"{curves[0, AT]:.3f} and {curves[1, AT]:.3f} deg"
+    return [
+        *given,
+        *(rows.explained(row, other, run, words) for row, other in zip(strict, given, strict=True)),
+        rows.trend("axes whose error rises steadily", "figure 10", 3, rising, n, "a curve falls", least),
+        rows.trend("of roll and pitch, above 0.1 deg", where, 0, critical, n, pitch, least),
         _ratio_row(identified[:, AT]),
         *(_percentile_row(identified[:, AT, axis], axis, fewer) for axis in range(3)),
         *(_identified_row(identified, e) for e in (AT, len(ERRORS_PX) - 1)),
@@ -134,9 +135,9 @@ def conclude_attitude(results):
 
 def _why_fewer(identified, known, used):
     """What the identification has to do with the error."""
-    if len(identified) < intervals.values_needed(PERCENTILE):
-        return f"{len(identified)} attitudes do not have a {PERCENTILE}th percentile"
     there = np.isfinite(identified[:, AT, 2])
+    if not there.any():
+        return ""
     n_named, n_all = used[there, 0, AT].mean(), used[there, 1, AT].mean()
     all_known = crossing(percentiles(known[:, :, 2]))
     return (
@@ -146,29 +147,36 @@ def _why_fewer(identified, known, used):
     )
 
 
-def _crossing_row(errors, what, condition, why):
+def _crossing_row(errors, what, condition, why=""):
     """Where the error about the boresight passes 0.1 deg. (n, centroid errors, 3) deg."""
     yaw = errors[:, :, 2]
     measured = crossing(what(yaw))
     interval = None
-    if len(yaw) > 1 and np.isfinite(measured):
+    if _enough(yaw) and np.isfinite(measured):
         rng = np.random.default_rng(BOOTSTRAP_SEED)
         interval = intervals.bootstrap(lambda x: crossing(what(x)), [yaw], rng, resamples=RESAMPLES)
     quantity = "centroid error where yaw passes 0.1 deg [px]"
-    return rows.near(quantity, condition, CROSSING_PX, measured, interval, why, NEAR_PX)
+    how = {"rounding": NEAR_PX, "resolves": 2.0 * NEAR_PX, "why": why}
+    return rows.figure(quantity, condition, CROSSING_PX, measured, interval, len(yaw), **how)
+
+
+def _enough(values):
+    """Whether so many values have the percentile: below, the largest one takes its place."""
+    return len(values) >= intervals.values_needed(PERCENTILE)
 
 
 def _percentile_row(values, axis, why):
     """97.5th percentile at the published crossing, where that of the yaw error is the limit. (n,) deg."""
     values = np.abs(values[np.isfinite(values)])
     measured = float(np.percentile(values, PERCENTILE)) if len(values) else np.nan
-    interval = intervals.percentile(values, PERCENTILE) if len(values) else None
+    interval = intervals.percentile(values, PERCENTILE) if _enough(values) else None
     quantity = f"97.5th percentile of the {AXES[axis]} error [deg]"
     condition = f"centroid error {CROSSING_PX} px"
     if AXES[axis] != "yaw":
         return Row(quantity, condition, None, measured, interval)
     margin = LIMIT_DEG * NEAR_PX / CROSSING_PX
-    return rows.near(quantity, condition, LIMIT_DEG, measured, interval, why, margin)
+    how = {"rounding": margin, "resolves": 2.0 * margin, "why": why}
+    return rows.figure(quantity, condition, LIMIT_DEG, measured, interval, len(values), **how)
 
 
 def _identified_row(errors, e):
@@ -185,12 +193,12 @@ def _ratio_row(errors):
         return float(np.sqrt(np.mean(e[:, 2] ** 2) / np.mean(e[:, :2] ** 2)))
 
     quantity, condition = "yaw error over roll and pitch error (RMS)", "one or two orders of magnitude"
-    if len(errors) < 2:
-        return Row(quantity, condition, 10, np.nan, None, None, TOO_FEW)
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    interval = intervals.bootstrap(ratio, [errors], rng, resamples=RESAMPLES)
-    given, criterion = (10, ratio(errors), interval, "not explained"), {"least": 10.0, "most": 100.0}
-    return rows.judged(quantity, condition, *given, **criterion, resolves=RATIO_RESOLVES, refuted=True)
+    measured, interval = np.nan, None
+    if len(errors) > 1:
+        rng, measured = np.random.default_rng(BOOTSTRAP_SEED), ratio(errors)
+        interval = intervals.bootstrap(ratio, [errors], rng, resamples=RESAMPLES)
+    criterion = {"least": 10.0, "most": 100.0, "resolves": RATIO_RESOLVES, "refuted": True}
+    return rows.statement(quantity, condition, None, measured, interval, len(errors), **criterion)
 
 
 # --- shefex-calibration ---
@@ -201,6 +209,7 @@ ACCURACY_MM = 0.01  # the digits that the paper gives
 TRUE_CAMERA = CAMERA._replace(
     focal_length_px=TRUE_MM / PIXEL_MM, cx_px=CAMERA.cx_px + 3.2, cy_px=CAMERA.cy_px - 2.1
 )  # [E] offsets: the paper calibrates them and does not say what they were
+TRUE_CAMERA_MM = TRUE_CAMERA.focal_length_px * PIXEL_MM
 TRUE_K1 = -0.03  # [E] a weak barrel, a third of a pixel in the corner
 NOISE_PX, NOISE_MAG = 0.15, 0.1
 MAX_MAGNITUDE = 5.5
@@ -284,11 +293,14 @@ def conclude_calibration(results):
     try:
         result = calibrated(frames)
     except ValueError as error:
-        return [*table, Row("focal length [mm]", condition, TRUE_MM, np.nan, None, False, str(error))]
+        missed = (Verdict.TOO_FEW, None, str(error))
+        return [*table, Row("focal length found [mm]", condition, None, np.nan, None, *missed)]
     f_mm, sigma = result.camera.focal_length_px * PIXEL_MM, result.sigma
     half = 1.96 * sigma["focal_length_px"] * PIXEL_MM
-    interval, why = (f_mm - half, f_mm + half), f"{len(named)} frames determine it to {half:.3f} mm (95 %)"
-    table.append(rows.near("focal length [mm]", condition, TRUE_MM, f_mm, interval, why, ACCURACY_MM))
+    table.append(rows.given("focal length of the camera [mm]", "simulated", TRUE_MM, TRUE_CAMERA_MM))
+    found = "focal length found [mm]; goal: the true one within 0.01 mm", condition, None, f_mm
+    criterion = {"least": TRUE_MM - ACCURACY_MM, "most": TRUE_MM + ACCURACY_MM, "resolves": ACCURACY_MM}
+    table.append(rows.goal(*found, (f_mm - half, f_mm + half), len(named), **criterion))
     found = (result.camera.cx_px, result.camera.cy_px, result.distortion[0])
     true = (TRUE_CAMERA.cx_px, TRUE_CAMERA.cy_px, TRUE_K1)
     for name, value, truth in zip(("cx_px", "cy_px", "k1"), found, true, strict=True):

@@ -13,7 +13,7 @@ from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.papers.experiment import Experiment, Row
-from shefex_nav.papers.rows import judged, share
+from shefex_nav.papers.rows import figure, share
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2 import figures
 from shefex_nav.papers.shefex2.field import CAMERA, FIELD, MERGE, YEAR, flown_pairs
@@ -21,7 +21,6 @@ from shefex_nav.papers.shefex2.frames import DETECT, MODEL, SPACE, all_stars
 from shefex_nav.papers.shefex2.methods import pyramid
 from shefex_nav.papers.shefex2.published import SHEFEX
 from shefex_nav.papers.stills import electrons, random_attitude, still
-from shefex_nav.papers.verdict import POINTS
 from shefex_nav.records import FrameTruth, Reason, StarFix
 from shefex_nav.report import intervals
 
@@ -31,10 +30,15 @@ FALSE_OBJECTS, FALSE_MAGNITUDES = 250, (3.0, 6.0)  # on the whole sky
 MAGNITUDE_ERROR = 0.1
 SCENARIO = "night_sky"
 PLACES = ("space", "ground")
-WAYS = ("as published", "default")
+WAYS = ("as printed", "as read by us", "default")
+PAPERS = WAYS[:2]  # what the text has, and with the scan of our tracker, which the text leaves room for
 FRAME_S = 0.1
 COS_ERROR = SHEFEX["identification"]["cos_error"]
 IDENTIFY = STAR_TRACKER.identification
+# Single pixels over a threshold that the paper does not give: 8 sigma, 18 DN here, at which 4 to 8 sigma come
+# nearest to what section 4 says of the rates. [E] three pixels make an object, as for a Gaussian spot.
+PRINTED = replace(DETECT, scan="single_pixels", centroid="weighted", seed_sigma=8.0, fewest_pixels=3)
+DETECTIONS = {"as printed": PRINTED, "as read by us": replace(DETECT, centroid="weighted"), "default": DETECT}
 
 
 @cache
@@ -54,11 +58,10 @@ def sky_of(rng):
 
 
 def solve_frame(image, way):
-    """Attitude of a frame by one of the two chains: q_ic, or None."""
-    settings = replace(DETECT, centroid="weighted") if way == "as published" else DETECT
-    found, _ = detect(settings, MODEL, image)
+    """Attitude of a frame by one of the chains: q_ic, or None."""
+    found, _ = detect(DETECTIONS[way], MODEL, image)
     u_c = unit_vectors(CAMERA, found.xy_px)
-    if way == "as published":
+    if way in PAPERS:
         pairs = flown_pairs()
         result = pyramid.match(IDENTIFY, MODEL, pairs, u_c, found.flux_dn, COS_ERROR)
     else:
@@ -79,7 +82,7 @@ def verdict(q_ic, truth):
 
 
 def measure_end_to_end(samples, seed):
-    """Verdicts: (samples, 5) space and ground by both chains, and frames of the scenario."""
+    """Verdicts: (samples, 7) space and ground by all chains, and frames of the scenario."""
     stills_seed, night_seed = seed.spawn(2)
     rng = np.random.default_rng(stills_seed)
     out = np.empty((samples, len(PLACES) * len(WAYS) + 1), dtype=np.int64)
@@ -126,32 +129,27 @@ def conclude_end_to_end(results):
     goals = SHEFEX["identification"]
     published = (goals["success_simulated"], goals["success_night_sky"])
     columns = [
-        (f"rendered stills, {place}, chain {way}", published[p] if w == 0 else None)
+        (f"rendered stills, {place}, chain {way}", published[p] if way in PAPERS else None)
         for p, place in enumerate(PLACES)
-        for w, way in enumerate(WAYS)
+        for way in WAYS
     ]
     columns.append((f"scenario {SCENARIO}, {len(results)} directions", published[1]))
     rows = []
     for column, (condition, goal) in enumerate(columns):
         is_solved = verdicts[:, column] == 1
         if column < len(columns) - 1:
-            ci95 = intervals.proportion(int(is_solved.sum()), n)
+            ci95, size = intervals.proportion(int(is_solved.sum()), n), n
         else:  # frames of one direction show the same stars: the directions are what was drawn
             shares = [(chunk[:, column] == 1).mean() for chunk in results]
-            ci95 = intervals.mean(np.array(shares)) if len(shares) > 1 else None
-        row = Row(
-            "success; agrees when not below the published one", condition, goal, float(is_solved.mean()), ci95
-        )
-        if goal is not None:
-            row = judged(*row[:5], WHY_FEWER, least=goal, resolves=POINTS, refuted=True)
-        rows += [row, share("share of wrong attitudes", condition, (verdicts[:, column] == -1).sum(), n)]
+            ci95, size = intervals.mean(np.array(shares)) if len(shares) > 1 else None, len(shares)
+        given = "success", condition, goal, float(is_solved.mean()), ci95
+        if goal is None:
+            rows.append(Row(*given))
+        else:  # 'more than' 97 and 90 per cent, in whole ones
+            rows.append(figure(*given, size, rounding=0.005, resolves=0.5 * (1.0 - goal), better="more"))
+        rows.append(share("share of wrong attitudes", condition, (verdicts[:, column] == -1).sum(), n))
     return rows
 
-
-WHY_FEWER = (
-    "the attitudes are spread over the whole sky, and where fewer than four stars of the catalogue are found "
-    "no chain can solve the frame"
-)
 
 EXPERIMENTS = {
     "shefex-end-to-end": Experiment(

@@ -14,7 +14,7 @@ from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.rows import count, share
+from shefex_nav.papers.rows import count, explained, given, share, trend, variant
 from shefex_nav.papers.shefex2.field import (
     COMBINED,
     FIELD,
@@ -37,8 +37,8 @@ CATALOGUES = {  # name -> settings; 5.2, 5.4 and 5.75 are the magnitudes of sect
     "combined": COMBINED,
     "combined, from the asymmetric": replace(COMBINED, faintest=5.2, faintest_south=5.4),
 }
-NEAR = 0.08  # relative: a count whose recipe is not published
-ABOUT = 0.2  # relative: what the paper gives as 'about'
+ABOUT = 10.0  # stars: the text rounds 'about 180' and 'about 450' to tens, so half of that, and as much again
+SHALLOW = 5.5  # V: the other pool that the combined catalogue is filled from
 
 COS_ERRORS = np.array([2e-6, 5e-6, 1e-5, 2e-5, 3e-5, 5.5e-5, 1e-4, 2e-4, 4e-4])
 CHOSEN = int(np.flatnonzero(COS_ERRORS == SHEFEX["identification"]["cos_error"])[0])
@@ -84,9 +84,14 @@ def conclude_catalogue(results):
 
 
 def _count_rows(built):
-    """Sizes and pairs, and the faint stars that the text counts."""
+    """Sizes and pairs; the faint stars."""
     stars, n_pairs = SHEFEX["catalogue"]["stars"], SHEFEX["catalogue"]["pairs"]
     pairs = {name: len(catalogue.pair_table(one, FIELD).cosine) for name, one in built.items()}
+    shallow = catalogue.build(replace(COMBINED, faintest=SHALLOW), load_catalogue(8.0), YEAR)
+    from_shallow = count(
+        *("pairs", f"combined, filled from V <= {SHALLOW}", n_pairs),
+        *(len(catalogue.pair_table(shallow, FIELD).cosine), "the depth of the pool is not published"),
+    )
     south = {name: float((one.u_i[:, 2] < 0.0).mean()) for name, one in built.items()}
     thinned = "combined, from the asymmetric"
     uneven = (
@@ -94,10 +99,31 @@ def _count_rows(built):
         f"one still {south[thinned]:.0%}; the same number of stars makes more pairs where the sky is uneven, "
         f"and the published number is near that of the even one ({pairs['uniform']})"
     )
+    as_written = "combined, filled from the asymmetric one as the text says"
+    return [
+        given("stars", "combined; the size is given", stars, len(built["combined"].hip)),
+        explained(
+            count("pairs", "combined, filled from V <= 5.75", n_pairs, pairs["combined"]),
+            from_shallow,
+            "shefex-catalogue/pool to V 5.5",
+            "with a pool that ends at V 5.5",
+            passes=True,
+        ),
+        variant(from_shallow),
+        count("pairs", as_written, n_pairs, pairs[thinned], uneven),
+        Row("pairs", "uniform", None, pairs["uniform"]),
+        *_faint_rows(built),
+    ]
+
+
+def _faint_rows(built):
+    """The faint stars that the text counts."""
+    thinned = "combined, from the asymmetric"
     faint = _between(built["asymmetric"], 5.2, 5.4)
+    left = _between(built[thinned], 5.2, 5.4)
     somewhere = (
         f"all of the southern sky is filled here, and it has {faint} such stars; the paper does not say "
-        f"which part it fills. {_between(built[thinned], 5.2, 5.4)} are left of it in the combined one"
+        f"which part it fills. {left} are left of it in the combined one"
     )
     deeper = [_between(_uniform(limit), 5.25, 5.75) for limit in (6.0, 6.5)]
     depth = (
@@ -105,15 +131,22 @@ def _count_rows(built):
         f"stars to V 6 has {deeper[0]}, to V 6.5 {deeper[1]}"
     )
     faint_uniform = _between(built["uniform"], 5.25, 5.75)
-    as_written = "combined, filled from the asymmetric one as the text says"
-    size, filled = f"uniform, {stars} stars of V <= 5.75", "asymmetric: V 5.2 north, 5.4 south"
+    size = f"uniform, {SHEFEX['catalogue']['stars']} stars of V <= 5.75"
+    filled = "asymmetric: V 5.2 north, 5.4 south"
     return [
-        count("stars", "combined; the size is given", stars, len(built["combined"].hip), ""),
-        count("pairs", "combined, filled from V <= 5.75", n_pairs, pairs["combined"], "", NEAR),
-        count("pairs", as_written, n_pairs, pairs[thinned], uneven, NEAR),
-        Row("pairs", "uniform", None, pairs["uniform"]),
-        count("stars with V 5.2 ... 5.4", filled, 180, faint, somewhere, ABOUT),
-        count("stars with V 5.25 ... 5.75", size, 450, faint_uniform, depth, ABOUT),
+        explained(
+            count("stars with V 5.2 ... 5.4", filled, 180, faint, somewhere, ABOUT),
+            count("", "", 180, left, "", ABOUT),
+            "shefex-catalogue/combined, from the asymmetric",
+            "those of them that are left in the combined catalogue",
+        ),
+        explained(
+            count("stars with V 5.25 ... 5.75", size, 450, faint_uniform, depth, ABOUT),
+            count("", "", 450, deeper[1], "", ABOUT),
+            "shefex-catalogue/uniform to V 6.5",
+            "the depth of the uniform catalogue is not published; from stars to V 6.5",
+            passes=True,
+        ),
     ]
 
 
@@ -168,19 +201,20 @@ def conclude_cos_error(results):
     up, down = (np.diff(success[:, : CHOSEN + 1], axis=axis) for axis in (1, 0))
     rises = int(((up >= 0.0).all(axis=1) & (up > 0.0).any(axis=1)).sum())
     order = int(((down <= 0.0).all(axis=1) & (down < 0.0).any(axis=1)).sum())
-    flat = (
-        "below 1e-4 the time hardly depends on cosError beyond the scatter: an empty k-vector range costs a "
-        "compiled search almost nothing, so failing is cheap"
+    n, ends = len(verdict), np.array([mean[:, 0], mean.min(axis=1), mean[:, -1]]) * 1e3
+    flat = "time at the least cosError, at the best, at the greatest [ms]: " + "; ".join(
+        " ".join(f"{value:.3g}" for value in curve) for curve in ends.T
     )
+    at_best = [f"{10.0**value:.2g}" for value in _optimum(mean)]
     against = f"of {len(verdict)} attitudes, a step against the trend changes the success by up to"
     window = f"figure 8, {COS_ERRORS[0]:g} to 5.5e-5"
     quickest = "steps of the centroid error that move the quickest cosError up"
     lower = "steps of the centroid error that lower the success"
     rows = [
-        count("curves whose time has a minimum between the ends", "figure 7", n_curves, inner, flat),
-        count(quickest, "figure 7", n_steps, moves, "near its minimum a curve is flat: scatter decides"),
-        count("curves that rise", window, n_curves, rises, f"{against} {max(-up.min(), 0.0):.2g}"),
-        count(lower, window, n_steps, order, f"{against} {max(down.max(), 0.0):.2g}"),
+        trend("curves whose time has a minimum between the ends", "figure 7", n_curves, inner, n, flat),
+        trend(quickest, "figure 7", n_steps, moves, n, f"quickest at cosError {', '.join(at_best)}"),
+        trend("curves that rise", window, n_curves, rises, n, f"{against} {max(-up.min(), 0.0):.2g}"),
+        trend(lower, window, n_steps, order, n, f"{against} {max(down.max(), 0.0):.2g}"),
     ]
     return rows + _rows_at_chosen(verdict, seconds)
 
@@ -244,12 +278,12 @@ def conclude_spikes(results):
         for c, cos_error in enumerate(SPIKE_COS_ERRORS)
         if not rising[c]
     ]
-    few = f"of {n * len(SPIKES)} fields {' and '.join(flat)} were wrong: so narrow a window hardly misleads"
+    few = f"of {n * len(SPIKES)} fields {' and '.join(flat)} were wrong"
     above = int((np.diff(wrong.sum(axis=(0, 1))) > 0).sum())
     total = f"of {n * len(SPIKES)} fields wrong: {', '.join(str(k) for k in wrong.sum(axis=(0, 1)))}"
     rows = [
-        count("curves that rise with the number of spikes", "figure 9", n_curves, sum(rising), few),
-        count("steps of cosError that raise the wrong ones", "figure 9", n_curves - 1, above, total),
+        trend("curves that rise with the number of spikes", "figure 9", n_curves, sum(rising), n, few),
+        trend("steps of cosError that raise the wrong ones", "figure 9", n_curves - 1, above, n, total),
     ]
     for c, cos_error in enumerate(SPIKE_COS_ERRORS):
         for s in (0, len(SPIKES) // 2, len(SPIKES) - 1):

@@ -24,6 +24,7 @@ from shefex_nav.records import Reason
 
 REFERENCE_MAGNITUDE = 3.0
 GAMMA_SIGMAS = 3.0  # gamma in units of the magnitude error
+SEEN_BEFORE = 2  # [E] of three stars; the paper says 'compared'
 MAX_TRIPLES = 64  # candidates of three detections; 0.1 is usual
 MAX_CANDIDATES = 24  # that `identify` has verified before it gives up; 1 or 2 are usual
 
@@ -40,7 +41,7 @@ class Light(NamedTuple):
     reference_flux: float  # M_t
 
 
-def match(settings, camera, pairs, u_c, flux, reference_flux=np.inf):
+def match(settings, camera, pairs, u_c, flux, reference_flux=np.inf, previous=None):
     """The paper's own algorithm with its own acceptance; nothing is verified.
 
     Parameters
@@ -51,6 +52,8 @@ def match(settings, camera, pairs, u_c, flux, reference_flux=np.inf):
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
     reference_flux : float, a star with more is surely brighter than REFERENCE_MAGNITUDE
+    previous : rows of the catalogue that were identified before, which three stars alone are compared with:
+        two of them must be among these (section 4.3.2); None: no comparison
 
     Returns
     -------
@@ -62,6 +65,8 @@ def match(settings, camera, pairs, u_c, flux, reference_flux=np.inf):
     star = np.full(len(flux), -1, dtype=np.int64)
     light = _light(settings, pairs, flux[:n], reference_flux)
     reason = _match_kernel(table(pairs), light, u_c[:n], float(settings.tolerance), 0, star[:n])
+    if n == 3 and previous is not None and np.isin(star[star >= 0], previous).sum() < SEEN_BEFORE:
+        return nothing(len(flux), Reason.NO_MATCH)
     return Identification(star, reason, np.nan)
 
 

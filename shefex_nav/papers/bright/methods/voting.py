@@ -19,12 +19,12 @@ from shefex_nav.onboard.startracker.identify.verify import Identification, nothi
 from shefex_nav.papers.angles import fits, look_up, new_sides, table
 from shefex_nav.records import Reason
 
-LEAST_CLUSTER = 3
+LEAST_CLUSTER = 3  # [E] the papers do not say how large a cluster must be
 
 NONE = int(Reason.NONE)
 
 
-def match(settings, camera, pairs, u_c, flux):
+def match(settings, camera, pairs, u_c, flux, least_cluster=LEAST_CLUSTER):
     """The papers' own algorithm with its own acceptance; nothing is verified.
 
     Parameters
@@ -34,17 +34,18 @@ def match(settings, camera, pairs, u_c, flux):
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera, brightest detection first
     flux : (n,)
+    least_cluster : int, identities that must agree
 
     Returns
     -------
     Identification, its log_odds NaN: nobody has asked
     """
     n = min(len(flux), settings.most_centroids)
-    if n < LEAST_CLUSTER:
+    if n < least_cluster:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
     star = np.full(len(flux), -1, dtype=np.int64)
     n_cluster = _match_kernel(table(pairs), u_c[:n], float(settings.tolerance), star[:n])
-    if n_cluster < LEAST_CLUSTER:
+    if n_cluster < least_cluster:
         return nothing(len(flux), Reason.NO_MATCH)
     return Identification(star, NONE, np.nan)
 
