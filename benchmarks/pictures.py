@@ -90,7 +90,7 @@ def draw_lens(rng, kind, size_px, width_deg):
         at_corner = rng.uniform(-0.06, 0.03) * min(width_deg / 30.0, 1.0), rng.normal(0.0, 0.005)
         k[0], k[1] = at_corner[0] / corner2, at_corner[1] / corner2**2
         k[2] = rng.normal(0.0, 0.002) / corner2**3
-        k[3:] = rng.normal(0.0, 0.0005, 2) / corner2 * min(width_deg / 30.0, 1.0)
+        k[3:] = rng.normal(0.0, 0.0005, 2) / np.sqrt(corner2) * min(width_deg / 30.0, 1.0)
     unit = Lens(kind, 1.0, tuple(k))
     return unit._replace(focal_px=0.5 * size_px[0] / float(radius(unit, half)))
 
