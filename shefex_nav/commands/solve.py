@@ -29,7 +29,16 @@ Camera = Annotated[
     ),
 ]
 
-Fov = Annotated[str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")]
+Fov = Annotated[
+    str | None,
+    typer.Option(
+        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'; 2 to 70 deg, not told 5 to 70."
+    ),
+]
+Mirrored = Annotated[
+    bool,
+    typer.Option("--mirrored", help="The pictures are mirrored, as through a telescope with a diagonal."),
+]
 Epoch = Annotated[
     str | None,
     typer.Option(
@@ -61,6 +70,7 @@ def solve(
     overlay: Annotated[
         Path | None, typer.Option(help="Draw detections and names into a new .png file.")
     ] = None,
+    mirrored: Mirrored = False,
     json: Json = False,
 ):
     """Find where pictures of the night sky look, without being told anything, or with a camera told.
@@ -68,12 +78,12 @@ def solve(
     Several pictures give one row each, with --json one object a line. With --frame it is a frame of a log, by
     the camera of its scenario, compared with what the flight said of it and with the truth.
     """
-    _check(images, camera, fov, overlay)
+    _check(images, (camera, fov, frame, mirrored), overlay)
     epoch = None if epoch is None else _julian_year(epoch)
     if frame is not None or is_log(images[0]):
         raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
     fov_deg = None if fov is None else _field_of_view(fov)
-    solve_one = _told(camera, epoch) if camera else _blind(fov_deg, epoch)
+    solve_one = _told(camera, epoch) if camera else _blind(fov_deg, epoch, mirrored)
     found = []
     for image in images:
         solution = solve_one(image)
@@ -125,8 +135,12 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
     return 0 if again.solution.status == "ok" else 1
 
 
-def _check(images, camera, fov, overlay):
-    """Refuse options that are wrong, or do not go together."""
+def _check(images, options, overlay):
+    """Refuse options that are wrong, or do not go together. options : camera, fov, frame, mirrored"""
+    camera, fov, frame, mirrored = options
+    if mirrored and (camera is not None or frame is not None):
+        words = "not together with --camera or --frame: their pictures are as they are"
+        raise typer.BadParameter(words, param_hint="--mirrored")
     if fov is not None and camera is not None:
         raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
     if overlay is not None:
@@ -135,12 +149,12 @@ def _check(images, camera, fov, overlay):
             raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
 
 
-def _blind(fov_deg, epoch):
+def _blind(fov_deg, epoch, mirrored):
     """Function of a path that gives its ImageSolution, of any camera."""
     from shefex_nav.solve import picture
     from shefex_nav.solve.image import solve_picture
 
-    return lambda path: solve_picture(picture.read(path), fov_deg=fov_deg, epoch=epoch)
+    return lambda path: solve_picture(picture.read(path), fov_deg=fov_deg, epoch=epoch, mirrored=mirrored)
 
 
 def _told(camera, epoch):
@@ -171,9 +185,9 @@ def _julian_year(text):
 
 def _field_of_view(text):
     """Degrees from an angle such as '11.4 deg' or '0.2 rad'; a plain number is degrees."""
-    from shefex_nav.solve.image import FOV_DEG
+    from shefex_nav.solve.image import FOV_DEG, NARROWEST_DEG
 
-    low, high = FOV_DEG
+    low, high = NARROWEST_DEG, FOV_DEG[1]
     parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
     if parts is None or parts[2] not in DEGREES:
         raise typer.BadParameter(f"expected an angle such as '11.4 deg', got {text!r}", param_hint="--fov")

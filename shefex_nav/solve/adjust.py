@@ -18,7 +18,7 @@ from shefex_nav.solve import lens as lenses
 STEPS = 12  # bound only: four are usual
 SMALL = 1e-8  # rad; the next step is smaller by its square
 FLOORS = 30  # halvings of the search for the floor
-MULTIPLES = 2.0 ** np.arange(0.0, 5.5, 0.5)  # of the covariances of the centroids
+MULTIPLES = 2.0 ** np.arange(-2.0, 6.5, 0.5)  # of the covariances of the centroids
 OUTLIER = 4.0  # standard deviations; a star further from where the lens puts it is named, not weighed
 MOST_FLOOR_PX = 8.0
 

@@ -79,6 +79,7 @@ def find(grey):
     def centres(settings, camera, image_dn, table):
         nonlocal at_full, fitted_flux
         table = table.copy()
+        table[:, NOISE] = np.maximum(table[:, NOISE], NOISE_DN)  # more than is left where JPEG smooths
         table[:, [FLUX, BACKGROUND, NOISE]] *= FINER
         spot = Picture(fine, camera.bad_pixels, FULL_DN, 0.0)
         xy_px, fitted_flux, P_px = fit.centroids(spot, table, float(camera.psf_sigma))

@@ -6,6 +6,8 @@ them, `proof` decides with the identification that flies, and `naming` and `adju
 stars that are named. Nothing is given out that chance would make more often than once in 10^7 pictures.
 """
 
+from dataclasses import dataclass, replace
+from dataclasses import field as of_each
 from functools import lru_cache
 from math import isfinite
 from pathlib import Path
@@ -48,22 +50,36 @@ def _load(year):
     triangles.propose(spots, (400.0, 600.0), 2, 4, band, np.zeros((triangles.KEPT, 12)), 0)
 
 
-def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None):
+@dataclass
+class Record:
+    """How a picture was solved, for those who want to see it."""
+
+    field: object = None  # Field
+    trials: list = of_each(default_factory=list)  # (proposal, Fit or None, Proof or None), as they were tried
+
+
+def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mirrored=False):
     """Attitude, field of view and stars of a picture of the night sky.
 
-    The lens may have a radial distortion of a few per cent. Mirrored pictures are refused. The tables for a
-    range of fields of view are made when they are first needed, 0.1 to 0.4 s each, and kept.
+    The field of view across may be 5 to 70 degrees, told 2 to 70. The lens may be anything between a pinhole
+    with a few per cent of distortion and r = f theta; its focal length and five terms of distortion are found
+    as well. The tables for a range of fields of view are made when they are first needed, 0.1 to 2 s each,
+    and kept.
 
-    With a StarCamera the picture goes through the star tracker that flies, and the solution has covariances.
+    The covariance is that of the attitude with all of the lens unknown. Aberration is not taken out without a
+    StarCamera: the attitude is that against the stars as they are seen, up to 20.5 arcsec from their places
+    in the catalogue. With a StarCamera the picture goes through the star tracker that flies.
 
     Parameters
     ----------
     image : path of a picture file, or an array (rows, columns[, channels]) of grey values, row 0 at the top
     camera : None, a Camera whose focal length is right to two per cent, or a StarCamera
-    fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 7 to 30
+    fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 5 to 70
     epoch : None or a Julian year, for proper motions, with a StarCamera for the velocity of the Earth as
         well; by default the date of the file, else today
     taken : None or a Taken, of an array and with a StarCamera only; a file says it itself
+    mirrored : bool, the picture is mirrored, as through a telescope with a diagonal; q_ci and camera of the
+        solution are those of the picture turned over, left for right; a mirrored picture is refused without
 
     Returns
     -------
@@ -78,6 +94,8 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None):
     if taken is not None and not (is_array and isinstance(camera, told.StarCamera)):
         raise ValueError("taken: goes with an array and a StarCamera; the file of a picture says it itself")
     if isinstance(camera, told.StarCamera):
+        if mirrored:
+            raise ValueError("mirrored: not together with a StarCamera, whose pictures are as they are")
         if fov_deg is not None:
             raise ValueError("fov_deg: not together with a camera, which has its own")
         image_dn, taken = (image, taken or Taken()) if is_array else _as_stored(image, camera)
@@ -86,7 +104,7 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None):
         warmup.get_ready({"command=solve"})
         return told.solve(image_dn, camera, taken)
     seen = picture.Picture(picture.grey(image), None) if is_array else picture.read(image)
-    return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch)
+    return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch, mirrored=mirrored)
 
 
 def _as_stored(path, camera):
@@ -104,8 +122,14 @@ def _as_stored(path, camera):
         raise picture.PictureError(f"{path}: {str(error).removeprefix('image: ')}") from None
 
 
-def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
-    """`solve_image` for a Picture that has been read."""
+def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None, mirrored=False, record=None):
+    """`solve_image` for a Picture that has been read. record : Record, filled with the way there."""
+    if mirrored:
+        width = seen.grey.shape[1]
+        over = seen._replace(grey=np.ascontiguousarray(seen.grey[:, ::-1]))
+        camera = turned_over(camera) if isinstance(camera, Camera) else camera
+        found = solve_picture(over, camera=camera, fov_deg=fov_deg, epoch=epoch, record=record)
+        return back(found, width)
     warmup.get_ready({"command=solve"})
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)
@@ -113,13 +137,16 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
     _load(year)
     clock = searching.Clock()
     found = field.find(seen.grey)
+    trials = None
+    if record is not None:
+        record.field, trials = found, record.trials
     xy_px = found.xy_px
     if camera is not None:
         xy_px = naming.centred(camera, xy_px)
     search = searching.Search(size_px, focal_range, year, camera is None)
-    solved, reason = searching.solve(xy_px[found.in_sky], found.flux[found.in_sky], search, clock)
+    solved, reason = searching.solve(xy_px[found.in_sky], found.flux[found.in_sky], search, clock, trials)
     if solved is None and not found.in_sky.all():
-        solved, reason = searching.solve(xy_px, found.flux, search, clock)
+        solved, reason = searching.solve(xy_px, found.flux, search, clock, trials)
     if solved is None and reason == "no_match":
         turned = xy_px[found.in_sky] * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
         if searching.solve(turned, found.flux[found.in_sky], search, clock)[0] is not None:
@@ -127,6 +154,22 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
     if solved is None:
         return failed(reason, clock.ms(), found.xy_px)
     return naming.described(solved, found, xy_px, size_px, year, camera, clock)
+
+
+def turned_over(camera):
+    """Camera of pictures that are turned over, left for right."""
+    x, y = camera.principal_point_px
+    k = camera.distortion
+    k = k if k is None else (k[0], k[1], k[2], -k[3], k[4])
+    return replace(camera, principal_point_px=(camera.width_px - 1.0 - x, y), distortion=k)
+
+
+def back(found, width):
+    """ImageSolution of a picture that was turned over, with the pixels of the picture as it is."""
+    matched = [match._replace(x_px=width - 1.0 - match.x_px) for match in found.matched]
+    xy_px = found.xy_px * [-1.0, 1.0] + [width - 1.0, 0.0]
+    reason = "not_mirrored" if found.reason == "mirrored" else found.reason
+    return found._replace(reason=reason, matched=matched, xy_px=xy_px, mirrored=True)
 
 
 def _focal_range(size_px, camera, fov_deg):

@@ -23,7 +23,7 @@ LEAST_NOISE_PX = 0.08  # of what is proposed; what is proved has a floor of its 
 LEAST_FLOOR_PX = 0.01  # error of any centroid beside the one that it is said to have
 CONVERGED = 4  # steps with the final gate
 IDEAL = Pinhole(2, 2, 1.0, 0.0, 0.0)  # its pixels are X/Z, Y/Z
-WIDE = 0.35  # tan of the half diagonal from which on decentring grows no more
+WIDE = 0.35  # tan of the half diagonal from which on what makers leave grows no more
 NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 K1, K2, P1, P2, K3 = range(4, 9)  # places of the distortion among the nine unknowns; 3 is ln f
 UNKNOWNS = 9
@@ -51,15 +51,19 @@ class Fit(NamedTuple):
 def spread(corner, may_distort=True):
     """Standard deviations of (k1, k2, p1, p2, k3) over lenses. corner : tan of the half diagonal -> (5,)
 
-    In shares of the distance of a corner: a lens with a tangent law and a barrel of two per cent, up to one
-    whose angles go linearly with the distance, r = f theta, which is -1/3, 1/5, -1/7 in powers of tan^2.
-    Decentring is what makers leave: half a per mille of a wide lens, less of a long one.
+    In shares of the distance of a corner: a wide lens with a barrel of two per cent, a long one with less, up
+    to one whose angles go linearly with the distance, r = f theta, which is -1/3, 1/5, -1/7 in powers of
+    tan^2. Decentring is what makers leave: half a per mille of a wide lens, less of a long one.
     """
     if not may_distort:
         return np.zeros(5)
-    c2 = corner * corner
-    decentred = 5e-4 * min(1.0, corner / WIDE) / corner
-    k1, k2, k3 = 0.02 / c2 + 1.0 / 3.0, 0.004 / c2**2 + 1.0 / 5.0, 0.001 / c2**3 + 1.0 / 7.0
+    c2, made = corner * corner, min(1.0, corner / WIDE)
+    k1, k2, k3 = (
+        0.02 * made / c2 + 1.0 / 3.0,
+        0.004 * made / c2**2 + 1.0 / 5.0,
+        0.001 * made / c2**3 + 1.0 / 7.0,
+    )
+    decentred = 5e-4 * made / corner
     return np.array([k1, k2, decentred, decentred, k3])
 
 

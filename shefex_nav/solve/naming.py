@@ -46,7 +46,20 @@ def described(solved, found, xy_px, size_px, year, camera, clock):
     return ImageSolution(
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
+        fov_sigma_deg=_fov_sigma(best, size_px),
     )  # fmt: skip
+
+
+def _fov_sigma(best, size_px):
+    """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
+    sigma = np.sqrt(np.diag(best.covariance)[3:])
+    at, slope = best.lens, np.zeros(6)
+    for n in np.flatnonzero(sigma > 0.0):
+        step = 0.01 * sigma[n]
+        k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
+        moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
+        slope[n] = (_pointing(moved, size_px, None)[3] - _pointing(at, size_px, None)[3]) / step
+    return float(np.sqrt(slope @ best.covariance[3:, 3:] @ slope))
 
 
 def all_stars(fit, found, xy_px, size_px, year):
