@@ -34,6 +34,7 @@ FULL_SHARE = 0.97  # of the brightest pixel's height: what is above is saturated
 BLOB_SHARE = 0.06  # of its radius, error of the place of a star that is mostly saturated
 CORE_PX = 1.5  # radius around the middle that has to stand out
 MOST_IN_LINE, LINE_PX, LINE_OF = 80, 2.0, 8  # brightest objects; so many within this of a line are a trail
+CROWDED, FAINT = 0, 1  # no sky around it; no more than the noise in its middle
 FLAT_SIGMA = 0.3  # grey steps, noise of a picture without any: rounding hides it
 
 DETECTION = Detection(
@@ -62,6 +63,8 @@ class Field(NamedTuple):
     n_pixels: np.ndarray  # (n,) of the binned picture
     binning: int
     noise: float  # grey values, of one binned pixel
+    refused_px: np.ndarray  # (m, 2) places of objects that are none of the above
+    refused_for: np.ndarray  # (m,) CROWDED or FAINT
 
 
 def find(grey):
@@ -71,41 +74,51 @@ def find(grey):
     if binning > 1:
         grey = binned(grey, binning)
     flat, noise, sky = flatten(grey, step)
+    found, at_full, fitted_flux = detected(flat, grey, noise)
+    radius_px = np.sqrt(found.n_pixels / np.pi)
+    flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
+    flux[at_full] = np.maximum(flux, fitted_flux)[at_full]
+    lonely = crowding(flat, found.xy_px, radius_px, RING_SIGMA * noise) < RING_SHARE
+    # the tiles of the detection see no noise where rounding has left a picture without any
+    core = aperture(flat, found.xy_px, np.full(len(flux), CORE_PX))
+    clear = core > DETECTION.seed_sigma * np.sqrt(np.pi) * CORE_PX * noise
+    order = np.argsort(-flux, kind="stable")
+    good = lonely & clear & (flux > 0.0)
+    order, others = order[good[order]], np.flatnonzero(~good)
+    in_sky = brighter_than_sky(grey, found.xy_px, sky, noise)[order]
+    in_sky &= ~in_line(found.xy_px[order][:MOST_IN_LINE], len(order))
+    xy_px = found.xy_px * binning + 0.5 * (binning - 1)
+    return Field(
+        np.ascontiguousarray(xy_px[order]), binning**2 * found.P_px[order], flux[order], at_full[order],
+        in_sky, found.n_pixels[order], binning, float(noise), xy_px[others],
+        np.where(lonely[others], FAINT, CROWDED),
+    )  # fmt: skip
+
+
+def detected(flat, grey, noise):
+    """Objects of a picture without its background: Detections, which are saturated, flux of the fit [grey].
+
+    The scan sees 8 bits; the fit of the spots sees FINER steps, up to where the picture itself is saturated.
+    """
     full = float(grey.min()) + FULL_SHARE * float(grey.max() - grey.min())
     frame, fine = frames_of(flat, grey, full, NOISE_DN / noise)
-    at_full = np.zeros(0, dtype=bool)
-    fitted_flux = np.zeros(0)
+    fitted = []
 
     def centres(settings, camera, image_dn, table):
-        nonlocal at_full, fitted_flux
         table = table.copy()
         table[:, NOISE] = np.maximum(table[:, NOISE], NOISE_DN)  # more than is left where JPEG smooths
         table[:, [FLUX, BACKGROUND, NOISE]] *= FINER
         spot = Picture(fine, camera.bad_pixels, FULL_DN, 0.0)
-        xy_px, fitted_flux, P_px = fit.centroids(spot, table, float(camera.psf_sigma))
+        xy_px, flux, P_px = fit.centroids(spot, table, float(camera.psf_sigma))
         at_full = saturated_pixels(fine, table[:, [X, Y]]) > 0
+        fitted.extend((at_full, flux))
         blob = BLOB_SHARE**2 * table[:, PIXELS] / np.pi * at_full
-        return xy_px, fitted_flux, P_px + blob[:, None, None] * np.eye(2)
+        return xy_px, flux, P_px + blob[:, None, None] * np.eye(2)
 
     found, _ = detect(DETECTION, CameraModel(), frame, centres)
-    turn = np.argsort(-fitted_flux, kind="mergesort")  # as `detect` sorts them
-    at_full, fitted_flux = at_full[turn], fitted_flux[turn] * noise / (FINER * NOISE_DN)
-    radius_px = np.sqrt(found.n_pixels / np.pi)
-    flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
-    flux[at_full] = np.maximum(flux, fitted_flux)[at_full]
-    real = crowding(flat, found.xy_px, radius_px, RING_SIGMA * noise) < RING_SHARE
-    # the tiles of the detection see no noise where rounding has left a picture without any
-    core = aperture(flat, found.xy_px, np.full(len(flux), CORE_PX))
-    real &= core > DETECTION.seed_sigma * np.sqrt(np.pi) * CORE_PX * noise
-    order = np.argsort(-flux, kind="stable")
-    order = order[(flux[order] > 0.0) & real[order]]
-    in_sky = brighter_than_sky(grey, found.xy_px, sky, noise)[order]
-    in_sky &= ~in_line(found.xy_px[order][:MOST_IN_LINE], len(order))
-    xy_px = found.xy_px[order] * binning + 0.5 * (binning - 1)
-    return Field(
-        np.ascontiguousarray(xy_px), binning**2 * found.P_px[order], flux[order], at_full[order], in_sky,
-        found.n_pixels[order], binning, float(noise),
-    )  # fmt: skip
+    at_full, flux = fitted
+    turn = np.argsort(-flux, kind="mergesort")  # as `detect` sorts them
+    return found, at_full[turn], flux[turn] * noise / (FINER * NOISE_DN)
 
 
 @kernel

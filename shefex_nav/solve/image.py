@@ -56,6 +56,9 @@ class Record:
 
     field: object = None  # Field
     trials: list = of_each(default_factory=list)  # (proposal, Fit or None, Proof or None), as they were tried
+    adjusted: object = None  # Adjusted, of a picture that is solved
+    known: object = None  # (k,) rows of the detections that have a name
+    residual_px: object = None  # (k, 2) detection minus star
 
 
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mirrored=False):
@@ -153,7 +156,7 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None, mirrored=False
             reason = "mirrored"
     if solved is None:
         return failed(reason, clock.ms(), found.xy_px)
-    return naming.described(solved, found, xy_px, size_px, year, camera, clock)
+    return naming.described(solved, found, xy_px, size_px, year, camera, clock, record)
 
 
 def turned_over(camera):

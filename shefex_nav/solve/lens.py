@@ -25,6 +25,7 @@ CONVERGED = 4  # steps with the final gate
 IDEAL = Pinhole(2, 2, 1.0, 0.0, 0.0)  # its pixels are X/Z, Y/Z
 WIDE = 0.35  # tan of the half diagonal from which on what makers leave grows no more
 NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
+BEHIND = 0.1  # Z of a unit vector that is no longer before the camera
 K1, K2, P1, P2, K3 = range(4, 9)  # places of the distortion among the nine unknowns; 3 is ln f
 UNKNOWNS = 9
 
@@ -71,7 +72,7 @@ def project(lens, u_i, size_px):
     """Pixels of directions. (n, 3) -> xy_px (n, 2), NaN behind the camera; ideal x, y = X/Z, Y/Z (n, 2)."""
     u_c = u_i @ lens.C_ci.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        ideal = np.where(u_c[:, 2:] > 0.1, u_c[:, :2] / u_c[:, 2:], np.nan)
+        ideal = np.where(u_c[:, 2:] > BEHIND, u_c[:, :2] / u_c[:, 2:], np.nan)
     return middle(size_px) + lens.focal_px * bent(lens.k, ideal), ideal
 
 
@@ -167,7 +168,7 @@ def fit(lens, u_i, xy_px, size_px, *, P_px=None, gates=GATES, least=4, may_disto
         lens = Lens(dcm_from_rotvec(change[:3]) @ lens.C_ci, lens.focal_px * float(np.exp(change[3])), k)
         if not 0.5 < lens.focal_px / start_px < 2.0:  # no fit, whatever it is
             return None
-    return Fit(lens, star, residual, noise, covariance, prior)
+    return Fit(lens, star, residual, noise, covariance, prior) if is_lens(lens, size_px) else None
 
 
 def noise_of(residual_px, n_par):
@@ -224,8 +225,24 @@ def directions(camera, xy_px):
     return unit_vectors(pinhole_of(camera), undistorted(camera, xy_px))
 
 
+def corners_of(size_px):
+    """Corners of a picture: (4, 2) px."""
+    w, h = size_px
+    return np.array([[-0.5, -0.5], [w - 0.5, -0.5], [-0.5, h - 0.5], [w - 0.5, h - 0.5]])
+
+
 def corner_angle(lens, size_px):
     """Angle from the axis to the farthest corner [rad]."""
-    w, h = size_px
-    corners = np.array([[-0.5, -0.5], [w - 0.5, -0.5], [-0.5, h - 0.5], [w - 0.5, h - 0.5]])
-    return float(np.arccos(directions(camera_of(lens, size_px), corners)[:, 2].min()))
+    return float(np.arccos(directions(camera_of(lens, size_px), corners_of(size_px))[:, 2].min()))
+
+
+def is_lens(lens, size_px):
+    """Whether each corner is the image of one direction: a polynomial may fold, where few stars hold it."""
+    corners = corners_of(size_px)
+    u_c = directions(camera_of(lens, size_px), corners)
+    if not (np.isfinite(u_c).all() and u_c[:, 2].min() > BEHIND):
+        return False
+    again = middle(size_px) + lens.focal_px * bent(lens.k, u_c[:, :2] / u_c[:, 2:])
+    along = np.linspace(0.05, 1.0, 20)[:, None] * (u_c[:, :2] / u_c[:, 2:]).reshape(1, -1)
+    grows = np.linalg.det(slopes(lens.k, along.reshape(-1, 2))) > 0.0
+    return bool(np.abs(again - corners).max() < 1.0 and grows.all())

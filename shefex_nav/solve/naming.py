@@ -25,7 +25,7 @@ def centred(camera, xy_px):
     return undistorted(camera, xy_px) - camera.principal_point_px + lens.middle(size_px)
 
 
-def described(solved, found, xy_px, size_px, year, camera, clock):
+def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
     """ImageSolution of a proven fit.
 
     found : Field;  xy_px : (n, 2) its detections as an ideal camera sees them, where one is given
@@ -34,6 +34,9 @@ def described(solved, found, xy_px, size_px, year, camera, clock):
     star, sky = all_stars(fit, found, xy_px, size_px, year)
     known = np.flatnonzero(star >= 0)
     best = adjust.adjust(fit.lens, fit.prior, sky.u_i[star[known]], xy_px[known], found.P_px[known], size_px)
+    if record is not None:
+        record.adjusted, record.known = best, known
+        record.residual_px = xy_px[known] - lens.project(best.lens, sky.u_i[star[known]], size_px)[0]
     matched = [
         Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
         for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)

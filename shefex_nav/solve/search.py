@@ -131,6 +131,8 @@ def _examined(proposal, xy_px, flux, search, tried):
     """Fit and Proof of a proposal; None, None when nothing fits."""
     size_px, focal_range, year, may_distort = search
     first = lens_of(proposal, size_px)
+    if not lens.is_lens(first, size_px):
+        return None, None
     sky = sky_of(first, DEEPER * len(flux) + DEEPER_BY, size_px, year)
     if len(sky.hip) < LEAST:
         return None, None

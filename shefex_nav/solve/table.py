@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from shefex_nav.solve.names import name_of
+
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
     "too_few_stars": "fewer than five point-like objects were found",
@@ -33,7 +35,7 @@ def as_numbers(solution):
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
         value = getattr(solution, name)
         numbers[name] = None if isnan(value) else value
-    numbers["matched"] = [match._asdict() for match in solution.matched]
+    numbers["matched"] = [match._asdict() | {"name": name_of(match.hip)} for match in solution.matched]
     numbers["false_probability"] = solution.false_probability
     numbers["wall_ms"] = solution.wall_ms
     if solution.covariance is not None:
@@ -116,10 +118,10 @@ def field(solution, name):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "V", "x [px]", "y [px]"):
-        table.add_column(title, justify="right")
+    for title in ("star", "V", "x [px]", "y [px]"):
+        table.add_column(title, justify="left" if title == "star" else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
-        table.add_row(str(star.hip), f"{star.vmag:.2f}", f"{star.x_px:.2f}", f"{star.y_px:.2f}")
+        table.add_row(name_of(star.hip), f"{star.vmag:.2f}", f"{star.x_px:.2f}", f"{star.y_px:.2f}")
     return table
 
 

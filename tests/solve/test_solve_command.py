@@ -39,7 +39,8 @@ def test_json(sky):
     ]  # fmt: skip
     assert result["status"] == "ok" and result["reason"] == ""
     assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
-    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag"}
+    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name"}
+    assert "Rigel" in {match["name"] for match in result["matched"]}
     assert 0.0 < result["false_probability"] < 1e-7 and result["wall_ms"] > 0.0
 
 
