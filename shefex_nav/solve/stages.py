@@ -15,7 +15,7 @@ NAMES = ("1-background", "2-objects", "3-centroids", "4-hypotheses", "5-residual
 GREEN, ORANGE, RED, BLUE, GREY = "#009e73", "#e69f00", "#d55e00", "#56b4e9", "#767676"
 SHOWN, HALF_PX = 24, 10  # centroids, and the pixels around each
 LEAST_SHOWN = 1e-120  # probability
-MOST_TRIALS = 60
+LEAST_ROWS, MOST_TRIALS = 12, 60
 
 
 def draw(grey, record, solution, folder):
@@ -46,7 +46,7 @@ def _background(figure, grey, record, solution):
     if edge.any():
         mask = np.where(np.kron(edge, np.ones((8, 8))), 1.0, np.nan)
         right.imshow(mask, cmap="autumn", alpha=0.25, extent=extent)
-    right.set_title("without it; yellow: near an edge, where gaps are doubted")
+    right.set_title("without it; red: near an edge, where gaps are doubted")
     return True
 
 
@@ -128,12 +128,13 @@ def _hypotheses(figure, grey, record, solution):
         axes.text(
             proposal[0], row, f"  {fov:.1f} deg, law xi {proposal[11]:.2g}: {words}", va="center", fontsize=8
         )
-    axes.invert_yaxis()
+    axes.set_ylim(max(len(trials), LEAST_ROWS) - 0.5, -0.5)
+    axes.set_yticks([])
     axes.set_xlim(0.0, 1.9 * max(one[0][0] for one in trials))
     axes.set_xlabel("ln odds of the proposal, by the stars near its triangle")
     axes.set_ylabel("in the order in which they were tried")
     axes.set_title(
-        f"{len(record.trials)} hypotheses; "
+        f"hypotheses: {len(record.trials)}; "
         + ("one is true" if solution.status == "ok" else f"none is true: {solution.reason.replace('_', ' ')}")
     )
     return True

@@ -90,3 +90,12 @@ def test_slopes_are_derivatives():
     for n in range(9):
         numeric = (moved(n, 1e-6) - moved(n, -1e-6)) / 2e-6
         np.testing.assert_allclose(J[:, :, n], numeric, atol=1e-4)
+
+
+def test_lenses_that_fold_are_none():
+    """r (1 + k1 r^2) has its largest value at r = 1 / sqrt(-3 k1): a corner beyond is nobody's image."""
+    turn, corner = dcm_from_rotvec(np.zeros(3)), 0.5 * np.hypot(*SIZE) / 900.0
+    assert lens.is_lens(lens.Lens(turn, 900.0), SIZE)
+    for share, is_one in ((0.7, True), (1.3, False)):
+        k1 = -share * 4.0 / 27.0 / corner**2  # the largest value is 2 / (3 sqrt(-3 k1)): at 1.0 the corner
+        assert lens.is_lens(lens.Lens(turn, 900.0, (k1, 0.0, 0.0, 0.0, 0.0)), SIZE) == is_one
