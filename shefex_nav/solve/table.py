@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from shefex_nav.solve.names import name_of
+from shefex_nav.solve.names import PROPER_NAMES, name_of
 
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
@@ -118,10 +118,11 @@ def field(solution, name):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("star", "V", "x [px]", "y [px]"):
-        table.add_column(title, justify="left" if title == "star" else "right")
+    for title in ("HIP", "name", "V", "x [px]", "y [px]"):
+        table.add_column(title, justify="left" if title == "name" else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
-        table.add_row(name_of(star.hip), f"{star.vmag:.2f}", f"{star.x_px:.2f}", f"{star.y_px:.2f}")
+        places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"
+        table.add_row(str(star.hip), PROPER_NAMES.get(star.hip, ""), f"{star.vmag:.2f}", *places)
     return table
 
 
