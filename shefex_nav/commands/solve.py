@@ -12,10 +12,11 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands.options import Json, mission_time
-from shefex_nav.commands.output_files import check_picture
+from shefex_nav.commands.output_files import check_picture, check_place, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.log.mcap_file import is_log
 
+NAMED = "6-names"  # the last of the pictures of --stages
 NEAR_S = 0.1  # a frame that is farther from the time asked for is told
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
@@ -29,7 +30,20 @@ Camera = Annotated[
     ),
 ]
 
-Fov = Annotated[str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")]
+Fov = Annotated[
+    str | None,
+    typer.Option(
+        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'; 2 to 70 deg, not told 5 to 70."
+    ),
+]
+Mirrored = Annotated[
+    bool,
+    typer.Option("--mirrored", help="The pictures are mirrored, as through a telescope with a diagonal."),
+]
+Stages = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Draw every step of one picture into a folder: why is it not solved?"),
+]
 Epoch = Annotated[
     str | None,
     typer.Option(
@@ -61,6 +75,8 @@ def solve(
     overlay: Annotated[
         Path | None, typer.Option(help="Draw detections and names into a new .png file.")
     ] = None,
+    mirrored: Mirrored = False,
+    stages: Stages = None,
     json: Json = False,
 ):
     """Find where pictures of the night sky look, without being told anything, or with a camera told.
@@ -68,12 +84,13 @@ def solve(
     Several pictures give one row each, with --json one object a line. With --frame it is a frame of a log, by
     the camera of its scenario, compared with what the flight said of it and with the truth.
     """
-    _check(images, camera, fov, overlay)
+    _check(images, (camera, fov, frame, mirrored, stages), overlay)
     epoch = None if epoch is None else _julian_year(epoch)
     if frame is not None or is_log(images[0]):
         raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
     fov_deg = None if fov is None else _field_of_view(fov)
-    solve_one = _told(camera, epoch) if camera else _blind(fov_deg, epoch)
+    options = {"fov_deg": fov_deg, "epoch": epoch, "mirrored": mirrored}
+    solve_one = _told(camera, epoch) if camera else _blind(options, stages)
     found = []
     for image in images:
         solution = solve_one(image)
@@ -125,8 +142,14 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
     return 0 if again.solution.status == "ok" else 1
 
 
-def _check(images, camera, fov, overlay):
-    """Refuse options that are wrong, or do not go together."""
+def _check(images, options, overlay):
+    """Refuse options that are wrong, or do not go together. options : camera, fov, frame, mirrored, stages"""
+    camera, fov, frame, mirrored, stages = options
+    if stages is not None:
+        _check_stages(stages, len(images), camera or frame)
+    if mirrored and (camera is not None or frame is not None):
+        words = "not together with --camera or --frame: their pictures are as they are"
+        raise typer.BadParameter(words, param_hint="--mirrored")
     if fov is not None and camera is not None:
         raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
     if overlay is not None:
@@ -135,12 +158,40 @@ def _check(images, camera, fov, overlay):
             raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
 
 
-def _blind(fov_deg, epoch):
-    """Function of a path that gives its ImageSolution, of any camera."""
-    from shefex_nav.solve import picture
-    from shefex_nav.solve.image import solve_picture
+def _check_stages(folder, n_images, told):
+    """Refuse a folder for the steps where there are none to draw, or that has some."""
+    from shefex_nav.solve.stages import NAMES
 
-    return lambda path: solve_picture(picture.read(path), fov_deg=fov_deg, epoch=epoch)
+    if told is not None:
+        raise typer.BadParameter("not together with --camera or --frame", param_hint="--stages")
+    if n_images > 1:
+        raise typer.BadParameter("is of one picture; give one", param_hint="--stages")
+    make_folder(folder, "--stages")
+    for name in (*NAMES, NAMED):
+        check_place(folder / f"{name}.png", "--stages", instead="choose another folder")
+
+
+def _blind(options, stages):
+    """Function of a path that gives its ImageSolution, of any camera. options : of `solve_picture`"""
+    from shefex_nav.solve import picture
+    from shefex_nav.solve.image import Record, solve_picture
+
+    if stages is None:
+        return lambda path: solve_picture(picture.read(path), **options)
+
+    def draw(path):
+        from shefex_nav.solve import overlay
+        from shefex_nav.solve import stages as steps
+
+        seen, record = picture.read(path), Record()
+        found = solve_picture(seen, **options, record=record)
+        grey = seen.grey[:, ::-1] if options["mirrored"] else seen.grey  # as it was solved
+        written = steps.draw(grey, record, found, stages)
+        overlay.draw(seen.grey, found, stages / f"{NAMED}.png")
+        say(f"wrote {', '.join([*written, NAMED + '.png'])} to {stages}")
+        return found
+
+    return draw
 
 
 def _told(camera, epoch):
@@ -171,9 +222,9 @@ def _julian_year(text):
 
 def _field_of_view(text):
     """Degrees from an angle such as '11.4 deg' or '0.2 rad'; a plain number is degrees."""
-    from shefex_nav.solve.image import FOV_DEG
+    from shefex_nav.solve.image import FOV_DEG, NARROWEST_DEG
 
-    low, high = FOV_DEG
+    low, high = NARROWEST_DEG, FOV_DEG[1]
     parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
     if parts is None or parts[2] not in DEGREES:
         raise typer.BadParameter(f"expected an angle such as '11.4 deg', got {text!r}", param_hint="--fov")

@@ -1,9 +1,10 @@
 """Attitudes from what a camera saw: lists of centroids, pictures of the night sky.
 
 picture, header, field, deep     a picture; what its file tells of it; its objects
-patterns, triangles              attitudes and scales that it may have
+patterns, triangles, search      attitudes, scales and laws of lenses that it may have
 lens, proof                      the camera, adjusted; the odds of the result
+naming, adjust, names            all its stars, and the attitude with covariance that they make together
 centroids, camera, given         for lists of centroids, with a known camera
 told                             a picture of a star camera that is known, by the star tracker that flies
-image, solution, pointing, overlay, table    a picture from beginning to end; drawn; printed
+image, solution, pointing, overlay, table, stages    a picture from beginning to end; drawn; printed
 """

@@ -1,10 +1,11 @@
 """Point-like objects in a picture of the night sky, by the detection that flies.
 
-In: grey values of any range over any background. Out: centroids and brightnesses, brightest first. Large
-pictures are binned. What varies over tiles of the picture (sky glow, clouds, vignetting) is taken away, the
-noise is brought to a few grey values, so that the detection of the star tracker can be used as it is. Gaps
-between leaves and the like have no sky around them or are not brighter than the sky near them: the former
-are dropped, the latter are marked.
+In: grey values of any range over any background. Out: centroids with a covariance each and brightnesses,
+brightest first. Large pictures are binned. What varies over tiles of the picture (sky glow, clouds,
+vignetting) is taken away, the noise is brought to a few grey values, so that the detection of the star
+tracker can be used as it is. Its fit of the spots sees finer grey values, up to where the picture itself is
+saturated: of a bright star the slopes are fitted. Gaps between leaves and the like have no sky around them or
+are not brighter than the sky near them: the former are dropped, the latter are marked.
 """
 
 from typing import NamedTuple
@@ -12,12 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.onboard.startracker import fit
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS, X, Y
 from shefex_nav.onboard.startracker.settings import Detection
+from shefex_nav.onboard.startracker.spot import Picture
 
 LARGEST_PX = 2048  # of the longer side; larger pictures are binned
-TILE_PX = 24  # of the background
+TILE_PX, EVERY = 24, 2  # of the background; pixels that are looked at for it
 BLACK_DN, NOISE_DN, WHITE_DN = 20.0, 3.0, 255.0  # of the 8-bit frame
 APERTURE_PX = 1.0  # beyond the radius of an object, for its brightness
 RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
@@ -25,6 +29,12 @@ RING_SIGMA, RING_SHARE = 5.0, 0.25  # a pixel is not sky beyond this noise; so m
 EDGE_SIGMA = 8.0  # of the noise: neighbouring tiles that differ by more have something before the sky
 EDGE_TILES = 6  # so far from such an edge there may be gaps in it
 ABOVE_SIGMA = 5.0  # of the noise, the peak of a star over the brightest tile there
+FINER, FULL_DN = 32, 65535  # grey values of the fit for one of the detection; a saturated pixel there
+FULL_SHARE = 0.97  # of the brightest pixel's height: what is above is saturated, as JPEG rings a little
+BLOB_SHARE = 0.06  # of its radius, error of the place of a star that is mostly saturated
+CORE_PX = 1.5  # radius around the middle that has to stand out
+MOST_IN_LINE, LINE_PX, LINE_OF = 80, 2.0, 8  # brightest objects; so many within this of a line are a trail
+CROWDED, FAINT = 0, 1  # no sky around it; no more than the noise in its middle
 FLAT_SIGMA = 0.3  # grey steps, noise of a picture without any: rounding hides it
 
 DETECTION = Detection(
@@ -34,7 +44,7 @@ DETECTION = Detection(
     seed_sigma=5.5,
     grow_sigma=3.5,
     fewest_pixels=5,
-    most_pixels=600,
+    most_pixels=1500,
     largest_peak=0.85,
     most_objects=1000,
     saturation=255.0,
@@ -46,31 +56,95 @@ class Field(NamedTuple):
     """What was found in a picture."""
 
     xy_px: np.ndarray  # (n, 2) centroids in pixels of the picture as it is
+    P_px: np.ndarray  # (n, 2, 2) px^2, their covariance by the noise of the pixels
     flux: np.ndarray  # (n,) descending, grey values
+    saturated: np.ndarray  # (n,) bool, in the middle
     in_sky: np.ndarray  # (n,) bool, no gap in a foreground: brighter than the sky around it
     n_pixels: np.ndarray  # (n,) of the binned picture
     binning: int
     noise: float  # grey values, of one binned pixel
+    refused_px: np.ndarray  # (m, 2) places of objects that are none of the above
+    refused_for: np.ndarray  # (m,) CROWDED or FAINT
 
 
 def find(grey):
     """Point-like objects of a picture. (rows, columns) grey values -> Field."""
     binning = int(np.ceil(max(grey.shape) / LARGEST_PX))
+    step = grey_step(grey)
     if binning > 1:
         grey = binned(grey, binning)
-    flat, noise, sky = flatten(grey)
-    frame = np.clip(np.rint(BLACK_DN + NOISE_DN / noise * flat), 0.0, WHITE_DN).astype(np.uint8)
-    found, _ = detect(DETECTION, CameraModel(), frame)
+    flat, noise, sky = flatten(grey, step)
+    found, at_full, fitted_flux = detected(flat, grey, noise)
     radius_px = np.sqrt(found.n_pixels / np.pi)
     flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
+    flux[at_full] = np.maximum(flux, fitted_flux)[at_full]
     lonely = crowding(flat, found.xy_px, radius_px, RING_SIGMA * noise) < RING_SHARE
+    # the tiles of the detection see no noise where rounding has left a picture without any
+    core = aperture(flat, found.xy_px, np.full(len(flux), CORE_PX))
+    clear = core > DETECTION.seed_sigma * np.sqrt(np.pi) * CORE_PX * noise
     order = np.argsort(-flux, kind="stable")
-    order = order[(flux[order] > 0.0) & lonely[order]]
+    good = lonely & clear & (flux > 0.0)
+    order, others = order[good[order]], np.flatnonzero(~good)
     in_sky = brighter_than_sky(grey, found.xy_px, sky, noise)[order]
-    xy_px = found.xy_px[order] * binning + 0.5 * (binning - 1)
+    in_sky &= ~in_line(found.xy_px[order][:MOST_IN_LINE], len(order))
+    xy_px = found.xy_px * binning + 0.5 * (binning - 1)
     return Field(
-        np.ascontiguousarray(xy_px), flux[order], in_sky, found.n_pixels[order], binning, float(noise)
-    )
+        np.ascontiguousarray(xy_px[order]), binning**2 * found.P_px[order], flux[order], at_full[order],
+        in_sky, found.n_pixels[order], binning, float(noise), xy_px[others],
+        np.where(lonely[others], FAINT, CROWDED),
+    )  # fmt: skip
+
+
+def detected(flat, grey, noise):
+    """Objects of a picture without its background: Detections, which are saturated, flux of the fit [grey].
+
+    The scan sees 8 bits; the fit of the spots sees FINER steps, up to where the picture itself is saturated.
+    """
+    full = float(grey.min()) + FULL_SHARE * float(grey.max() - grey.min())
+    frame, fine = frames_of(flat, grey, full, NOISE_DN / noise)
+    fitted = []
+
+    def centres(settings, camera, image_dn, table):
+        table = table.copy()
+        table[:, NOISE] = np.maximum(table[:, NOISE], NOISE_DN)  # more than is left where JPEG smooths
+        table[:, [FLUX, BACKGROUND, NOISE]] *= FINER
+        spot = Picture(fine, camera.bad_pixels, FULL_DN, 0.0)
+        xy_px, flux, P_px = fit.centroids(spot, table, float(camera.psf_sigma))
+        at_full = saturated_pixels(fine, table[:, [X, Y]]) > 0
+        fitted.extend((at_full, flux))
+        blob = BLOB_SHARE**2 * table[:, PIXELS] / np.pi * at_full
+        return xy_px, flux, P_px + blob[:, None, None] * np.eye(2)
+
+    found, _ = detect(DETECTION, CameraModel(), frame, centres)
+    at_full, flux = fitted
+    turn = np.argsort(-flux, kind="mergesort")  # as `detect` sorts them
+    return found, at_full[turn], flux[turn] * noise / (FINER * NOISE_DN)
+
+
+@kernel
+def frames_of(flat, grey, full, gain):
+    """8-bit frame of the detection and 16-bit frame of the fit: their noise is NOISE_DN, and FINER times."""
+    rows, columns = flat.shape
+    frame, fine = np.empty((rows, columns), dtype=np.uint8), np.empty((rows, columns), dtype=np.uint16)
+    for r in range(rows):
+        for c in range(columns):
+            value = BLACK_DN + gain * flat[r, c] + 0.5
+            frame[r, c] = min(max(value, 0.0), WHITE_DN)
+            value = FINER * (value - 0.5) + 0.5
+            fine[r, c] = FULL_DN if grey[r, c] >= full else min(max(value, 0.0), FULL_DN - 1.0)
+    return frame, fine
+
+
+@kernel
+def saturated_pixels(fine, xy_px):
+    """How many of the nine pixels in the middle of each object are saturated. -> (n,)"""
+    n = np.zeros(xy_px.shape[0], dtype=np.int64)
+    for k in range(xy_px.shape[0]):
+        column, row = int(xy_px[k, 0] + 0.5), int(xy_px[k, 1] + 0.5)
+        for r in range(max(row - 1, 0), min(row + 2, fine.shape[0])):
+            for c in range(max(column - 1, 0), min(column + 2, fine.shape[1])):
+                n[k] += fine[r, c] >= FULL_DN
+    return n
 
 
 def binned(grey, n):
@@ -80,8 +154,10 @@ def binned(grey, n):
     return blocks.mean(axis=(1, 3), dtype=np.float32)
 
 
-def flatten(grey):
+def flatten(grey, step=None):
     """Picture without its background, the noise of one pixel, and what a star has to outshine.
+
+    step : between grey values, before anything was averaged: rounding leaves that much of structure
 
     The last is the brightest tile in the neighbourhood of an edge, -inf where there is none. The background
     is the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median
@@ -94,7 +170,7 @@ def flatten(grey):
     edges_r = np.linspace(0, rows, n_r + 1).astype(int)
     edges_c = np.linspace(0, columns, n_c + 1).astype(int)
     middle, low = tile_quantiles(grey, edges_r, edges_c)
-    noise = max(np.median(middle - low), FLAT_SIGMA * grey_step(grey))
+    noise = max(np.median(middle - low), FLAT_SIGMA * (grey_step(grey) if step is None else step))
     smooth = median_filter(middle, 3, mode="nearest")
     flat = subtract(
         grey, smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1)
@@ -128,12 +204,17 @@ def grey_step(grey):
 
 @kernel
 def tile_quantiles(grey, edges_r, edges_c):
-    """Median and quantile one sigma below it of every tile: (tiles, tiles), (tiles, tiles)."""
+    """Median and quantile one sigma below it of every tile: (tiles, tiles), (tiles, tiles).
+
+    Of every EVERY-th row and column: the median of three tiles by three of these is good to 4 % of the noise.
+    """
     n_r, n_c = len(edges_r) - 1, len(edges_c) - 1
     middle, low = np.empty((n_r, n_c)), np.empty((n_r, n_c))
     for i in range(n_r):
         for j in range(n_c):
-            values = grey[edges_r[i] : edges_r[i + 1], edges_c[j] : edges_c[j + 1]].copy().ravel()
+            values = (
+                grey[edges_r[i] : edges_r[i + 1] : EVERY, edges_c[j] : edges_c[j + 1] : EVERY].copy().ravel()
+            )
             values.sort()
             middle[i, j] = values[len(values) // 2]
             low[i, j] = values[int(0.158655 * len(values))]
@@ -184,6 +265,27 @@ def aperture(flat, xy_px, radius_px):
                 if (c - x) ** 2 + (r - y) ** 2 <= radius * radius:
                     total[k] += flat[r, c]
     return total
+
+
+@kernel
+def in_line(xy_px, n):
+    """Which of n objects are beads of a trail, of an aircraft or a satellite; the first are given. -> (n,).
+
+    Of 80 objects anywhere in a picture 0.4 are within 2 px of the line through two: eight are none by chance.
+    """
+    beads, m = np.zeros(n, dtype=np.bool_), xy_px.shape[0]
+    for i in range(m):
+        for j in range(i):
+            dx, dy = xy_px[j, 0] - xy_px[i, 0], xy_px[j, 1] - xy_px[i, 1]
+            reach = LINE_PX * np.sqrt(dx * dx + dy * dy)
+            near = 0
+            for k in range(m):
+                near += abs(dx * (xy_px[k, 1] - xy_px[i, 1]) - dy * (xy_px[k, 0] - xy_px[i, 0])) < reach
+            if near >= LINE_OF:
+                for k in range(m):
+                    if abs(dx * (xy_px[k, 1] - xy_px[i, 1]) - dy * (xy_px[k, 0] - xy_px[i, 0])) < reach:
+                        beads[k] = True
+    return beads
 
 
 @kernel

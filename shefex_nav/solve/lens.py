@@ -1,8 +1,10 @@
-"""Attitude, focal length and radial distortion that fit the stars of a picture, by least squares.
+"""Attitude, focal length and distortion that fit the stars of a picture, by weighted least squares.
 
-In: a proposal that is right to a percent. Out: the fit with its covariance, and which detection is which
-star. Distortion is Brown's k1: x = f X/Z (1 + k1 r^2) + cx, r^2 = (X^2 + Y^2) / Z^2, about the middle of the
-picture.
+In: a proposal that is right to a percent, detections with a covariance each. Out: the fit, the joint
+covariance of attitude and lens, and which detection is which star. The lens is Brown's and Conrady's about
+the middle of the picture: three radial terms and two of decentring. All are adjusted always, each with a
+prior that says what lenses are like (`spread`), so that the covariance of the attitude has in it what nobody
+knows of the lens, with few stars as with many.
 """
 
 from typing import NamedTuple
@@ -12,16 +14,20 @@ import numpy as np
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.geometry.streak import turn_jacobians
-from shefex_nav.solve.camera import pinhole_of, undistorted
+from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
 LEAST_GATE_PX = 1.5
 NOISE_GATE = 4.0  # standard deviations, in the end
-LEAST_NOISE_PX = 0.08
-FOR_DISTORTION = 10  # stars without which no distortion is fitted
-DISTORTION_SIGMA = 4.0  # less is not significant and set to zero
-CONVERGED = 3  # steps with the final gate
+LEAST_NOISE_PX = 0.08  # of what is proposed; what is proved has a floor of its own
+LEAST_FLOOR_PX = 0.01  # error of any centroid beside the one that it is said to have
+CONVERGED = 4  # steps with the final gate
 IDEAL = Pinhole(2, 2, 1.0, 0.0, 0.0)  # its pixels are X/Z, Y/Z
+WIDE = 0.35  # tan of the half diagonal from which on what makers leave grows no more
+NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
+BEHIND = 0.1  # Z of a unit vector that is no longer before the camera
+K1, K2, P1, P2, K3 = range(4, 9)  # places of the distortion among the nine unknowns; 3 is ln f
+UNKNOWNS = 9
 
 
 class Lens(NamedTuple):
@@ -29,7 +35,7 @@ class Lens(NamedTuple):
 
     C_ci: np.ndarray  # (3, 3)
     focal_px: float
-    k1: float
+    k: tuple = NO_DISTORTION  # k1, k2, p1, p2, k3, the order of OpenCV
 
 
 class Fit(NamedTuple):
@@ -39,22 +45,70 @@ class Fit(NamedTuple):
     star: np.ndarray  # (n,) row of the stars per detection, -1
     residual_px: np.ndarray  # (n, 2) detection minus star, 0 where unmatched
     noise_px: float  # of a centroid per axis, from the residuals
-    sigma_log_focal: float
-    sigma_k1: float  # 0 without a distortion
+    covariance: np.ndarray  # (9, 9) of (turn of the camera (3,) rad, ln f, k1, k2, p1, p2, k3)
+    prior: np.ndarray  # (5,) standard deviations of the distortion before the picture; 0: as it was told
+
+
+def spread(corner, may_distort=True):
+    """Standard deviations of (k1, k2, p1, p2, k3) over lenses. corner : tan of the half diagonal -> (5,)
+
+    In shares of the distance of a corner: a wide lens with a barrel of two per cent, a long one with less, up
+    to one whose angles go linearly with the distance, r = f theta, which is -1/3, 1/5, -1/7 in powers of
+    tan^2. Decentring is what makers leave: half a per mille of a wide lens, less of a long one.
+    """
+    if not may_distort:
+        return np.zeros(5)
+    c2, made = corner * corner, min(1.0, corner / WIDE)
+    k1, k2, k3 = (
+        0.02 * made / c2 + 1.0 / 3.0,
+        0.004 * made / c2**2 + 1.0 / 5.0,
+        0.001 * made / c2**3 + 1.0 / 7.0,
+    )
+    decentred = 5e-4 * made / corner
+    return np.array([k1, k2, decentred, decentred, k3])
 
 
 def project(lens, u_i, size_px):
     """Pixels of directions. (n, 3) -> xy_px (n, 2), NaN behind the camera; ideal x, y = X/Z, Y/Z (n, 2)."""
     u_c = u_i @ lens.C_ci.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        ideal = np.where(u_c[:, 2:] > 0.1, u_c[:, :2] / u_c[:, 2:], np.nan)
-    radial = 1.0 + lens.k1 * (ideal**2).sum(axis=1, keepdims=True)
-    return middle(size_px) + lens.focal_px * radial * ideal, ideal
+        ideal = np.where(u_c[:, 2:] > BEHIND, u_c[:, :2] / u_c[:, 2:], np.nan)
+    return middle(size_px) + lens.focal_px * bent(lens.k, ideal), ideal
+
+
+def bent(k, ideal):
+    """Distorted x, y of ideal ones: (n, 2) -> (n, 2)."""
+    k1, k2, p1, p2, k3 = k
+    x, y = ideal.T
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return np.column_stack([radial * x + dx, radial * y + dy])
+
+
+def slopes(k, ideal):
+    """d distorted / d ideal: (n, 2, 2)."""
+    k1, k2, p1, p2, k3 = k
+    x, y = ideal.T
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2))  # d radial / d r2, twice
+    J = np.empty((len(x), 2, 2))
+    J[:, 0, 0] = radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+    J[:, 0, 1] = J[:, 1, 0] = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+    J[:, 1, 1] = radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+    return J
 
 
 def middle(size_px):
     """(cx, cy) of a picture (width, height)."""
     return 0.5 * (np.asarray(size_px, dtype=float) - 1.0)
+
+
+def camera_of(lens, size_px):
+    """Camera of a fit."""
+    return Camera(*size_px, lens.focal_px, None, lens.k if any(lens.k) else None)
 
 
 def match(seen_px, xy_px, gate_px):
@@ -66,13 +120,13 @@ def match(seen_px, xy_px, gate_px):
         return star
     distance, nearest = cKDTree(seen_px).query(xy_px, distance_upper_bound=gate_px)
     back = cKDTree(xy_px).query(seen_px, distance_upper_bound=gate_px)[1]
-    for k in np.flatnonzero(np.isfinite(distance)):
-        if back[nearest[k]] == k:
-            star[k] = nearest[k]
+    known = np.flatnonzero(np.isfinite(distance))
+    known = known[back[nearest[known]] == known]
+    star[known] = nearest[known]
     return star
 
 
-def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
+def fit(lens, u_i, xy_px, size_px, *, P_px=None, gates=GATES, least=4, may_distort=True):
     """Least squares from a proposal, with gates from wide to narrow; None when fewer than `least` match.
 
     Parameters
@@ -81,17 +135,19 @@ def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
     u_i : (m, 3) stars that may be in the picture
     xy_px : (n, 2) detections
     size_px : (width, height)
+    P_px : (n, 2, 2) px^2, their covariance; None: none is better than another
     gates : of the diagonal, one a step
     least : int, matches
-    may_distort : bool, k1 is fitted, too, if there are stars enough and it is significant
+    may_distort : bool; False: the lens is as it was told but for its focal length
 
     Returns
     -------
     Fit, or None
     """
     diagonal, start_px = float(np.hypot(*size_px)), lens.focal_px
-    star, residual, noise, covariance, distorted = None, None, np.inf, None, False
-    last = len(gates) + CONVERGED - 1
+    P_px = np.zeros((len(xy_px), 2, 2)) if P_px is None else P_px
+    prior = spread(0.5 * diagonal / start_px, may_distort)
+    noise, last = np.inf, len(gates) + CONVERGED - 1
     for step in range(last + 1):
         wide = step < len(gates)
         gate = max(gates[step] * diagonal if wide else NOISE_GATE * noise, LEAST_GATE_PX)
@@ -104,21 +160,15 @@ def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
         star[known] = inside[star[known]]
         residual = np.zeros_like(xy_px)
         residual[known] = xy_px[known] - predicted[star[known]]
-        if wide:
-            distorted = may_distort and len(known) >= FOR_DISTORTION
-        noise = noise_of(residual[known], 5 if distorted else 4)
-        change, covariance = step_of(lens, ideal[star[known]], residual[known], noise, distorted)
+        noise = noise_of(residual[known], 4)
+        change, covariance = step_of(lens, ideal[star[known]], residual[known], P_px[known], noise, prior)
         if step == last:
             break
-        k1 = lens.k1 + change[4] if distorted else 0.0
-        if step == len(gates) - 1 and abs(k1) < DISTORTION_SIGMA * np.sqrt(covariance[4, 4]):
-            k1, distorted = 0.0, False
-        turned = dcm_from_rotvec(change[:3]) @ lens.C_ci
-        lens = Lens(turned, lens.focal_px * float(np.exp(change[3])), float(k1))
+        k = tuple((np.array(lens.k) + change[4:]).tolist())
+        lens = Lens(dcm_from_rotvec(change[:3]) @ lens.C_ci, lens.focal_px * float(np.exp(change[3])), k)
         if not 0.5 < lens.focal_px / start_px < 2.0:  # no fit, whatever it is
             return None
-    sigma_k1 = float(np.sqrt(covariance[4, 4])) if distorted else 0.0
-    return Fit(lens, star, residual, noise, float(np.sqrt(covariance[3, 3])), sigma_k1)
+    return Fit(lens, star, residual, noise, covariance, prior) if is_lens(lens, size_px) else None
 
 
 def noise_of(residual_px, n_par):
@@ -128,31 +178,71 @@ def noise_of(residual_px, n_par):
     return float(max(np.sqrt(median * 2 * n / max(2 * n - n_par, 1)), LEAST_NOISE_PX))
 
 
-def step_of(lens, ideal, residual_px, noise_px, distorted):
-    """Gauss-Newton step: change of (turn of the stars (3,), ln f, k1) and its covariance (5, 5)."""
+def jacobian(lens, ideal):
+    """Derivatives of the pixels by the nine unknowns: (n, 2, 9)."""
     x, y = ideal.T
-    radial = 1.0 + lens.k1 * (x * x + y * y)
-    J = np.zeros((len(x), 2, 5))
-    bend = np.empty((len(x), 2, 2))  # d distorted / d ideal
-    bend[:, 0, 0], bend[:, 0, 1] = radial + 2.0 * lens.k1 * x * x, 2.0 * lens.k1 * x * y
-    bend[:, 1, 0], bend[:, 1, 1] = bend[:, 0, 1], radial + 2.0 * lens.k1 * y * y
-    J[:, :, :3] = bend @ -turn_jacobians(IDEAL, ideal)  # the stars turn against the camera
-    J[:, :, 3] = ideal * radial[:, None]
-    J[:, :, 4] = ideal * (x * x + y * y)[:, None]
-    J *= lens.focal_px
-    weight = 1.0 / (1.0 + (residual_px**2).sum(axis=1) / (3.0 * noise_px) ** 2)
-    n_par = 5 if distorted else 4
-    A, b = J[:, :, :n_par].reshape(-1, n_par), residual_px.ravel()
-    w = np.repeat(weight, 2)
-    N = A.T @ (w[:, None] * A)
-    scale = 1.0 / np.sqrt(np.diag(N))
+    r2 = x * x + y * y
+    J = np.empty((len(x), 2, UNKNOWNS))
+    J[:, :, :3] = slopes(lens.k, ideal) @ -turn_jacobians(IDEAL, ideal)  # the stars turn against the camera
+    J[:, :, 3] = bent(lens.k, ideal)
+    for power, at in enumerate((K1, K2, K3), start=1):
+        J[:, :, at] = ideal * (r2**power)[:, None]
+    J[:, 0, P1], J[:, 1, P1] = 2.0 * x * y, r2 + 2.0 * y * y
+    J[:, 0, P2], J[:, 1, P2] = r2 + 2.0 * x * x, 2.0 * x * y
+    return lens.focal_px * J
+
+
+def step_of(lens, ideal, residual_px, P_px, noise_px, prior):
+    """Gauss-Newton step on the way: change of the nine unknowns and its covariance, bad stars held down."""
+    J = jacobian(lens, ideal)
+    W = np.linalg.inv(P_px + noise_px**2 * np.eye(2))
+    W = W / (1.0 + (residual_px**2).sum(axis=1) / (3.0 * noise_px) ** 2)[:, None, None]
+    return solved(J, W, residual_px, lens.k, prior)[:2]
+
+
+def solved(J, W, residual_px, k, prior):
+    """Change (9,), covariance (9, 9) and weighted Jacobian of normal equations with the prior of the lens."""
+    WJ = W @ J
+    N = np.einsum("nij,nik->jk", J, WJ)
+    b = np.einsum("nij,ni->j", WJ, residual_px)
+    free = np.concatenate([np.ones(4, dtype=bool), prior > 0.0])
+    rows = np.flatnonzero(free)
+    told = np.zeros(UNKNOWNS)
+    told[4:][prior > 0.0] = prior[prior > 0.0] ** -2.0
+    N[np.diag_indices(UNKNOWNS)] += told
+    b[4:] -= told[4:] * np.array(k)
+    N, b = N[np.ix_(rows, rows)], b[rows]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(N), 1e-300))
     inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * N * scale, hermitian=True) * scale
-    change, covariance = np.zeros(5), np.zeros((5, 5))
-    change[:n_par] = inverse @ (A.T @ (w * b))
-    covariance[:n_par, :n_par] = noise_px**2 * inverse
-    return change, covariance
+    change, covariance = np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS))
+    change[rows] = inverse @ b
+    covariance[np.ix_(rows, rows)] = inverse
+    return change, covariance, WJ
 
 
 def directions(camera, xy_px):
     """Unit vectors of pixels in camera axes. Camera, (n, 2) -> (n, 3)."""
     return unit_vectors(pinhole_of(camera), undistorted(camera, xy_px))
+
+
+def corners_of(size_px):
+    """Corners of a picture: (4, 2) px."""
+    w, h = size_px
+    return np.array([[-0.5, -0.5], [w - 0.5, -0.5], [-0.5, h - 0.5], [w - 0.5, h - 0.5]])
+
+
+def corner_angle(lens, size_px):
+    """Angle from the axis to the farthest corner [rad]."""
+    return float(np.arccos(directions(camera_of(lens, size_px), corners_of(size_px))[:, 2].min()))
+
+
+def is_lens(lens, size_px):
+    """Whether each corner is the image of one direction: a polynomial may fold, where few stars hold it."""
+    corners = corners_of(size_px)
+    u_c = directions(camera_of(lens, size_px), corners)
+    if not (np.isfinite(u_c).all() and u_c[:, 2].min() > BEHIND):
+        return False
+    again = middle(size_px) + lens.focal_px * bent(lens.k, u_c[:, :2] / u_c[:, 2:])
+    along = np.linspace(0.05, 1.0, 20)[:, None] * (u_c[:, :2] / u_c[:, 2:]).reshape(1, -1)
+    grows = np.linalg.det(slopes(lens.k, along.reshape(-1, 2))) > 0.0
+    return bool(np.abs(again - corners).max() < 1.0 and grows.all())

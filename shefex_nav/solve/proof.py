@@ -3,9 +3,11 @@
 In: a fit to a picture. Out: the probability that chance made it. The detections go to `bayes.solve_kernel`
 with the camera that the fit found and the fitted attitude as a prediction. Both came from the picture itself
 and are no knowledge. So the odds pay for them: for the attitude the volume of all attitudes over that of the
-prediction; for the focal length and the distortion the range that was allowed over the range that fits as
-well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of detections
-and a few depths of the catalogue their numbers.
+prediction; for the focal length and the five terms of distortion what was thought possible over what fits as
+well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of detections,
+a few depths of the catalogue and the lenses that proposals were made for their numbers. A pinhole shows the
+picture of a lens with distortion as a patch with curved borders: what the rectangle around it has more of
+area than the patch, chance does not get.
 """
 
 from typing import NamedTuple
@@ -17,14 +19,15 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_fr
 from shefex_nav.onboard.startracker.catalogue import OnboardCatalogue, pair_table
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve.camera import Camera, undistorted
+from shefex_nav.solve.camera import undistorted
+from shefex_nav.solve.lens import camera_of, corner_angle, project
 
 LEAST_PROBABILITY = 1e-300  # smaller ones are not told apart
 FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
 MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
 QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
 PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
-DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
+ALONG = 16  # points of each border of the picture
 MARGIN = 0.02  # rad, around the picture
 BUDGET = bayes.BUDGET // 4  # of the identification: the prediction is right or it is not
 DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
@@ -42,14 +45,34 @@ class Proof(NamedTuple):
     false_probability: float
 
 
-def camera_of(lens, size_px):
-    """Camera of a fit."""
-    if lens.k1 == 0.0:
-        return Camera(*size_px, lens.focal_px)
-    return Camera(*size_px, lens.focal_px, None, (lens.k1, 0.0, 0.0, 0.0, 0.0))
+class Canvas(NamedTuple):
+    """Rectangle of an ideal pinhole around a picture, in its pixels."""
+
+    left_px: float
+    top_px: float
+    width_px: float
+    height_px: float
+    log_excess: float  # ln of its area over that of the picture on it
 
 
-def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
+def canvas_of(camera):
+    """Canvas of a Camera with distortion; the picture itself without."""
+    w, h = camera.width_px, camera.height_px
+    if camera.distortion is None:
+        return Canvas(0.0, 0.0, float(w), float(h), 0.0)
+    along, one = np.linspace(0.0, 1.0, ALONG, endpoint=False), np.ones(ALONG)
+    share = np.concatenate([
+        np.column_stack([along, 0.0 * one]), np.column_stack([one, along]),
+        np.column_stack([1.0 - along, one]), np.column_stack([0.0 * one, 1.0 - along]),
+    ])  # fmt: skip
+    x, y = undistorted(camera, share * [w, h] - 0.5).T
+    area = 0.5 * abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+    left, top, width, height = x.min() + 0.5, y.min() + 0.5, np.ptp(x), np.ptp(y)
+    excess = float(np.log(max(width * height / area, 1.0)))
+    return Canvas(float(left), float(top), float(width), float(height), excess)
+
+
+def prove(fit, sky, xy_px, flux, size_px, log_focal_range, lenses_tried=1):
     """Probability that chance made a fit.
 
     Parameters
@@ -59,6 +82,7 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
     xy_px, flux : (n, 2), (n,) detections, brightest first
     size_px : (width, height)
     log_focal_range : float, ln of the longest over the shortest focal length that was looked for
+    lenses_tried : int, lenses for which proposals were made
 
     Returns
     -------
@@ -66,19 +90,23 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
     """
     lens = fit.lens
     camera = camera_of(lens, size_px)
-    xy_px, flux = undistorted(camera, xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
-    P_c, log_price = price(fit, size_px, log_focal_range)
+    canvas = canvas_of(camera)
+    corner = canvas.left_px, canvas.top_px
+    xy_px, flux = undistorted(camera, xy_px[:MAX_DETECTIONS]) - corner, flux[:MAX_DETECTIONS]
+    P_c, log_price = price(fit, size_px, log_focal_range, lenses_tried)
+    log_price += canvas.log_excess * int((fit.star >= 0).sum())
     numbers = bayes.Numbers(
-        float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
-        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
+        canvas.width_px, canvas.height_px, lens.focal_px, *(np.array(camera.principal_point_px) - corner),
+        bayes.BORDER_PX, QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
         FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
     )  # fmt: skip
     mag = -2.5 * np.log10(flux)
     prediction = (True, quat_from_dcm(lens.C_ci), P_c)
-    diameter = 2.0 * np.arctan(0.5 * np.hypot(*size_px) / lens.focal_px) + MARGIN
+    diameter = 2.0 * corner_angle(lens, size_px) + MARGIN
+    sky = sky if camera.distortion is None else select(sky, _inside(lens, sky.u_i, size_px))
     best = Proof(False, False, 0, 1.0)
     for shallower in DEPTHS:
-        seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower)
+        seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower) if len(sky.hip) else sky
         if len(seen.hip) < MIN_MATCHED:
             break
         pairs = pair_table(OnboardCatalogue(seen.hip, seen.u_i, seen.vmag), diameter)
@@ -91,6 +119,12 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         if best.is_true:
             break
     return best
+
+
+def _inside(lens, u_i, size_px):
+    """Stars that the lens puts into the picture: (n,) bool."""
+    predicted, _ = project(lens, u_i, size_px)
+    return ((predicted > -0.5) & (predicted < np.asarray(size_px) - 0.5)).all(axis=1)
 
 
 def is_of(fit, found, size_px):
@@ -113,16 +147,28 @@ def bounded(wrong, log_price):
     return float(np.exp(min(max(log_probability, np.log(LEAST_PROBABILITY)), 0.0)))
 
 
-def price(fit, size_px, log_focal_range):
+def price(fit, size_px, log_focal_range, lenses_tried=1):
     """Covariance of the prediction (3, 3) [rad^2], and ln of what the adjusted numbers cost."""
     size = np.sqrt(size_px[0] * size_px[1])
     across, about = PREDICTED_PX / fit.lens.focal_px, PREDICTED_PX / (0.5 * size)
     P_c = np.diag([across**2, across**2, about**2])
     # the tracking takes twice the covariance; its density is at most that in the middle
     volume = np.sqrt((2.0 * np.pi) ** 3 * np.linalg.det(2.0 * P_c))
-    cost = np.log(8.0 * np.pi**2 / volume)
-    cost += np.log(max(log_focal_range / (np.sqrt(2.0 * np.pi) * fit.sigma_log_focal), 1.0))
-    if fit.lens.k1 != 0.0:
-        corner2 = (size_px[0] ** 2 + size_px[1] ** 2) / (2.0 * fit.lens.focal_px) ** 2
-        cost += np.log(max(DISTORTION_RANGE / corner2 / (np.sqrt(2.0 * np.pi) * fit.sigma_k1), 1.0))
-    return P_c, float(cost + np.log(2.0 * LISTS * len(DEPTHS)))
+    cost = np.log(8.0 * np.pi**2 / volume) + of_lens(fit, log_focal_range)
+    return P_c, float(cost + np.log(2.0 * LISTS * len(DEPTHS) * lenses_tried))
+
+
+def of_lens(fit, log_focal_range):
+    """ln of the volume of lenses that were thought possible over that of those that fit.
+
+    The density of the prior at the fit, turned over, over that of the result in its middle: a focal length
+    anywhere in the range, a distortion by its standard deviations.
+    """
+    free = np.concatenate([[True], fit.prior > 0.0])
+    P = fit.covariance[3:, 3:][np.ix_(free, free)]
+    before = np.concatenate([[1.0], fit.prior])[free]
+    scaled = P / before[:, None] / before
+    _, log_det = np.linalg.slogdet(scaled)
+    far2 = ((np.array(fit.lens.k)[fit.prior > 0.0] / fit.prior[fit.prior > 0.0]) ** 2).sum()
+    cost = np.log(log_focal_range / np.sqrt(2.0 * np.pi)) - 0.5 * log_det + 0.5 * far2
+    return max(float(cost), 0.0)

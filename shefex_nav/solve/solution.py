@@ -32,10 +32,13 @@ class ImageSolution(NamedTuple):
     q_ci: np.ndarray  # (4,) ICRS to camera
     camera: Camera | None  # focal length and distortion as they were found, or as they were told
     xy_px: np.ndarray  # (n, 2) all detections, brightest first
-    # of a StarCamera that is told; None otherwise, or without a solution
+    # None without a solution
     covariance: np.ndarray | None = None  # (3, 3) rad^2, error of q_ic = conjugate of q_ci, camera axes
-    noise_covariance: np.ndarray | None = None  # (3, 3) rad^2, the part that differs between pictures
+    # of a StarCamera that is told: (3, 3) rad^2, the part that differs between pictures; otherwise None
+    noise_covariance: np.ndarray | None = None
     residual_px: float | None = None  # RMS of the stars used against the attitude
+    fov_sigma_deg: float | None = None  # of fov_x_deg; None with a StarCamera
+    mirrored: bool = False  # told to be: q_ci and camera are those of the picture turned over, left for right
 
 
 def failed(reason, ms, xy_px):

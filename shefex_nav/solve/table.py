@@ -6,11 +6,14 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from shefex_nav.solve.names import PROPER_NAMES, name_of
+
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
     "too_few_stars": "fewer than five point-like objects were found",
     "too_few_stars_told": "fewer objects were found than an attitude needs",
-    "no_match": "the objects found fit no stars of the catalogue, for any field of view that was looked for",
+    "no_match": "the objects found fit no stars of the catalogue, for any field of view that was looked for: "
+    "5 to 70 deg across, or 20 % about the one that is told",
     "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
     "--camera its field of view is found as well",
     "focal_length": "the stars contradict the focal length of the camera that is told",
@@ -19,7 +22,9 @@ WHY = {
     "saturated": "the picture is too bright for the star tracker of the camera that is told",
     "smeared": "the camera turned faster than star_tracker.highest_rate: the stars are streaks",
     "ambiguous": "more than one identification of the stars fits",
-    "mirrored": "the stars fit only when the picture is mirrored; undo the mirroring",
+    "mirrored": "the stars fit only when the picture is mirrored; --mirrored solves it so",
+    "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring",
+    "not_mirrored": "the stars fit the picture as it is; it is not mirrored",
 }
 SHOWN = 25  # rows of the table of stars
 
@@ -30,7 +35,7 @@ def as_numbers(solution):
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
         value = getattr(solution, name)
         numbers[name] = None if isnan(value) else value
-    numbers["matched"] = [match._asdict() for match in solution.matched]
+    numbers["matched"] = [match._asdict() | {"name": name_of(match.hip)} for match in solution.matched]
     numbers["false_probability"] = solution.false_probability
     numbers["wall_ms"] = solution.wall_ms
     if solution.covariance is not None:
@@ -38,8 +43,13 @@ def as_numbers(solution):
         numbers["q_ic"] = (solution.q_ci * [1.0, -1.0, -1.0, -1.0]).tolist()
         numbers["sigma_arcsec"] = {"about_x": x, "about_y": y, "about_boresight": z}
         numbers["covariance_rad2"] = solution.covariance.tolist()
-        numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
+        if solution.noise_covariance is not None:
+            numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
         numbers["residual_px"] = solution.residual_px
+    if solution.fov_sigma_deg is not None:
+        numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
+    if solution.mirrored:
+        numbers["mirrored"] = True
     return numbers
 
 
@@ -58,15 +68,15 @@ def _accuracy(solution):
     """Rows of the table about the covariance."""
     if solution.covariance is None:
         return ()
-    whole, noise = sigmas(solution.covariance), sigmas(solution.noise_covariance)
-    return (
-        (
-            "1 sigma about x, y, boresight",
-            f"{whole[0]:.1f}, {whole[1]:.1f}, {whole[2]:.1f} arcsec",
-        ),
-        ("of it noise of the picture", f"{noise[0]:.1f}, {noise[1]:.1f}, {noise[2]:.1f} arcsec"),
-        ("stars off the attitude", f"{solution.residual_px:.2f} px rms"),
-    )
+    rows = [("1 sigma about x, y, boresight", _arcsec(solution.covariance))]
+    if solution.noise_covariance is not None:
+        rows.append(("of it noise of the picture", _arcsec(solution.noise_covariance)))
+    return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
+
+
+def _arcsec(P):
+    """Standard deviations of a covariance as text."""
+    return f"{', '.join(f'{sigma:.1f}' for sigma in sigmas(P))} arcsec"
 
 
 def brief(found):
@@ -108,10 +118,11 @@ def field(solution, name):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "V", "x [px]", "y [px]"):
-        table.add_column(title, justify="right")
+    for title in ("HIP", "name", "V", "x [px]", "y [px]"):
+        table.add_column(title, justify="left" if title == "name" else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
-        table.add_row(str(star.hip), f"{star.vmag:.2f}", f"{star.x_px:.2f}", f"{star.y_px:.2f}")
+        places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"
+        table.add_row(str(star.hip), PROPER_NAMES.get(star.hip, ""), f"{star.vmag:.2f}", *places)
     return table
 
 

@@ -3,6 +3,10 @@
 In: detections of one picture and a band of triangles. Out: the few attitudes, each with its focal length,
 that put the most stars onto detections. Three stars fix the attitude and the focal length and leave two
 numbers to check; the stars around them decide.
+
+The lens is that of a sphere seen from xi behind its centre, x = f (1 + xi) X / (Z + xi): xi = 0 is a pinhole,
+1 stereographic, 2 nearly r = f theta, 3 nearly equisolid. It stands for distortions that are too large to be
+left to the adjustment.
 """
 
 from typing import NamedTuple
@@ -42,6 +46,7 @@ class Spots(NamedTuple):
     mag: np.ndarray  # (n,) -2.5 log10 flux
     size_px: tuple  # (width, height) of the picture
     cells: np.ndarray  # of `detection_cells`
+    xi: float  # of the lens
 
 
 class Guess(NamedTuple):
@@ -96,8 +101,9 @@ def compare(band, spots, C, focal_px, middle):
         Z = C[6] * p + C[7] * q + C[8] * r
         if Z < 0.1:
             continue
-        x = cx + focal_px * (C[0] * p + C[1] * q + C[2] * r) / Z
-        y = cy + focal_px * (C[3] * p + C[4] * q + C[5] * r) / Z
+        scale = focal_px * (1.0 + spots.xi) / (Z + spots.xi)
+        x = cx + scale * (C[0] * p + C[1] * q + C[2] * r)
+        y = cy + scale * (C[3] * p + C[4] * q + C[5] * r)
         if x < 0.0 or y < 0.0 or x > width - 1.0 or y > height - 1.0:
             continue
         gate = GATE_PX + GATE_SHARE * np.sqrt((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
@@ -121,7 +127,7 @@ def compare(band, spots, C, focal_px, middle):
 
 
 @inner
-def keep(kept, n, odds, C, focal_px):
+def keep(kept, n, odds, C, focal_px, xi):
     """Put a proposal into the list of the best, sorted; how many there are."""
     for k in range(n):  # the same attitude again: the better one stays
         same = 0.0
@@ -139,26 +145,32 @@ def keep(kept, n, odds, C, focal_px):
             return n
     else:
         k, n = n, n + 1
-    kept[k, 0], kept[k, 1] = odds, focal_px
+    kept[k, 0], kept[k, 1], kept[k, 11] = odds, focal_px, xi
     for a in range(9):
         kept[k, 2 + a] = C[a]
     return n
 
 
 @inner
-def directions(xy_px, size_px, focal_px):
-    """Unit vectors of pixels for a focal length: (n, 3)."""
+def directions(xy_px, size_px, focal_px, xi):
+    """Unit vectors of pixels for a focal length and a lens: (n, 3).
+
+    With m = x / (f (1 + xi)) the direction is s (m, 1) - (0, 0, xi), whose length is one for
+    s = (xi + sqrt(1 + (1 - xi^2) m^2)) / (1 + m^2).
+    """
     u_c = np.empty((xy_px.shape[0], 3))
+    unit = focal_px * (1.0 + xi)
     for k in range(xy_px.shape[0]):
-        x = (xy_px[k, 0] - 0.5 * (size_px[0] - 1.0)) / focal_px
-        y = (xy_px[k, 1] - 0.5 * (size_px[1] - 1.0)) / focal_px
-        norm = np.sqrt(1.0 + x * x + y * y)
-        u_c[k, 0], u_c[k, 1], u_c[k, 2] = x / norm, y / norm, 1.0 / norm
+        x = (xy_px[k, 0] - 0.5 * (size_px[0] - 1.0)) / unit
+        y = (xy_px[k, 1] - 0.5 * (size_px[1] - 1.0)) / unit
+        m2 = x * x + y * y
+        s = (xi + np.sqrt(max(1.0 + (1.0 - xi * xi) * m2, 0.0))) / (1.0 + m2)
+        u_c[k, 0], u_c[k, 1], u_c[k, 2] = s * x, s * y, s - xi
     return u_c
 
 
 @inner
-def fit_three(xy_px, size_px, corner, sides, focal_px):
+def fit_three(xy_px, size_px, xi, corner, sides, focal_px):
     """Focal length that gives three detections the sides of a catalogue triangle, and the largest misfit.
 
     sides: (3,) chords opposite the corners. The misfit is relative to the tolerance; beyond 1 it is none.
@@ -166,13 +178,13 @@ def fit_three(xy_px, size_px, corner, sides, focal_px):
     three = np.empty((3, 2))
     for k in range(3):
         three[k, 0], three[k, 1] = xy_px[corner[k], 0], xy_px[corner[k], 1]
-    u = directions(three, size_px, focal_px)
+    u = directions(three, size_px, focal_px, xi)
     for _ in range(2):
         ratio = 0.0
         for k in range(3):
             ratio += side(u, (k + 1) % 3, (k + 2) % 3)
         focal_px *= ratio / (sides[0] + sides[1] + sides[2])
-        u = directions(three, size_px, focal_px)
+        u = directions(three, size_px, focal_px, xi)
     worst = 0.0
     for k in range(3):
         seen = side(u, (k + 1) % 3, (k + 2) % 3)
@@ -190,7 +202,7 @@ def propose(spots, focal_range, first, last, band, kept, n):
     focal_range : (shortest, longest) focal length [px]
     first, last : int
     band : Band
-    kept : (KEPT, 11) proposals: ln odds, focal length, C_ci row by row; filled in place
+    kept : (KEPT, 12) proposals: ln odds, focal length, C_ci row by row, xi; filled in place
     n : int, proposals in `kept` so far
 
     Returns
@@ -204,7 +216,7 @@ def propose(spots, focal_range, first, last, band, kept, n):
     if low > high:
         return n, tried
     focal_px = np.sqrt(low * high)
-    u_c = directions(spots.xy_px[:last], spots.size_px, focal_px)
+    u_c = directions(spots.xy_px[:last], spots.size_px, focal_px, spots.xi)
     unit = size / focal_px
     # the shape of a triangle off the axis depends on the focal length: half the band, at the corner
     guess = Guess(low, high, focal_px, 0.5 * np.log(high / low) * (0.5 * unit) ** 2, u_c)
@@ -255,12 +267,12 @@ def _try_triangle(spots, band, guess, corner, sides, kept, n):
                 if max(abs(first), abs(second), abs(first - second)) > MAGNITUDES:
                     continue
                 true = np.array([shape[0], shape[0] * shape[1], shape[0] * shape[2]])
-                focal_px, misfit, u = fit_three(xy_px, spots.size_px, at, true, focal_px)
+                focal_px, misfit, u = fit_three(xy_px, spots.size_px, spots.xi, at, true, focal_px)
                 if misfit > 1.0:
                     continue
                 tried += 1
                 odds, C = _weigh(spots, band, at, u, t, focal_px)
-                n = keep(kept, n, odds, C, focal_px)
+                n = keep(kept, n, odds, C, focal_px, spots.xi)
     return n, tried
 
 

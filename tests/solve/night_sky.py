@@ -40,11 +40,13 @@ def axes(ra_deg, dec_deg, roll_deg):
 def shoot(
     rng, *, fov_deg=11.4, width=1024, height=768, ra_deg=None, dec_deg=None, roll_deg=None, limit=7.0,
     sigma_px=1.0, snr=6.0, background=60.0, noise=2.0, k1_edge=0.0, trail_px=0.0, trail_angle=0.5,
+    law=None,
 ):  # fmt: skip
     """A picture whose stars of V = limit have a signal-to-noise ratio of snr.
 
     k1_edge: relative displacement at the middle of the left and right edge. With 8 bits in mind: background
-    and noise are grey values, stars saturate at 255.
+    and noise are grey values, stars saturate at 255. law: distance from the middle for an angle from the
+    axis, in the place of a pinhole, e.g. 2 tan(angle / 2).
     """
     ra_deg = rng.uniform(0.0, 360.0) if ra_deg is None else ra_deg
     dec_deg = np.degrees(np.arcsin(rng.uniform(-1.0, 1.0))) if dec_deg is None else dec_deg
@@ -58,6 +60,10 @@ def shoot(
     u_i, vmag, hip = STARS.u_i[ahead], STARS.vmag[ahead], STARS.hip[ahead]
     x, y = (u_i @ right) / (u_i @ forward), (u_i @ down) / (u_i @ forward)
     radial = 1.0 + k1 * np.minimum(x * x + y * y, 1.6 * (edge * np.hypot(1.0, height / width)) ** 2)
+    if law is not None:
+        tangent = np.hypot(x, y)
+        f = 0.5 * width / law(np.arctan(edge))
+        radial = law(np.arctan(tangent)) / np.maximum(tangent, 1e-12)
     px, py = 0.5 * (width - 1) + f * radial * x, 0.5 * (height - 1) + f * radial * y
     margin = 4.0 * sigma_px + trail_px
     near = (px > -margin) & (py > -margin) & (px < width + margin) & (py < height + margin)

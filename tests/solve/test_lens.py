@@ -11,7 +11,7 @@ SIZE = (1024, 768)
 
 def scene(rng, n, k1=0.0, noise_px=0.0):
     """A lens, stars in its view, and where they are detected."""
-    true = lens.Lens(dcm_from_rotvec(rng.normal(size=3)), 2000.0, k1)
+    true = lens.Lens(dcm_from_rotvec(rng.normal(size=3)), 2000.0, (k1, 0.0, 0.0, 0.0, 0.0))
     xy = rng.uniform([-0.24, -0.18], [0.24, 0.18], (n, 2))
     u_c = np.column_stack([xy, np.ones(n)])
     u_i = u_c / np.linalg.norm(u_c, axis=1, keepdims=True) @ true.C_ci
@@ -24,10 +24,12 @@ def test_without_noise_the_truth_comes_back(k1):
     rng = np.random.default_rng(1)
     for _ in range(5):
         true, u_i, xy_px = scene(rng, 25, k1)
-        near = lens.Lens(dcm_from_rotvec(1e-3 * rng.normal(size=3)) @ true.C_ci, 2008.0, 0.0)
+        near = lens.Lens(dcm_from_rotvec(1e-3 * rng.normal(size=3)) @ true.C_ci, 2008.0)
         found = lens.fit(near, u_i, xy_px, SIZE)
         np.testing.assert_array_equal(found.star, np.arange(25))
-        assert abs(found.lens.focal_px / 2000.0 - 1.0) < 1e-5 and abs(found.lens.k1 - k1) < 1e-3
+        assert abs(found.lens.focal_px / 2000.0 - 1.0) < 1e-4
+        # what the prior takes of 25 per cent of a corner is a hundredth of a pixel
+        assert np.abs(lens.project(found.lens, u_i, SIZE)[0] - xy_px).max() < 0.05
         assert np.linalg.norm(rotvec_from_quat(quat_from_dcm(found.lens.C_ci @ true.C_ci.T))) < 1e-5
 
 
@@ -38,7 +40,7 @@ def test_errors_are_what_the_covariance_says():
     for _ in range(60):
         true, u_i, xy_px = scene(rng, 30, noise_px=0.3)
         found = lens.fit(true, u_i, xy_px, SIZE, may_distort=False)
-        normalised.append(np.log(found.lens.focal_px / 2000.0) / found.sigma_log_focal)
+        normalised.append(np.log(found.lens.focal_px / 2000.0) / np.sqrt(found.covariance[3, 3]))
         noise.append(found.noise_px)
     assert abs(np.mean(np.square(normalised)) - 1.0) < 3.0 * np.sqrt(2.0 / 60)
     assert abs(np.mean(noise) - 0.3) < 0.03
@@ -51,15 +53,49 @@ def test_too_few_stars_fit_nothing():
 
 
 def test_what_was_adjusted_has_its_price():
-    """The range of the focal length counts linearly, a distortion costs, too; the attitude is never cheap."""
+    """The range of focal lengths and the lenses tried count linearly; what may bend costs, too."""
     rng = np.random.default_rng(4)
     true, u_i, xy_px = scene(rng, 30, noise_px=0.3)
     plain = lens.fit(true, u_i, xy_px, SIZE, may_distort=False)
     once, twice = (proof.price(plain, SIZE, log_range)[1] for log_range in (0.7, 1.4))
     assert abs(twice - once - np.log(2.0)) < 1e-9
-    _, P_c = None, proof.price(plain, SIZE, 1.4)[0]
+    assert abs(proof.price(plain, SIZE, 1.4, 3)[1] - twice - np.log(3.0)) < 1e-9
+    P_c = proof.price(plain, SIZE, 1.4)[0]
     cells = 8.0 * np.pi**2 / np.sqrt((2.0 * np.pi) ** 3 * np.linalg.det(2.0 * P_c))
     assert twice > np.log(cells) > 15.0
-    true, u_i, xy_px = scene(rng, 30, k1=-0.3, noise_px=0.3)
-    bent = lens.fit(true, u_i, xy_px, SIZE)
-    assert bent.lens.k1 != 0.0 and proof.price(bent, SIZE, 1.4)[1] > twice
+    free = lens.fit(true, u_i, xy_px, SIZE)
+    assert proof.price(free, SIZE, 1.4)[1] > twice
+    farther = free._replace(lens=free.lens._replace(k=(3.0 * free.prior[0], 0.0, 0.0, 0.0, 0.0)))
+    at_middle = free._replace(lens=free.lens._replace(k=lens.NO_DISTORTION))
+    differ = proof.price(farther, SIZE, 1.4)[1] - proof.price(at_middle, SIZE, 1.4)[1]
+    assert abs(differ - 4.5) < 1e-9
+
+
+def test_slopes_are_derivatives():
+    """Of the pixels by the nine unknowns, against differences."""
+    rng = np.random.default_rng(5)
+    at = lens.Lens(dcm_from_rotvec(rng.normal(size=3)), 900.0, (-0.2, 0.1, 0.003, -0.002, -0.03))
+    xy = rng.uniform([-0.6, -0.5], [0.6, 0.5], (12, 2))
+    u_c = np.column_stack([xy, np.ones(12)])
+    u_i = u_c / np.linalg.norm(u_c, axis=1, keepdims=True) @ at.C_ci
+    J = lens.jacobian(at, lens.project(at, u_i, SIZE)[1])
+
+    def moved(n, by):
+        change = np.zeros(9)
+        change[n] = by
+        turned = dcm_from_rotvec(change[:3]) @ at.C_ci
+        k = np.array(at.k) + change[4:]
+        return lens.project(lens.Lens(turned, at.focal_px * np.exp(change[3]), tuple(k)), u_i, SIZE)[0]
+
+    for n in range(9):
+        numeric = (moved(n, 1e-6) - moved(n, -1e-6)) / 2e-6
+        np.testing.assert_allclose(J[:, :, n], numeric, atol=1e-4)
+
+
+def test_lenses_that_fold_are_none():
+    """r (1 + k1 r^2) has its largest value at r = 1 / sqrt(-3 k1): a corner beyond is nobody's image."""
+    turn, corner = dcm_from_rotvec(np.zeros(3)), 0.5 * np.hypot(*SIZE) / 900.0
+    assert lens.is_lens(lens.Lens(turn, 900.0), SIZE)
+    for share, is_one in ((0.7, True), (1.3, False)):
+        k1 = -share * 4.0 / 27.0 / corner**2  # the largest value is 2 / (3 sqrt(-3 k1)): at 1.0 the corner
+        assert lens.is_lens(lens.Lens(turn, 900.0, (k1, 0.0, 0.0, 0.0, 0.0)), SIZE) == is_one

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec
-from shefex_nav.solve import image, lens, proof
+from shefex_nav.solve import lens, proof, search
 
 SIZE, FOCAL_PX, YEAR = (1000, 800), 2800.0, 2026.0
 
@@ -12,8 +12,8 @@ def picture(rng):
     """(fit, detections, flux) of a random field, the fit that of the truth."""
     while True:
         q = rng.normal(size=4)
-        at = lens.Lens(dcm_from_quat(q / np.linalg.norm(q)), FOCAL_PX, 0.0)
-        sky = image._sky(at, 45, SIZE, YEAR)
+        at = lens.Lens(dcm_from_quat(q / np.linalg.norm(q)), FOCAL_PX)
+        sky = search.sky_of(at, 45, SIZE, YEAR)
         xy, _ = lens.project(at, sky.u_i, SIZE)
         inside = ((xy > 0) & (xy < [999, 799])).all(axis=1) & (sky.u_i @ at.C_ci[2] > 0.5)
         xy = xy[inside] + rng.normal(0.0, 0.2, (inside.sum(), 2))
@@ -26,7 +26,7 @@ def picture(rng):
 
 
 def proved(fit, xy, flux):
-    return proof.prove(fit, image._sky(fit.lens, 45, SIZE, YEAR), xy, flux, SIZE, 1.0)
+    return proof.prove(fit, search.sky_of(fit.lens, 45, SIZE, YEAR), xy, flux, SIZE, 1.0)
 
 
 def test_the_truth_is_proved_and_its_turned_copies_are_not():

@@ -34,11 +34,13 @@ def test_json(sky):
     result = json.loads(done.stdout)
     assert list(result) == [
         "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg", "matched",
-        "false_probability", "wall_ms",
+        "false_probability", "wall_ms", "q_ic", "sigma_arcsec", "covariance_rad2", "residual_px",
+        "fov_x_sigma_deg",
     ]  # fmt: skip
     assert result["status"] == "ok" and result["reason"] == ""
     assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
-    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag"}
+    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name"}
+    assert "Betelgeuse" in {match["name"] for match in result["matched"]}
     assert 0.0 < result["false_probability"] < 1e-7 and result["wall_ms"] > 0.0
 
 
@@ -46,7 +48,7 @@ def test_json(sky):
 def test_table_and_field_of_view(sky, fov):
     done = solve(sky[0], "--fov", fov)
     assert done.exit_code == 0, done.output
-    for text in ("right ascension", "declination", "field of view", "brightest stars", "27989"):
+    for text in ("right ascension", "declination", "field of view", "brightest stars", "27989", "Betelgeuse"):
         assert text in done.stdout
 
 
@@ -131,3 +133,37 @@ def test_epoch_is_a_date_or_a_julian_year():
     assert _julian_year("2012.5") == 2012.5
     assert _julian_year("2000-01-01T12:00:00Z") == 2000.0
     assert _julian_year("2012-06-22") == pytest.approx(2000.0 + 4555.5 / 365.25)  # JD 2456100.5
+
+
+def test_stages_are_drawn_and_nothing_is_lost(sky, tmp_path):
+    """Of a picture that is solved all six, of noise those that were reached; none is written over."""
+    folder = tmp_path / "steps"
+    done = solve(sky[0], "--epoch", night_sky.YEAR, "--stages", folder)
+    assert done.exit_code == 0, done.output
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == [
+        "1-background.png", "2-objects.png", "3-centroids.png",
+        "4-hypotheses.png", "5-residuals.png", "6-names.png",
+    ]  # fmt: skip
+    for name in names:
+        assert np.asarray(Image.open(folder / name).convert("L")).std() > 5.0
+    again = solve(sky[0], "--stages", folder)
+    assert again.exit_code == 2 and "choose another folder" in again.output
+    noise = tmp_path / "noise.png"
+    Image.fromarray(np.random.default_rng(3).normal(60.0, 3.0, (300, 400)).astype(np.uint8)).save(noise)
+    failed = solve(noise, "--stages", tmp_path / "none")
+    assert failed.exit_code == 1
+    assert {"1-background.png", "2-objects.png", "6-names.png"} <= {
+        p.name for p in (tmp_path / "none").iterdir()
+    }
+
+
+def test_mirrored_as_a_user_asks(sky, tmp_path):
+    path = tmp_path / "mirror.png"
+    Image.fromarray(np.ascontiguousarray(np.asarray(Image.open(sky[0]))[:, ::-1])).save(path)
+    done = solve(path, "--epoch", night_sky.YEAR, "--mirrored", "--json")
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert result["mirrored"] and abs(result["ra_deg"] - sky[1].ra_deg) < 0.02
+    refused = solve(path, "--mirrored", "--camera", "night_sky")
+    assert refused.exit_code == 2 and "not together" in refused.output

@@ -61,7 +61,7 @@ def _stretched(image):
 
 def _found(axes, fix):
     """Rings around the objects, names beside the identified ones."""
-    from shefex_nav.solve.overlay import PROPER_NAMES
+    from shefex_nav.solve.names import PROPER_NAMES
 
     xy_px, named = fix.detections.xy_px, fix.hip > 0
     kinds = (named, style.GREEN, "identified"), (~named, style.ORANGE, "other objects")

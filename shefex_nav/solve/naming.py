@@ -1,0 +1,97 @@
+"""Every star of a proven picture: its name, what it is worth, and the solution that all of them make.
+
+In: a fit that is proved, all detections. Out: an ImageSolution with covariance. Faint detections, and bright
+ones whose middle is saturated, are named here, when the lens is known.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
+from shefex_nav.solve import adjust, lens, pointing
+from shefex_nav.solve.camera import undistorted
+from shefex_nav.solve.search import sky_of
+from shefex_nav.solve.solution import ImageSolution, Match
+
+BRIGHTNESS = 1.2  # mag, between a detection and its star: band, noise
+SATURATED = 5.0  # mag, that a saturated star may look fainter
+
+
+def centred(camera, xy_px):
+    """Pixels of an ideal camera with its axis in the middle of the picture, from those of a given camera."""
+    size_px = camera.width_px, camera.height_px
+    return undistorted(camera, xy_px) - camera.principal_point_px + lens.middle(size_px)
+
+
+def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
+    """ImageSolution of a proven fit.
+
+    found : Field;  xy_px : (n, 2) its detections as an ideal camera sees them, where one is given
+    """
+    fit, outcome = solved
+    star, sky = all_stars(fit, found, xy_px, size_px, year)
+    known = np.flatnonzero(star >= 0)
+    best = adjust.adjust(fit.lens, fit.prior, sky.u_i[star[known]], xy_px[known], found.P_px[known], size_px)
+    if record is not None:
+        record.adjusted, record.known = best, known
+        record.residual_px = xy_px[known] - lens.project(best.lens, sky.u_i[star[known]], size_px)[0]
+    matched = [
+        Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
+        for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)
+    ]
+    ra, dec, roll, fov_x, fov_y = _pointing(best.lens, size_px, camera)
+    if camera is None:
+        camera = lens.camera_of(best.lens, size_px)
+    else:
+        camera = replace(camera, focal_length_px=best.lens.focal_px)
+    return ImageSolution(
+        "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
+        quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
+        fov_sigma_deg=_fov_sigma(best, size_px),
+    )  # fmt: skip
+
+
+def _fov_sigma(best, size_px):
+    """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
+    sigma = np.sqrt(np.diag(best.covariance)[3:])
+    at, slope = best.lens, np.zeros(6)
+    for n in np.flatnonzero(sigma > 0.0):
+        step = 0.01 * sigma[n]
+        k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
+        moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
+        slope[n] = (_pointing(moved, size_px, None)[3] - _pointing(at, size_px, None)[3]) / step
+    return float(np.sqrt(slope @ best.covariance[3:, 3:] @ slope))
+
+
+def all_stars(fit, found, xy_px, size_px, year):
+    """Which star each detection is, faint ones included: row per detection, -1; and the stars.
+
+    Among many faint detections and many faint stars, chance brings pairs together; those of the wrong
+    brightness are left out. The zero point is that of the bright ones. A saturated star looks fainter than it
+    is, and may be farther from where it is predicted, as only its blob is seen.
+    """
+    flux = found.flux
+    sky = sky_of(fit.lens, max(2 * len(flux), MAX_DETECTIONS), size_px, year)
+    predicted, _ = lens.project(fit.lens, sky.u_i, size_px)
+    inside = np.flatnonzero(((predicted > -1.0) & (predicted < size_px)).all(axis=1))
+    gate_px = max(lens.NOISE_GATE * fit.noise_px, lens.LEAST_GATE_PX)
+    star = lens.match(predicted[inside], xy_px, gate_px)
+    known = np.flatnonzero(star >= 0)
+    star[known] = inside[star[known]]
+    difference = -2.5 * np.log10(flux[known]) - sky.vmag[star[known]]
+    full = found.saturated[known]
+    whole = difference[~full] if (~full).sum() >= 4 else difference
+    zero = np.median(whole[: max(len(whole) // 2, 4)])
+    off = difference - zero
+    star[known[(off < -BRIGHTNESS) | (off > np.where(full, SATURATED, BRIGHTNESS))]] = -1
+    return star, sky
+
+
+def _pointing(at, size_px, camera):
+    """RA and Dec of the middle of the picture, position angle of up, fields of view: degrees."""
+    marks = pointing.marks(size_px)
+    if camera is not None:
+        marks = centred(camera, marks)
+    return pointing.angles(lens.directions(lens.camera_of(at, size_px), marks) @ at.C_ci)

@@ -1,0 +1,164 @@
+"""How a picture was solved, as pictures: one for each step, for those who want to know why it failed.
+
+In: the grey values, the Record and the ImageSolution of a picture. Out: PNG files in a folder: background,
+objects with the reasons for which some are none, fits of the centroids, hypotheses with their odds,
+residuals. matplotlib is imported when they are drawn.
+"""
+
+import numpy as np
+
+from shefex_nav.solve import field
+from shefex_nav.solve.names import name_of
+from shefex_nav.solve.overlay import stretched
+
+NAMES = ("1-background", "2-objects", "3-centroids", "4-hypotheses", "5-residuals")
+GREEN, ORANGE, RED, BLUE, GREY = "#009e73", "#e69f00", "#d55e00", "#56b4e9", "#767676"
+SHOWN, HALF_PX = 24, 10  # centroids, and the pixels around each
+LEAST_SHOWN = 1e-120  # probability
+LEAST_ROWS, MOST_TRIALS = 12, 60
+
+
+def draw(grey, record, solution, folder):
+    """Write the pictures of all steps that were reached; names of the files."""
+    from matplotlib.figure import Figure
+
+    written = []
+    for name, step in zip(NAMES, (_background, _objects, _centroids, _hypotheses, _residuals), strict=True):
+        figure = Figure(figsize=(11.0, 8.0), dpi=110, layout="constrained")
+        if step(figure, grey, record, solution):
+            figure.savefig(folder / f"{name}.png")
+            written.append(f"{name}.png")
+    return written
+
+
+def _background(figure, grey, record, solution):
+    """What was taken for sky."""
+    binning = record.field.binning
+    small = field.binned(grey, binning) if binning > 1 else grey
+    flat, noise, sky = field.flatten(np.ascontiguousarray(small, dtype=np.float32), field.grey_step(grey))
+    left, right = figure.subplots(1, 2)
+    extent = (-0.5, grey.shape[1] - 0.5, grey.shape[0] - 0.5, -0.5)
+    shown = left.imshow(small - flat, cmap="viridis", extent=extent)
+    figure.colorbar(shown, ax=left, shrink=0.5, label="grey values")
+    left.set_title(f"background; noise of a pixel {noise:.3g} grey values")
+    right.imshow(flat, cmap="gray", vmin=-3.0 * noise, vmax=14.0 * noise, extent=extent)
+    edge = np.isfinite(sky)
+    if edge.any():
+        mask = np.where(np.kron(edge, np.ones((8, 8))), 1.0, np.nan)
+        right.imshow(mask, cmap="autumn", alpha=0.25, extent=extent)
+    right.set_title("without it; red: near an edge, where gaps are doubted")
+    return True
+
+
+def _sky(axes, grey):
+    """The picture as people see it, under what is drawn."""
+    canvas, _ = stretched(np.ascontiguousarray(grey, dtype=np.float32))
+    axes.imshow(canvas, cmap="gray", extent=(-0.5, grey.shape[1] - 0.5, grey.shape[0] - 0.5, -0.5))
+
+
+def _objects(figure, grey, record, solution):
+    """Every object that the scan found, and why some are no stars."""
+    found, axes = record.field, figure.subplots()
+    _sky(axes, grey)
+    for xy_px, colour, words in (
+        (found.xy_px[found.in_sky & ~found.saturated], GREEN, "used"),
+        (found.xy_px[found.in_sky & found.saturated], BLUE, "used, saturated in the middle"),
+        (found.xy_px[~found.in_sky], ORANGE, "doubted: bead of a trail, or a gap in a foreground"),
+        (found.refused_px[found.refused_for == field.CROWDED], RED, "refused: no sky around it"),
+        (
+            found.refused_px[found.refused_for == field.FAINT],
+            GREY,
+            "refused: its middle is no more than noise",
+        ),
+    ):
+        axes.plot(*xy_px.T, "o", mfc="none", mec=colour, ms=9, label=f"{len(xy_px)} {words}")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.03), ncols=2)
+    return True
+
+
+def _centroids(figure, grey, record, solution):
+    """The brightest objects with the place of their fit and three standard deviations of its noise."""
+    from matplotlib.patches import Ellipse
+
+    found = record.field
+    n = min(len(found.flux), SHOWN)
+    if n == 0:
+        return False
+    columns = min(n, 6)
+    panels = figure.subplots(-(-n // columns), columns, squeeze=False).ravel()
+    half = HALF_PX * found.binning
+    for k, axes in enumerate(panels):
+        axes.set_axis_off()
+        if k >= n:
+            continue
+        x, y = found.xy_px[k]
+        r0, c0 = max(int(y) - half, 0), max(int(x) - half, 0)
+        cut = grey[r0 : int(y) + half + 1, c0 : int(x) + half + 1]
+        extent = (c0 - 0.5, c0 + cut.shape[1] - 0.5, r0 + cut.shape[0] - 0.5, r0 - 0.5)
+        axes.imshow(cut, cmap="gray", extent=extent)
+        axes.plot(x, y, "+", color=RED, ms=10)
+        values, vectors = np.linalg.eigh(found.P_px[k])
+        angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
+        size = 6.0 * np.sqrt(values)
+        axes.add_patch(Ellipse((x, y), size[1], size[0], angle=angle, fill=False, color=RED))
+        full = ", saturated" if found.saturated[k] else ""
+        axes.set_title(f"{k}: sigma {np.sqrt(values.mean()):.2f} px{full}", fontsize=8)
+    figure.suptitle(
+        "brightest objects: fitted place, and three standard deviations by the noise of the pixels"
+    )
+    return True
+
+
+def _hypotheses(figure, grey, record, solution):
+    """What was tried: odds of the proposal, and what became of it."""
+    trials = record.trials[:MOST_TRIALS]
+    if not trials:
+        return False
+    axes = figure.subplots()
+    width = grey.shape[1]
+    for row, (proposal, fit, outcome) in enumerate(trials):
+        fov = np.degrees(2.0 * np.arctan(0.5 * width / proposal[1]))
+        axes.barh(row, proposal[0], color=GREY if fit is None else GREEN if outcome.is_true else ORANGE)
+        if fit is None:
+            words = "no lens fits it"
+        else:
+            chance = max(outcome.false_probability, LEAST_SHOWN)
+            words = f"{(fit.star >= 0).sum()} stars at {fit.noise_px:.2f} px, chance {chance:.0e}"
+            words += ", proved" if outcome.is_true else ", not proved"
+        axes.text(
+            proposal[0], row, f"  {fov:.1f} deg, law xi {proposal[11]:.2g}: {words}", va="center", fontsize=8
+        )
+    axes.set_ylim(max(len(trials), LEAST_ROWS) - 0.5, -0.5)
+    axes.set_yticks([])
+    axes.set_xlim(0.0, 1.9 * max(one[0][0] for one in trials))
+    axes.set_xlabel("ln odds of the proposal, by the stars near its triangle")
+    axes.set_ylabel("in the order in which they were tried")
+    axes.set_title(
+        f"hypotheses: {len(record.trials)}; "
+        + ("one is true" if solution.status == "ok" else f"none is true: {solution.reason.replace('_', ' ')}")
+    )
+    return True
+
+
+def _residuals(figure, grey, record, solution):
+    """Detections against where the adjusted lens puts their stars."""
+    if record.adjusted is None:
+        return False
+    best, rest = record.adjusted, record.residual_px
+    at = record.field.xy_px[record.known]
+    axes = figure.subplots()
+    _sky(axes, grey)
+    scale = 0.05 * grey.shape[1] / max(float(np.percentile(np.hypot(*rest.T), 90)), 1e-6)
+    for chosen, colour, words in ((best.used, GREEN, "weighed"), (~best.used, RED, "named, not weighed")):
+        axes.quiver(
+            *at[chosen].T, *(scale * rest[chosen]).T, color=colour, angles="xy", scale_units="xy", scale=1.0,
+            width=0.002, label=f"{chosen.sum()} {words}",
+        )  # fmt: skip
+    for k in np.argsort([star.vmag for star in solution.matched])[:12]:
+        axes.annotate(name_of(solution.matched[k].hip), at[k], color=BLUE, fontsize=8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.03), ncols=2)
+    axes.set_title(
+        f"detection minus star, {scale:.0f} times as long; rms {best.residual_px:.2f} px; "
+        f"covariances times {best.multiple:.2g}, floor {best.floor_px:.2f} px"
+    )
+    return True
