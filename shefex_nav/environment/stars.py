@@ -183,13 +183,8 @@ def photocentres(catalogue, max_magnitude, radius_rad):
             continue
         swallowed[near] = True
         group = np.append(near, star)
-        weight = flux[group] / flux[group].sum()
-        centre = weight @ catalogue.u_i[group]
-        u_i[star] = centre / np.linalg.norm(centre)
-        pm_i[star] = weight @ catalogue.pm_i[group]
-        vmag[star], hpmag[star] = _summed(catalogue.vmag[group]), _summed(catalogue.hpmag[group])
-        colours = np.where(np.isnan(catalogue.bv[group]), BV_UNKNOWN, catalogue.bv[group])
-        bv[star] = _summed(catalogue.vmag[group] + colours) - vmag[star]
+        one = _centre_of_light(select(catalogue, group), flux[group])
+        u_i[star], pm_i[star], vmag[star], hpmag[star], bv[star] = one
     merged = StarCatalogue(catalogue.hip, u_i, pm_i, vmag, hpmag, bv, catalogue.epoch)
     entries = bright[~swallowed[bright]]
     return select(merged, entries[np.argsort(vmag[entries], kind="stable")])
@@ -206,6 +201,14 @@ def _with_neighbours(u_i, radius):
             if u_i[k, 0] * u_i[j, 0] + u_i[k, 1] * u_i[j, 1] + u_i[k, 2] * u_i[j, 2] >= cosine:
                 found[k] = found[j] = True
     return found
+
+
+def _centre_of_light(stars, flux):
+    """u_i, pm_i, vmag, hpmag and bv of the stars of a StarCatalogue seen as one. flux : (n,) of each"""
+    weight = flux / flux.sum()
+    centre, vmag = weight @ stars.u_i, _summed(stars.vmag)
+    bv = _summed(stars.vmag + np.where(np.isnan(stars.bv), BV_UNKNOWN, stars.bv)) - vmag
+    return centre / np.linalg.norm(centre), weight @ stars.pm_i, vmag, _summed(stars.hpmag), bv
 
 
 def _summed(magnitudes):
