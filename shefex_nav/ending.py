@@ -6,9 +6,7 @@ Alone in its file, for every command loads it.
 import atexit
 import gc
 
-NEW_OBJECTS = (
-    300_000  # after which it is searched; Python does after 700, the start of a flight makes 250 000
-)
+NEW_OBJECTS = 400_000  # after which it is searched; Python does so after 700, a flight starts with 275 000
 
 
 def search_seldom():
