@@ -24,7 +24,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 STAGES = ("first tick", "viewer asked for", "viewer listens", "connected", "first data sent")
 PROCESSES = ("flight", "reader", "viewer")
-LONGEST_S = 120.0
+LONGEST_S = 300.0
 
 
 @contextmanager
