@@ -15,16 +15,20 @@ HEAVY = {  # processor seconds of an import, and more; none is needed by the def
 }
 FLIGHT = {"numba", "scipy", "erfa", "foxglove", "google.protobuf", "shefex_nav.simulate"}
 AT_THE_END = """
-import atexit, sys
-atexit.register(lambda: print("loaded", *sys.modules, file=sys.stderr))
+import atexit, gc, sys
+atexit.register(lambda: print("loaded", f"searches={searches() - before}", *sys.modules, file=sys.stderr))
 sys.argv = ["shefex-nav", *sys.argv[1:]]
 from shefex_nav.commands.main import main
+searches = lambda: gc.get_stats()[0]["collections"]
+before = searches()
 main()
 """
 
 
 def loaded(*command):
-    """Names of the modules that are loaded at the end of a command: set."""
+    """Names of the modules that are loaded at the end of a command, and `searches=` with how often cycles
+    were searched for: set.
+    """
     done = subprocess.run([sys.executable, "-c", AT_THE_END, *command], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     last = done.stderr.strip().splitlines()[-1].split()
@@ -39,6 +43,7 @@ def test_a_flight_loads_nothing_that_it_does_not_use(tmp_path):
     found = loaded(*command)
     assert "shefex_nav.simulate" in found
     assert found & HEAVY == set()
+    assert "searches=0" in found  # a tenth of the time until the first tick, `ending.NEW_OBJECTS`
 
 
 def test_a_flight_along_a_trajectory_has_its_splines():

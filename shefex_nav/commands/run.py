@@ -1,10 +1,11 @@
 """`shefex-nav run`: fly a scenario once."""
 
 import math
+import os
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from shefex_nav.commands.flights import about, show_run, warn, watched
 from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
+from shefex_nav.commands.view import THE_INPUT_SAYS
 
 Until = Annotated[
     str | None,
@@ -40,6 +42,7 @@ def run(
     json: Json = False,
 ):
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
+    viewer = _viewer() if live else None  # it imports its own while this process does
     from shefex_nav.log import thinning
     from shefex_nav.scenario import load
 
@@ -51,8 +54,8 @@ def run(
     _check_until(until, until_s, loaded.mission.start, thinning.earliest_end(loaded.mission.start))
     path = out or _free_name(loaded.mission.name, seed)
     check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
-    if live:  # it starts while this process imports the flight
-        _open_viewer(path)
+    if viewer is not None:
+        _show(viewer, path)
     from shefex_nav import runs
 
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
@@ -99,10 +102,20 @@ def _check_until(until, until_s, start_s, earliest_s):
         raise typer.BadParameter(words, param_hint="--until")
 
 
-def _open_viewer(log):
-    """Start a viewer that shows a log while it is written; it stays when the flight is over."""
-    words = ["view", str(log), "--follow", "--since", str(time.time_ns())]
-    subprocess.Popen([sys.executable, "-m", "shefex_nav", *words], start_new_session=True)
+def _viewer():
+    """A process that is going to show a log while it is written; it stays when the flight is over.
+
+    It opens nothing until `_show` tells it which, and ends if this process does so before.
+    """
+    words = ["view", THE_INPUT_SAYS, "--follow", "--since", str(time.time_ns())]
+    command = [sys.executable, "-m", "shefex_nav", *words]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True)
+
+
+def _show(viewer, log):
+    """Tell a `_viewer` the path of the log."""
+    with suppress(BrokenPipeError), viewer.stdin as pipe:  # one that has ended has said why
+        pipe.write(os.fsencode(log))
 
 
 def _free_name(name, seed):

@@ -1,5 +1,7 @@
 """`shefex-nav view`: logs in the rerun viewer, on screen, in a browser or in a file."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +11,8 @@ from shefex_nav.commands.flights import tell_if_cut, tell_of_plugins
 from shefex_nav.commands.options import mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
+
+THE_INPUT_SAYS = "-"  # in place of a log that is followed: its path comes when it is known
 
 Page = Annotated[
     str,
@@ -56,7 +60,8 @@ def view(
     from shefex_nav.report import viewer
 
     if follow:
-        viewer.follow(logs[0], page=chosen, web=web, since_ns=since)
+        if (log := _named_by_the_input() if str(logs[0]) == THE_INPUT_SAYS else logs[0]) is not None:
+            viewer.follow(log, page=chosen, web=web, since_ns=since)
         return
     runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=chosen, web=web)
     for log, data in zip(logs, runs, strict=True):
@@ -65,6 +70,14 @@ def view(
     for written in (save, screenshot):
         if written is not None:
             say(f"wrote {written}")
+
+
+def _named_by_the_input():
+    """Path of the log that `run --live` is going to write, None if it cannot."""
+    from shefex_nav.log import reader  # noqa: F401 a part of what is imported anyhow, until then
+
+    name = sys.stdin.buffer.read()
+    return Path(os.fsdecode(name)) if name else None
 
 
 def _check_together(web, follow, written, logs):

@@ -5,6 +5,7 @@ for each to be needed; `benchmarks/kernel_list.py` writes it from what missions 
 it, or not foreseen, is compiled when it is called.
 """
 
+import hashlib
 import inspect
 import json
 import os
@@ -17,10 +18,15 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
 
-from shefex_nav.compiled import digest, signature
+from numba import config
+
+from shefex_nav import __version__
+from shefex_nav.compiled import digest, numba_hooks, signature
 from shefex_nav.compiled.numba_hooks import USES, Kernel
+from shefex_nav.compiled.store import ENDING
 
 ENTRIES = Path(__file__).with_name("entries.json")
+COMPLETE = "complete"  # file of the store with the names of kernels of which none was missing
 WORKER = "shefex_nav.compiled.worker"
 
 
@@ -55,26 +61,53 @@ def entries():
 def missing(features):
     """The listed kernels that a job needs and that have no file yet: list of Entry.
 
+    To name the files takes as long as to load them. Where none was missing the names are kept; while neither
+    sources nor settings have changed it is enough that the files are there. A mistake would only cost time:
+    a kernel without its file is compiled when it is called.
+
     features : what the job has, set of str
     """
-    return without_file(one for one in entries() if one.is_needed(features))
+    store, kept_as = numba_hooks.store(), f"{COMPLETE}-{_sources(features)}"
+    kept = store.load(kept_as)
+    if kept is not None and all(map(store.path, kept.decode(errors="replace").split("\n"))):
+        return []
+    wanted, known = [one for one in entries() if one.is_needed(features)], {}
+    files = [_file(one, known) for one in wanted]
+    if None not in files and os.access(store.own, os.W_OK):
+        names = {os.path.basename(path).removesuffix(ENDING) for path in files if path}
+        store.save(kept_as, "\n".join(sorted(names)).encode())
+    return [one for one, path in zip(wanted, files, strict=True) if path is None]
+
+
+def _sources(features):
+    """Digest of features, versions and settings, and of when each file of the program was written: str."""
+    settings = [getattr(config, name) for name in numba_hooks.SETTINGS]
+    parts = [__version__, *sorted(features), repr(settings)]
+    for folder, folders, files in os.walk(Path(__file__).parents[1]):
+        folders.sort()
+        for name in sorted(files):
+            if name.endswith((".py", ".json")):
+                stat = os.stat(os.path.join(folder, name))
+                parts.append(f"{folder} {name} {stat.st_mtime_ns} {stat.st_size}")
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:20]
 
 
 def without_file(wanted):
     """Those of some kernels that are neither kept nor shipped: list of Entry."""
     known = {}
-    return [one for one in wanted if _has_no_file(one, known)]
+    return [one for one in wanted if _file(one, known) is None]
 
 
-def _has_no_file(entry, known):
+def _file(entry, known):
+    """Path of the file of a kernel; None if it is missing, "" if it cannot be compiled ahead."""
     try:
         kernel = signature.find(entry.kernel)
         args = tuple(signature.decode(one) for one in entry.signature)
     except signature.UnknownType:
-        return False  # the program has another kernel now: it is compiled when it is called
+        return ""  # the program has another kernel now: it is compiled when it is called
     if not isinstance(kernel, Kernel) or len(args) != n_arguments(kernel):
-        return False
-    return kernel.file_of(args, known) is None
+        return ""
+    return kernel.file_of(args, known)
 
 
 def n_arguments(kernel):

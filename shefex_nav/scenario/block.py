@@ -14,7 +14,8 @@ class Block(BaseModel):
     A default is written as in a scenario file, with its unit.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    # what checks a section is built when something is checked: once for a scenario, not for each of its parts
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, defer_build=True)
     EXAMPLE: ClassVar[str] = "base.yaml"  # a file that others extend
 
     @classmethod

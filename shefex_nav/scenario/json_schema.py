@@ -1,12 +1,30 @@
 """JSON Schema of a scenario file, for editors that complete and check while one writes."""
 
+import re
+
+from pydantic.json_schema import GenerateJsonSchema
+
 from shefex_nav.scenario.load import EXTENDS, Scenario
 from shefex_nav.scenario.use import USE
 
 
+class Named(GenerateJsonSchema):
+    """Calls a section by the name of its class.
+
+    Pydantic would take the qualified name, which for sections that are made says where pickle finds them:
+    `shefex_nav/world/imu_settings:Gyro`, `Scenario:barometer,magnetometer`.
+    """
+
+    def get_defs_ref(self, core_mode_ref):
+        ref, mode = core_mode_ref
+        return super().get_defs_ref(
+            (re.sub(r"\.(?:[\w/]+/\w+:)?(\w+)(?::[\w,]*)?:(\d+)$", r".\1:\2", ref), mode)
+        )
+
+
 def json_schema():
     """JSON Schema of a scenario file; a file that extends another need not be complete."""
-    complete = Scenario.model_json_schema()
+    complete = Scenario.model_json_schema(schema_generator=Named)
     blocks = complete.pop("$defs")
     complete["properties"][EXTENDS] = {
         "type": "string",

@@ -5,11 +5,14 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 from queue import SimpleQueue
+from types import SimpleNamespace
 
 import pytest
 
-from shefex_nav.compiled import ahead, digest, signature
+from shefex_nav.compiled import ahead, digest, numba_hooks, signature
+from shefex_nav.compiled.store import Store
 
 SMALL = "shefex_nav.geometry.rotation:quat_conjugate", "shefex_nav.geometry.rotation:quat_normalise"
 
@@ -177,3 +180,68 @@ def test_a_kernel_that_the_program_no_longer_has_is_left_out():
     assert not ahead.without_file([gone, other, no_kernel])
     with pytest.raises(signature.UnknownType, match="no shefex_nav"):
         signature.find(gone.kernel)
+
+
+@pytest.fixture
+def small_store(tmp_path, monkeypatch):
+    """A Store with files, though empty ones, of two kernels, which are all that are listed."""
+    own = Store(numba_hooks.store().kind, tmp_path)
+    few = [one for one in ahead.entries() if one.kernel in SMALL]
+    monkeypatch.setattr(numba_hooks, "_STORE", own)
+    monkeypatch.setattr(ahead, "entries", lambda: [one._replace(needs=[frozenset()]) for one in few])
+    for one in few:
+        args = tuple(signature.decode(text) for text in one.signature)
+        own.save(signature.find(one.kernel)._cache.name(args), b"")
+    return own
+
+
+def _asked(monkeypatch, features=("command=run",)):
+    """Kernels that are missing, and how many files had to be named for that."""
+    named = []
+    with monkeypatch.context() as patch:
+        file = ahead._file
+        patch.setattr(ahead, "_file", lambda *given: named.append(given) or file(*given))
+        return [one.kernel for one in ahead.missing(set(features))], len(named)
+
+
+def test_files_are_named_once(small_store, monkeypatch):
+    missing, first = _asked(monkeypatch)
+    assert not missing and first >= len(SMALL)
+    assert _asked(monkeypatch) == ([], 0)
+    assert _asked(monkeypatch, ["command=replay"]) == ([], first)
+
+
+def test_files_are_named_again_when_the_program_is_another(small_store, monkeypatch):
+    _asked(monkeypatch)
+    monkeypatch.setattr(ahead, "__version__", "another")
+    assert _asked(monkeypatch)[1] >= len(SMALL)
+
+
+def test_a_source_that_is_written_anew_counts(small_store, monkeypatch):
+    before, stat = ahead._sources(()), os.stat
+    later = ahead.__file__
+
+    def touched(path, **more):
+        found = stat(path, **more)
+        return SimpleNamespace(st_mtime_ns=found.st_mtime_ns + (str(path) == later), st_size=found.st_size)
+
+    monkeypatch.setattr(ahead.os, "stat", touched)
+    assert ahead._sources(()) != before
+
+
+def test_a_kernel_that_has_gone_is_missing(small_store, monkeypatch):
+    _asked(monkeypatch)
+    gone = next(Path(small_store.own).glob("*quat_conjugate*.kernel"))
+    gone.unlink()
+    assert set(_asked(monkeypatch)[0]) == {SMALL[0]}
+
+
+@pytest.mark.parametrize("content", [b"", b"foreign", None])
+def test_names_that_are_damaged_are_found_anew(small_store, monkeypatch, content):
+    """Empty, somebody else's, cut off."""
+    _asked(monkeypatch)
+    kept = next(Path(small_store.own).glob(f"{ahead.COMPLETE}-*"))
+    whole = kept.read_bytes()
+    kept.write_bytes(whole[:-5] if content is None else content)
+    assert _asked(monkeypatch)[1] >= len(SMALL)
+    assert kept.read_bytes() == whole and _asked(monkeypatch) == ([], 0)

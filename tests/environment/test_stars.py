@@ -1,5 +1,10 @@
 """The star catalogue against published counts, ERFA and simple geometry."""
 
+import csv
+import gzip
+import io
+from importlib.resources import files
+
 import erfa
 import numpy as np
 import pytest
@@ -38,6 +43,30 @@ def test_counts_by_v(catalogue):
     assert np.count_nonzero(catalogue.vmag <= 5.5) == 2851
     assert np.count_nonzero(catalogue.vmag <= 4.5) == 921
     assert len(stars.load_catalogue(7.0).hip) == 15544
+
+
+def test_the_file_is_read_as_python_reads_it(catalogue):
+    """Bit by bit, against csv and float."""
+    packed = (files("shefex_nav") / "data" / "hipparcos_v8.csv.gz").read_bytes()
+    _, *lines = csv.reader(io.StringIO(gzip.decompress(packed).decode()))
+    table = np.array([[float(text or "nan") for text in line] for line in lines])
+    for k, column in ((0, catalogue.hip), (6, catalogue.vmag), (7, catalogue.hpmag), (8, catalogue.bv)):
+        np.testing.assert_array_equal(column, table[:, k])
+    ra, dec = np.radians(table[:, 1]), np.radians(table[:, 2])
+    np.testing.assert_array_equal(catalogue.u_i[:, 1], np.cos(dec) * np.sin(ra))
+    np.testing.assert_array_equal(catalogue.u_i[:, 2], np.sin(dec))
+
+
+def test_decimals_in_bytes():
+    text = b"12,-0.5\n,.25\n-123456.789012345,7.\n"
+    expected = [12.0, -0.5, np.nan, 0.25, -123456.789012345, 7.0]
+    np.testing.assert_array_equal(stars._numbers(np.frombuffer(text, dtype=np.uint8)), expected)
+
+
+@pytest.mark.parametrize("text", [b"1e5\n", b"1.2.3\n", b"1-2\n", b"-\n", b".\n", b"1234567890123456\n"])
+def test_what_is_no_decimal_is_refused(text):
+    with pytest.raises(ValueError, match="not a table of decimals"):
+        stars._numbers(np.frombuffer(text, dtype=np.uint8))
 
 
 def test_sirius_at_j2000(catalogue):
@@ -105,6 +134,27 @@ def test_photocentres_count(catalogue):
     np.fill_diagonal(cosines, -1.0)
     # centres of light come closer than the stars did, but not by much
     assert np.arccos(cosines.max()) > 2.0 * PIXEL
+
+
+def test_photocentres_are_those_of_a_search_among_all_stars(catalogue):
+    """Which stars take others, and whom: brightest first, each looks at all that nobody has taken."""
+    radius = 180.0 * ARCSEC
+    merged = stars.photocentres(catalogue, 5.5, radius)
+    free, heads, pulled = np.ones(len(catalogue.hip), dtype=bool), [], 0
+    for k in np.argsort(catalogue.vmag, kind="stable"):
+        if catalogue.vmag[k] > 5.5:
+            break
+        if free[k]:
+            near = free & (catalogue.u_i @ catalogue.u_i[k] >= np.cos(radius))
+            free[near] = False
+            heads.append(catalogue.hip[k])
+            pulled += near.sum() > 1
+    assert sorted(merged.hip) == sorted(heads)
+    row = {hip: k for k, hip in enumerate(catalogue.hip)}
+    moved = [
+        not np.array_equal(u, catalogue.u_i[row[hip]]) for hip, u in zip(merged.hip, merged.u_i, strict=True)
+    ]
+    assert sum(moved) == pulled > 20
 
 
 def test_photocentre_of_a_double():

@@ -54,6 +54,7 @@ def test_no_screen_is_a_clear_error(log, monkeypatch):
 
 
 def test_a_missing_viewer_is_a_clear_error(log, tmp_path, monkeypatch):
+    monkeypatch.setattr(program, "find_spec", lambda name: None)
     monkeypatch.setattr(program.sysconfig, "get_path", lambda name: str(tmp_path))
     monkeypatch.setattr(program.sys, "executable", str(tmp_path / "python"))
     monkeypatch.setattr(shutil, "which", lambda name: None)

@@ -1,5 +1,7 @@
 """A log that grows in the viewer: what is sent in slices is what the whole log would have shown."""
 
+import subprocess
+import sys
 import threading
 import time
 from itertools import pairwise
@@ -11,6 +13,7 @@ import rerun.blueprint as rrb
 import synthetic_run
 from recorded import NO_VULKAN, OPTIONS, chunks
 
+from shefex_nav.commands import run, view
 from shefex_nav.log import reader
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.run_data import together
@@ -106,8 +109,8 @@ def test_curves_of_a_growing_log_keep_the_last_minute(log):
     views = list(pages._views(pages.following(pages.blueprint(data, seen, has)).root_container))
     plots = [view for view in views if isinstance(view, rrb.TimeSeriesView)]
     assert len(plots) > 10
-    for view in plots:
-        assert "ScalarAxis" not in view.properties and "cut off" not in view.name
+    for plot in plots:
+        assert "ScalarAxis" not in plot.properties and "cut off" not in plot.name
 
 
 def test_a_viewer_that_is_closed_ends_it(log, tmp_path):
@@ -128,6 +131,56 @@ def test_a_window_that_cannot_be_opened_is_told(monkeypatch):
 def test_following_shows_one_log_in_a_window(command, tmp_path, more):
     done = command("view", tmp_path / "run.mcap", "--follow", *more)
     assert done.code == 2 and "--follow" in done.err
+
+
+def test_the_reader_of_a_log_is_told_its_path(tmp_path, monkeypatch):
+    """Bytes of any path arrive as they are; what has ended already is no error."""
+    log = tmp_path / "Flug \n ü.mcap"
+    reader = subprocess.Popen(
+        [sys.executable, "-c", "import sys; sys.stdout.buffer.write(sys.stdin.buffer.read())"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    run._show(reader, log)
+    with open(tmp_path / "told", "wb") as told:
+        told.write(reader.stdout.read())
+    reader.stdout.close()
+    reader.wait()
+    with open(tmp_path / "told") as told:
+        monkeypatch.setattr(sys, "stdin", told)
+        assert view._named_by_the_input() == log
+    gone = subprocess.Popen([sys.executable, "-c", ""], stdin=subprocess.PIPE)
+    gone.wait()
+    run._show(gone, log)
+
+
+def test_a_scenario_that_is_refused_opens_no_window(command, monkeypatch):
+    readers, begin = [], run._viewer
+
+    def viewer():
+        readers.append(begin())
+        return readers[-1]
+
+    def no_window(*_):
+        raise AssertionError("it was told to show something")
+
+    monkeypatch.setattr(run, "_viewer", viewer)
+    monkeypatch.setattr(run, "_show", no_window)
+    done = command("run", "shefex2_andoya", "--live", "--set", "gps.latency=nan s")
+    assert done.code == 2 and "gps.latency" in done.err
+    readers[0].stdin.close()  # as the end of the process of `run` would
+    assert readers[0].wait(60.0) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the script may be all that there is")
+def test_the_viewer_is_started_without_a_script_around_it(monkeypatch):
+    """Which would leave it open when it is ended itself."""
+    monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
+    with program.path().open("rb") as file:
+        assert file.read(4) == b"\x7fELF"
+    monkeypatch.setenv("RERUN_CLI_PATH", "/elsewhere")  # which the script knows
+    with program.path().open("rb") as file:
+        assert file.read(2) == b"#!"
 
 
 def test_a_flight_without_solutions_is_shown_too(tmp_path):

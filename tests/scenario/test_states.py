@@ -9,7 +9,8 @@ from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation import integrity_watch
 from shefex_nav.onboard.navigation.state import DEFAULT_STATES, OPTIONAL, initial_covariance
 from shefex_nav.scenario import params_onboard
-from shefex_nav.scenario.load import Scenario, ScenarioError, load
+from shefex_nav.scenario.json_schema import json_schema
+from shefex_nav.scenario.load import ScenarioError, load
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 
@@ -25,7 +26,7 @@ def nav_params(states, *overrides):
 
 def test_a_scenario_may_name_every_block_of_the_filter():
     known = OPTIONAL | state_sizes()
-    named = Scenario.model_json_schema()["$defs"]["Navigation"]["properties"]["states"]["oneOf"][1]["items"]
+    named = json_schema()["$defs"]["Navigation"]["properties"]["states"]["oneOf"][1]["items"]
     assert named["enum"] == list(known)
     states = tuple(known)[1:]
     params = nav_params(states, BAROMETER, MAGNETOMETER, SUN)

@@ -13,6 +13,7 @@ from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.elementary import log
 
 CELLS = 24  # per edge of a face: 3.75 degrees, small against a field; 3456 lists in all
+BLOCK = 4  # cells per edge of a block, whose stars are looked for first
 DENSITY_WINDOW = 0.3  # mag, half width over which the density of magnitudes is averaged
 
 
@@ -65,29 +66,51 @@ def _on_face(face, a, b):
     return v / np.sqrt(1.0 + a * a + b * b)
 
 
+@inner
+def _around(face, a, b, half):
+    """A square on a face, of edge 2 half: unit vector of its middle, cosine to the furthest corner."""
+    centre, cosine = _on_face(face, a, b), 1.0
+    for da in (-half, half):
+        for db in (-half, half):
+            cosine = min(cosine, (centre * _on_face(face, a + da, b + db)).sum())
+    return centre, cosine
+
+
+@inner
+def _within(u_i, rows, centre, angle):
+    """Those of some rows, in their order, whose direction is within an angle [rad] of another."""
+    limit, found, n = np.cos(min(angle, np.pi)), np.empty(len(rows), dtype=np.uint16), 0
+    for s in rows:
+        if centre[0] * u_i[s, 0] + centre[1] * u_i[s, 1] + centre[2] * u_i[s, 2] >= limit:
+            found[n] = s
+            n += 1
+    return found[:n]
+
+
 @kernel
 def _lists_kernel(u_i, radius):
-    """Stars within the radius of any point of each cell: start, row."""
-    start = np.zeros(6 * CELLS * CELLS + 1, dtype=np.int64)
-    row = np.empty(1024, dtype=np.uint16)
-    n, step = 0, 1.0 / CELLS
+    """Stars within the radius of any point of each cell: start, row.
+
+    A cell looks among the stars of its block alone. These are within the radius and the diagonal of a cell,
+    at most 2 sqrt(2)/CELLS, of the block, so that none is missing.
+    """
+    start, row = np.zeros(6 * CELLS * CELLS + 1, dtype=np.int64), np.empty(1024, dtype=np.uint16)
+    n, step, blocks = 0, 1.0 / CELLS, CELLS // BLOCK
+    stars, more = np.arange(u_i.shape[0]).astype(np.uint16), radius + 2.0 * np.sqrt(2.0) * step
     for face in range(6):
+        of_blocks = []
+        for k in range(blocks * blocks):
+            a, b = (2 * (k // blocks) + 1) * BLOCK * step - 1.0, (2 * (k % blocks) + 1) * BLOCK * step - 1.0
+            centre, cosine = _around(face, a, b, BLOCK * step)
+            of_blocks.append(_within(u_i, stars, centre, np.arccos(cosine) + more))
         for i in range(CELLS):
             for j in range(CELLS):
-                a, b = (2 * i + 1) * step - 1.0, (2 * j + 1) * step - 1.0
-                centre = _on_face(face, a, b)
-                cosine = 1.0  # to the furthest corner
-                for da in (-step, step):
-                    for db in (-step, step):
-                        corner = _on_face(face, a + da, b + db)
-                        cosine = min(cosine, (centre * corner).sum())
-                limit = np.cos(min(np.arccos(cosine) + radius, np.pi))
-                for s in range(u_i.shape[0]):
-                    inside = centre[0] * u_i[s, 0] + centre[1] * u_i[s, 1] + centre[2] * u_i[s, 2] >= limit
-                    if inside and n == row.shape[0]:
-                        row = np.concatenate((row, np.empty(n, dtype=np.uint16)))
-                    if inside:
-                        row[n] = s
-                        n += 1
+                centre, cosine = _around(face, (2 * i + 1) * step - 1.0, (2 * j + 1) * step - 1.0, step)
+                near = of_blocks[(i // BLOCK) * blocks + j // BLOCK]
+                found = _within(u_i, near, centre, np.arccos(cosine) + radius)
+                while n + len(found) > len(row):
+                    row = np.concatenate((row, np.empty(len(row), dtype=np.uint16)))
+                row[n : n + len(found)] = found
+                n += len(found)
                 start[(face * CELLS + i) * CELLS + j + 1] = n
     return start, row[:n].copy()

@@ -9,6 +9,7 @@ import sysconfig
 import tempfile
 import time
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 
 from shefex_nav.errors import UserError
@@ -25,9 +26,17 @@ class ViewerError(UserError):
 
 
 def path():
-    """Path of the rerun viewer that belongs to this Python."""
+    """Path of the rerun viewer that belongs to this Python.
+
+    If it can be, that of the program itself: the script of the same name would start it from a Python of its
+    own, which takes time, and leave it open when that is ended.
+    """
     name = "rerun.exe" if os.name == "nt" else "rerun"
-    for candidate in (Path(sysconfig.get_path("scripts")) / name, Path(sys.executable).parent / name):
+    folders = [Path(sysconfig.get_path("scripts")), Path(sys.executable).parent]
+    package = find_spec("rerun_cli")
+    if package is not None and sys.platform != "darwin" and "RERUN_CLI_PATH" not in os.environ:
+        folders[:0] = map(Path, package.submodule_search_locations)
+    for candidate in (folder / name for folder in folders):
         if candidate.exists():
             return candidate
     found = shutil.which(name)
