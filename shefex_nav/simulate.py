@@ -59,8 +59,8 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
     columns : telemetry.Columns, which takes all solutions and covariances; truth, control and IMU are not
-        yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is yielded;
-        or `steady_columns` of the world, which takes all five, and Reached comes with the records
+        yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is
+        yielded. `steady_columns` of the world takes all five, and Reached comes with the records
     pace : pacing.Pace, the clock that says when a tick begins; None: as fast as it goes
     """
     yield world.alignment
