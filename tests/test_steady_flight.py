@@ -95,7 +95,8 @@ CASES = {
     "plain": resting,
     "faults": lambda: resting(*FAULTS),
     "switched": lambda: resting("star_tracker.off=1.777 s", "star_tracker.rate=4 Hz"),
-    "states": lambda: resting("navigation.filter.gyro.scale_factor=1000 ppm"),
+    "states": lambda: resting("navigation.states=[gyro_scale, mounting]"),
+    "unknown heading": lambda: resting("pad_alignment.azimuth=unknown"),
     "steered": steered,
 }
 

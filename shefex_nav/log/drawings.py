@@ -17,7 +17,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.geometry.frames import dcm_ie
 from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
 from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
-from shefex_nav.log.pose_columns import PoseMessages
+from shefex_nav.log.pose_columns import PoseMessages, Poses
 from shefex_nav.records import Reason
 
 POSE_TICKS = 5  # between two drawn poses at least: 20 Hz is smooth to the eye
@@ -131,10 +131,10 @@ class Drawings:
     def _pose_columns(self, topic, child, arrays, ns):
         k = np.flatnonzero(self._has_pose(arrays.t_s))
         parts = (np.ascontiguousarray(column[k]) for column in (arrays.t_s, arrays.r_i, arrays.q_ib))
-        poses = launch_poses(self._mission.earth, self._C_le, self._r_le_e, *parts)
+        poses = Poses(ns[k], *launch_poses(self._mission.earth, self._C_le, self._r_le_e, *parts))
         return [
-            ("/tf", k, self._moved[child].encode(ns[k], *poses)),
-            (topic, k, self._posed.encode(ns[k], *poses)),
+            ("/tf", k, self._moved[child].encode(poses)),
+            (topic, k, self._posed.encode(poses)),
         ]
 
     def _has_pose(self, t_s):

@@ -9,15 +9,36 @@ Wire format: https://protobuf.dev/programming-guides/encoding
 """
 
 import struct
-from collections import defaultdict
 
 import numpy as np
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.log.wire import varint
 
 MARKS = np.pi * np.arange(1.0, 8.0)  # stand for position and attitude in a template
 _SECONDS, _NANOSECONDS = b"\x08", b"\x10"  # tags of a time stamp
-_GROUP = 7  # bits in a byte of a number of any length
+_WIDTH = 8  # bytes of a number
+_GROUP = 7  # bits in a byte of a whole number
+
+
+class Poses:
+    """Poses in the layouts of their messages.
+
+    ns : (n,) int64, time stamps;  r_l : (n, 3) m;  q_lb : (n, 4)
+    """
+
+    def __init__(self, ns, r_l, q_lb):
+        self.ns, self.r_l, self.q_lb = ns, r_l, q_lb
+        self.numbers = np.concatenate([r_l, q_lb[:, [1, 2, 3, 0]]], axis=1)  # in the order of the messages
+        self.unusual, self.groups = [], {}  # rows for the library; bytes of both stamps -> rows
+        for k, (stamp, is_usual) in enumerate(
+            zip(ns.tolist(), self.numbers.all(axis=1).tolist(), strict=True)
+        ):
+            seconds, nanoseconds = divmod(stamp, 10**9)
+            if is_usual and seconds > 0:
+                self.groups.setdefault((_length(seconds), _length(nanoseconds)), []).append(k)
+            else:
+                self.unusual.append(k)
 
 
 class PoseMessages:
@@ -29,37 +50,22 @@ class PoseMessages:
     def __init__(self, make):
         self._make, self._templates = make, {}
 
-    def encode(self, ns, r_l, q_lb):
-        """(n,) int64, (n, 3) m, (n, 4) -> list of n messages as bytes, those of `make`."""
-        numbers = np.concatenate([r_l, q_lb[:, [1, 2, 3, 0]]], axis=1)  # in the order of the message
-        seconds, nanoseconds = np.divmod(ns, 10**9)
-        lengths = np.stack([_length(seconds), _length(nanoseconds)], axis=1)
-        usual = (numbers != 0.0).all(axis=1) & (seconds > 0)
-        of_length, messages = defaultdict(list), [None] * len(ns)
-        for k, (is_usual, key) in enumerate(zip(usual.tolist(), map(tuple, lengths.tolist()), strict=True)):
-            if is_usual:
-                of_length[key].append(k)
-            else:
-                messages[k] = self._make(int(ns[k]), r_l[k], q_lb[k]).encode()
-        for key, ks in of_length.items():
-            found = self._filled(key, ns[ks], np.stack([seconds, nanoseconds])[:, ks], numbers[ks])
-            for k, message in zip(ks, found, strict=True):
-                messages[k] = message
+    def encode(self, poses):
+        """Poses of n instants -> list of n messages as bytes, those of `make`."""
+        messages = [None] * len(poses.ns)
+        for k in poses.unusual:
+            messages[k] = self._make(int(poses.ns[k]), poses.r_l[k], poses.q_lb[k]).encode()
+        for lengths, rows in poses.groups.items():
+            if lengths not in self._templates:
+                self._templates[lengths] = self._template(int(poses.ns[rows[0]]))
+            data, number_at, stamp_at = self._templates[lengths]
+            filled, size = np.empty((len(rows), len(data)), np.uint8), len(data)
+            numbers = poses.numbers[rows].astype("<f8", copy=False).view(np.uint8)
+            _fill(data, number_at, stamp_at, lengths, poses.ns[rows], numbers, filled)
+            whole = filled.tobytes()
+            for k, row in enumerate(rows):
+                messages[row] = whole[k * size : (k + 1) * size]
         return messages
-
-    def _filled(self, key, ns, stamps, numbers):
-        """Messages of one layout: list of bytes. key : bytes of the two stamps;  stamps : (2, n)"""
-        if key not in self._templates:
-            self._templates[key] = self._template(int(ns[0]))
-        data, number_at, stamp_at = self._templates[key]
-        filled = np.tile(data, (len(ns), 1))
-        for k, at in enumerate(number_at):
-            filled[:, at : at + 8] = np.ascontiguousarray(numbers[:, k], "<f8").view("u1").reshape(-1, 8)
-        for at in stamp_at:
-            _put(filled[:, at + 1 :], stamps[0], key[0])
-            _put(filled[:, at + key[0] + 2 :], stamps[1], key[1])
-        whole, size = filled.tobytes(), len(data)
-        return [whole[begin : begin + size] for begin in range(0, len(whole), size)]
 
     def _template(self, ns):
         """Bytes of a message with MARKS, and where they and the time stamps begin in it."""
@@ -68,16 +74,35 @@ class PoseMessages:
         seconds, nanoseconds = divmod(ns, 10**9)
         stamp = _SECONDS + varint(seconds) + (_NANOSECONDS + varint(nanoseconds) if nanoseconds else b"")
         stamp_at = [at for at in range(len(data)) if data.startswith(bytes([len(stamp)]) + stamp, at - 1)]
-        return np.frombuffer(data, "u1"), number_at, stamp_at
+        return np.frombuffer(data, np.uint8).copy(), np.array(number_at), np.array(stamp_at)
 
 
-def _length(values):
-    """Bytes of numbers in base 128; 0 of zero, which is left out. (n,) int64 -> (n,)"""
-    return np.searchsorted(1 << (_GROUP * np.arange(5)), values, side="right")
+def _length(value):
+    """Bytes of a whole number in base 128; 0 of zero, which is left out."""
+    return -(-value.bit_length() // _GROUP)
 
 
-def _put(where, values, length):
-    """Write numbers of the same length in base 128. where : (n, >= length) u1;  values : (n,)"""
+@kernel
+def _fill(data, number_at, stamp_at, lengths, ns, numbers, filled):
+    """Write messages of one layout: filled (m, size) uint8.
+
+    data : (size,) uint8, template;  number_at, stamp_at : where numbers and time stamps begin in it
+    lengths : bytes of seconds and of nanoseconds;  ns : (m,);  numbers : (m, 8 * numbers) uint8
+    """
+    for i in range(len(ns)):
+        out = filled[i]
+        out[:] = data
+        for k in range(len(number_at)):
+            for b in range(_WIDTH):
+                out[number_at[k] + b] = numbers[i, _WIDTH * k + b]
+        for at in stamp_at:
+            _put(out, at + 1, lengths[0], ns[i] // 10**9)
+            _put(out, at + lengths[0] + 2, lengths[1], ns[i] % 10**9)
+
+
+@inner
+def _put(out, at, length, value):
+    """Write a whole number in base 128, least significant group first."""
     for k in range(length):
         more = 0x80 if k < length - 1 else 0
-        where[:, k] = (values >> (_GROUP * k)) & 0x7F | more
+        out[at + k] = (value >> (_GROUP * k)) & 0x7F | more

@@ -9,7 +9,7 @@ from foxglove import messages as fox
 
 from shefex_nav import records as rec
 from shefex_nav.log import drawings, topics, wire
-from shefex_nav.log.pose_columns import MARKS, PoseMessages
+from shefex_nav.log.pose_columns import MARKS, PoseMessages, Poses
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.steady import PLACES, Steady
 
@@ -101,9 +101,9 @@ def test_poses_of_columns_are_those_of_the_library():
     r_l, q_lb = numbers[:, :3], numbers[:, 3:]
     expected = [moved(*row).encode() for row in zip(ns.tolist(), r_l, q_lb, strict=True)]
     poses = PoseMessages(moved)
-    assert poses.encode(ns, r_l, q_lb) == expected
-    assert poses.encode(ns[::-1], r_l[::-1], q_lb[::-1]) == expected[::-1]
-    assert poses.encode(ns[:0], r_l[:0], q_lb[:0]) == []
+    assert poses.encode(Poses(ns, r_l, q_lb)) == expected
+    assert poses.encode(Poses(ns[::-1], r_l[::-1], q_lb[::-1])) == expected[::-1]
+    assert poses.encode(Poses(ns[:0], r_l[:0], q_lb[:0])) == []
 
 
 def test_drawings_of_columns_are_those_of_the_records():
