@@ -69,8 +69,7 @@ def fly(
     pace : mission time over real time, 1.0 for a flight in real time, above 0; None: as fast as it goes
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars. Of truth,
         control, IMU and built-in solution there are no records, but once a second at least log.steady.Reached
-    told : function of what the scenario gets wrong of the flight, a tuple of report.programme.Warned, called
-        before the sensors see it
+    told : function of a tuple of report.programme.Warned, wrong in the scenario; called before anything flies
 
     Returns
     -------
