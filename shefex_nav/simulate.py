@@ -18,17 +18,25 @@ from shefex_nav import prepare, statistical
 from shefex_nav.clock import IMU_HZ, SAME_S, SAMPLES_PER_TICK, TICK_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.log.steady import ARRIVED, EVENTS, MEASURED, Reached, Steady
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard import driving, navigator
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.onboard.telemetry import RECORDS
-from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, Rows, TruthSample, rows
+from shefex_nav.onboard.telemetry import RECORDS, Columns
+from shefex_nav.records import (
+    CameraCommand,
+    ComputeTime,
+    ControlSample,
+    Frame,
+    ImuBlock,
+    Rows,
+    rows,
+)
 from shefex_nav.scenario import software
 from shefex_nav.software import flown
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
-
-CONTROL_TICKS = 10  # between two records of the attitude control
+from shefex_nav.world.columns import control_samples, truth_of
 
 
 def run(scenario, seed):
@@ -51,7 +59,8 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
     columns : telemetry.Columns, which takes all solutions and covariances; truth, control and IMU are not
-        yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is yielded
+        yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is
+        yielded. `steady_columns` of the world takes all five, and Reached comes with the records
     pace : pacing.Pace, the clock that says when a tick begins; None: as fast as it goes
     """
     yield world.alignment
@@ -63,15 +72,18 @@ class Route:
     """A mission on its way; arguments as of `route`.
 
     done : int, ticks that have been made
-    columns : those that were given
+    columns : telemetry.Columns, those that were given
     """
 
     def __init__(
         self, world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, columns=None, pace=None
     ):
+        self._steady = columns if isinstance(columns, Steady) else None
+        columns = columns if self._steady is None else self._steady.told
         self.world, self.columns, self.done, self._until_s = world, columns, 0, until_s
         self.read = imu.stacked(world.imu)
-        self.schedule = Schedule(world, self.read.t_valid_s, until_s, columns is None)
+        stops = () if self._steady is None else stops_of(self.read.t_valid_s, world.flight.events)
+        self.schedule = Schedule(world, self.read.t_valid_s, until_s, columns is None, stops)
         telemetry = RECORDS if columns is None else columns
         self._at_ticks = ()
         if columns is None:
@@ -85,18 +97,25 @@ class Route:
         ticks : its number, from 1;  stops : False if there is more to come
         """
         link, schedule = self._link, self.schedule
+        at = _nowhere if self._steady is None else self._steady.at
         for k, arrived, outputs in driving.drive(self._aboard, self.read, link, ticks, self.done, stops):
             n, now_s = k + 1, schedule.ends_s[k]
+            at(n, EVENTS)
             yield from due(schedule.events, now_s)
             if self._at_ticks:
                 truth, blocks = self._at_ticks
                 yield truth[k]
                 yield from due(schedule.steered, now_s)
                 yield blocks[k]
+            at(n, ARRIVED)
             yield from link.seen(arrived)
             yield from outputs
+            at(n, MEASURED)
             yield from link.durations(now_s)
             link.shutter.tick(n, now_s, [one for one in outputs if isinstance(one, CameraCommand)])
+            at(n + 1, EVENTS)
+            if self._steady is not None:
+                yield Reached(now_s, int(self.world.flight.trajectory.phase[n * SAMPLES_PER_TICK]))
         self.done = ticks
         if ticks == len(self.read.t_valid_s):
             yield from reversed(schedule.events)  # the impact, after the last tick
@@ -227,9 +246,10 @@ class Schedule:
     ticks : int, how many are flown
 
     with_control : whether anybody wants the ControlSample
+    stops : ticks that have a turn of their own in any case
     """
 
-    def __init__(self, world, ends_s, until_s, with_control):
+    def __init__(self, world, ends_s, until_s, with_control, stops=()):
         flight = world.flight
         self.events = list(flight.events)[::-1]
         steered = control_samples(flight.control, flight.trajectory) if with_control else None
@@ -237,7 +257,7 @@ class Schedule:
         self.received = sorted(world.received, key=happens_s, reverse=True)
         self.ends_s = ends_s.tolist()
         received_s = [happens_s(record) for record in self.received]
-        self.busy = np.unique(np.searchsorted(ends_s + SAME_S, received_s) + 1).tolist()
+        self.busy = np.unique([*(np.searchsorted(ends_s + SAME_S, received_s) + 1), *stops]).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
 
     def skip(self, n):
@@ -301,6 +321,10 @@ def happens_s(record):
     return record.t_available_s if hasattr(record, "t_available_s") else record.t_s
 
 
+def _nowhere(tick, order):
+    """The place of a record is nobody's business."""
+
+
 def due(waiting, now_s):
     """Take what is there by now from a list in reverse order of time."""
     arrived = []
@@ -323,26 +347,27 @@ def truth_columns(world, every):
     return [truth, ControlSample(*(column[control.t_s <= until_s] for column in control))]
 
 
-def truth_of(trajectory, every):
-    """TruthSample of arrays over the ticks every, 2 every ... of a Trajectory."""
-    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
-    return TruthSample(
-        trajectory.t_s[k],
-        trajectory.phase[k].astype(np.int64),
-        *(column[k] for column in (trajectory.r_i, trajectory.v_i, trajectory.q_ib)),
-        *(column[k] for column in (trajectory.omega_ib_b, trajectory.f_b, trajectory.angle_of_attack)),
-    )
+def steady_columns(world, every):
+    """Steady of a flight through a World that is logged; every : ticks from one sample to the next."""
+    trajectory, blocks = world.flight.trajectory, imu.stacked(world.imu)
+    ends_s, truth = blocks.t_valid_s, truth_of(trajectory, every)
+    ticks = every * np.arange(1, len(ends_s) // every + 1)
+    known = [(truth, ticks), (ImuBlock(*(column[ticks - 1] for column in blocks)), ticks)]
+    control = control_samples(world.flight.control, trajectory)
+    if control is not None:
+        known.append((control, np.searchsorted(ends_s + SAME_S, control.t_s) + 1))
+    return Steady(known, Columns(every))
 
 
-def control_samples(control, trajectory):
-    """Of every tenth tick that has one, the last sample. ControlHistory or None -> ControlSample, arrays"""
-    if control is None or not len(control.t_s):
-        return None
-    period_s = CONTROL_TICKS / TICK_HZ
-    slot = np.ceil((control.t_s - trajectory.t_s[0] - SAME_S) / period_s)
-    last = np.flatnonzero(np.diff(slot, append=np.inf))  # of each interval
-    columns = control.t_s, control.pointing_error, control.torque_b, control.propellant_kg
-    return ControlSample(*(column[last] for column in columns))
+def stops_of(ends_s, events):
+    """Ticks at which the log is written, or an event belongs: after a tenth of a second, and every second.
+
+    (N,) s, ends of the ticks; list of Event -> (M,)
+    """
+    seconds = np.arange(np.ceil(ends_s[0]), ends_s[-1])
+    times_s = [ends_s[0] + 0.1, *seconds, *(one.t_s for one in events)]
+    ticks = np.searchsorted(ends_s + SAME_S, times_s) + 1
+    return ticks[ticks <= len(ends_s)]
 
 
 class Stopwatch:

@@ -80,13 +80,15 @@ def watched(records, start_s, end_s):
     """
     from rich.progress import BarColumn, TextColumn
 
-    from shefex_nav.records import Phase, TruthSample
+    from shefex_nav.clock import SAME_S
+    from shefex_nav.log.steady import Reached
+    from shefex_nav.records import Phase
 
     words = "T{task.fields[t_s]:+8.1f} s  {task.fields[phase]:<9} {task.fields[speed]:6.0f} x real time"
     with bar(BarColumn(), TextColumn(words)) as progress:
         task = progress.add_task("fly", total=end_s - start_s, t_s=start_s, phase="", speed=0.0)
         for record in _interruptible(records):
-            if type(record) is TruthSample and record.t_s % 1.0 < 0.005:
+            if type(record) is Reached and (record.t_s + SAME_S) % 1.0 < 0.005:
                 elapsed = max(progress.tasks[0].elapsed or 0.0, 1e-3)
                 phase = Phase(record.phase).name.lower()
                 done_s = record.t_s - start_s

@@ -6,6 +6,7 @@ nominal mounting on `body`).
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,20 +17,21 @@ from shefex_nav.compiled import kernel
 from shefex_nav.geometry.frames import dcm_ie
 from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
 from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
+from shefex_nav.log.pose_columns import PoseMessages, Poses
 from shefex_nav.records import Reason
 
 POSE_TICKS = 5  # between two drawn poses at least: 20 Hz is smooth to the eye
 LAUNCH, BODY, ESTIMATE, CAMERA = "launch", "body", "body_estimate", "star_camera"
-CHANNELS = {  # topic -> channel class of foxglove.channels
-    "/tf": "FrameTransformsChannel",
-    "/truth/pose": "PoseInFrameChannel",
-    "/nav/pose": "PoseInFrameChannel",
-    "/gps/location": "LocationFixChannel",
-    "/star_tracker/calibration": "CameraCalibrationChannel",
-    "/star_tracker/annotations": "ImageAnnotationsChannel",
-    "/star_tracker/image": "RawImageChannel",
-    "/star_tracker/image_full": "RawImageChannel",
-    "/log": "LogChannel",
+CHANNELS = {  # topic -> message of Foxglove's
+    "/tf": "FrameTransforms",
+    "/truth/pose": "PoseInFrame",
+    "/nav/pose": "PoseInFrame",
+    "/gps/location": "LocationFix",
+    "/star_tracker/calibration": "CameraCalibration",
+    "/star_tracker/annotations": "ImageAnnotations",
+    "/star_tracker/image": "RawImage",
+    "/star_tracker/image_full": "RawImage",
+    "/log": "Log",
 }
 _GREEN = fox.Color(r=0.25, g=1.0, b=0.35, a=1.0)
 _ORANGE = fox.Color(r=1.0, g=0.55, b=0.1, a=1.0)
@@ -53,6 +55,21 @@ def _quaternion(q):
     return fox.Quaternion(x=x, y=y, z=z, w=w)
 
 
+def _vector(r):
+    x, y, z = r.tolist()
+    return fox.Vector3(x=x, y=y, z=z)
+
+
+def _transform(parent, child, ns, translation, rotation):
+    return fox.FrameTransform(
+        timestamp=_timestamp(ns),
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=translation,
+        rotation=rotation,
+    )
+
+
 class Drawings:
     """Turns records into (topic, message) pairs; remembers what was last said of star tracker and gates."""
 
@@ -68,6 +85,8 @@ class Drawings:
         self._no_shift = fox.Vector3()
         for dtype in (np.uint8, np.uint16):  # loaded now, not during the run
             thresholded(np.zeros((1, 1), dtype), policy.threshold_sigma)
+        self._moved = {one: PoseMessages(partial(self._transforms, one)) for one in (BODY, ESTIMATE)}
+        self._posed = PoseMessages(self._pose)
         self._last_reason = None
         self._last_notes = {}  # by sensor
 
@@ -89,47 +108,50 @@ class Drawings:
         )
 
     def truth(self, record, ns):
-        if self._is_between_poses(record):
-            return ()
-        mounted = fox.FrameTransform(
-            timestamp=_timestamp(ns),
-            parent_frame_id=BODY,
-            child_frame_id=CAMERA,
-            translation=self._no_shift,
-            rotation=self._q_bc,
-        )
-        return self._pose_messages("/truth/pose", BODY, record, ns, [mounted])
+        return self._pose_messages("/truth/pose", BODY, record, ns)
 
     def navigation(self, record, ns):
-        if self._is_between_poses(record):
+        return self._pose_messages("/nav/pose", ESTIMATE, record, ns)
+
+    def _pose_messages(self, topic, child, record, ns):
+        """A body with r_i and q_ib in launch axes, as a frame and as a pose; of some ticks alone."""
+        if not self._has_pose(record.t_s):
             return ()
-        return self._pose_messages("/nav/pose", ESTIMATE, record, ns, [])
+        pose = launch_pose(self._mission.earth, self._C_le, self._r_le_e, record.t_s, record.r_i, record.q_ib)
+        return ("/tf", self._transforms(child, ns, *pose)), (topic, self._pose(ns, *pose))
 
-    def _is_between_poses(self, record):
-        """Whether no pose is drawn at this tick, counted from the start as in a thinned log."""
-        return round((record.t_s - self._mission.start_s) * TICK_HZ) % POSE_TICKS != 0
+    def truth_columns(self, arrays, ns):
+        """As `truth`, of TruthSample of arrays over n. -> list of (topic, (m,) rows, list of m bytes)"""
+        return self._pose_columns("/truth/pose", BODY, arrays, ns)
 
-    def _pose_messages(self, topic, child, record, ns, more_transforms):
-        """A body with r_i and q_ib in launch axes, as a frame and as a pose."""
-        stamp = _timestamp(ns)
-        r_l, q_lb = launch_pose(
-            self._mission.earth, self._C_le, self._r_le_e, record.t_s, record.r_i, record.q_ib
-        )
-        x, y, z = r_l.tolist()
-        position = fox.Vector3(x=x, y=y, z=z)
-        orientation = _quaternion(q_lb)
-        transform = fox.FrameTransform(
-            timestamp=stamp,
-            parent_frame_id=LAUNCH,
-            child_frame_id=child,
-            translation=position,
-            rotation=orientation,
-        )
-        pose = fox.Pose(position=position, orientation=orientation)
-        return (
-            ("/tf", fox.FrameTransforms(transforms=[transform, *more_transforms])),
-            (topic, fox.PoseInFrame(timestamp=stamp, frame_id=LAUNCH, pose=pose)),
-        )
+    def navigation_columns(self, arrays, ns):
+        """As `truth_columns`, of NavSolution of arrays."""
+        return self._pose_columns("/nav/pose", ESTIMATE, arrays, ns)
+
+    def _pose_columns(self, topic, child, arrays, ns):
+        k = np.flatnonzero(self._has_pose(arrays.t_s))
+        parts = (np.ascontiguousarray(column[k]) for column in (arrays.t_s, arrays.r_i, arrays.q_ib))
+        poses = Poses(ns[k], *launch_poses(self._mission.earth, self._C_le, self._r_le_e, *parts))
+        return [
+            ("/tf", k, self._moved[child].encode(poses)),
+            (topic, k, self._posed.encode(poses)),
+        ]
+
+    def _has_pose(self, t_s):
+        """Whether a pose is drawn at a tick, counted from the start as in a thinned log. s, scalar or (n,)"""
+        return np.rint((t_s - self._mission.start_s) * TICK_HZ) % POSE_TICKS == 0
+
+    def _transforms(self, child, ns, r_l, q_lb):
+        """A body as a frame in launch axes, and the camera on it. s, (3,) m, (4,) -> FrameTransforms"""
+        found = [_transform(LAUNCH, child, ns, _vector(r_l), _quaternion(q_lb))]
+        if child == BODY:
+            found.append(_transform(BODY, CAMERA, ns, self._no_shift, self._q_bc))
+        return fox.FrameTransforms(transforms=found)
+
+    def _pose(self, ns, r_l, q_lb):
+        """A pose in launch axes. int, (3,) m, (4,) -> PoseInFrame"""
+        pose = fox.Pose(position=_vector(r_l), orientation=_quaternion(q_lb))
+        return fox.PoseInFrame(timestamp=_timestamp(ns), frame_id=LAUNCH, pose=pose)
 
     def gps(self, record, ns):
         if not record.valid:
@@ -216,6 +238,15 @@ def launch_pose(earth, C_le, r_le_e, t_s, r_i, q_ib):
     """
     C_li = C_le @ np.ascontiguousarray(dcm_ie(earth, t_s).T)
     return C_li @ r_i - C_le @ r_le_e, quat_multiply(quat_from_dcm(C_li), q_ib)
+
+
+@kernel
+def launch_poses(earth, C_le, r_le_e, t_s, r_i, q_ib):
+    """`launch_pose` of n instants. t_s (n,); r_i (n, 3); q_ib (n, 4) -> (n, 3) m, (n, 4)"""
+    r_l, q_lb = np.empty(r_i.shape), np.empty(q_ib.shape)
+    for k in range(len(t_s)):
+        r_l[k], q_lb[k] = launch_pose(earth, C_le, r_le_e, t_s[k], r_i[k], q_ib[k])
+    return r_l, q_lb
 
 
 def _line(ns, level, name, message):

@@ -16,6 +16,7 @@ import numpy as np
 
 from shefex_nav.log.fields import EQUAL, Field
 from shefex_nav.log.topics import LogError
+from shefex_nav.records import row, rows
 
 PACKAGE = "shefex"
 _TIMESTAMP = Field("timestamp_ns", "", "sfixed64", (), "UTC, since 1970 [ns]")
@@ -132,9 +133,10 @@ def with_rows(topic, n):
 class FixedCodec:
     """Messages of fixed layout: many records at once, to bytes and back into a record of arrays."""
 
-    def __init__(self, topic):
+    def __init__(self, topic, texts=None):
+        """texts : {source: text} where the library encodes all else, None: there is none (`_layout`)"""
         self.topic = topic
-        layout, self._constants = _layout(topic)
+        layout, self._constants = _layout(topic, texts)
         self._dtype = np.dtype(layout)
         template = np.zeros((), self._dtype)
         for name, data in self._constants:
@@ -143,21 +145,33 @@ class FixedCodec:
         self.size = self._dtype.itemsize  # bytes of a message
         self._sources = []  # field, position of its attribute in the record, rest of a dotted name
         for field in topic.fields:
+            if field.name not in self._dtype.names:
+                continue
             name, _, nested = field.source.partition(".")
             getter = attrgetter(nested) if nested else None
             self._sources.append((field, topic.record._fields.index(name), getter))
 
     def encode(self, records, timestamps_ns):
         """List of n records, (n,) int64 -> list of n messages."""
-        n = len(records)
-        array = np.frombuffer(bytearray(self._template * n), self._dtype)
-        array["timestamp_ns"] = timestamps_ns
+        array = self._blank(timestamps_ns)
         columns = list(zip(*records, strict=True))
         for field, position, getter in self._sources:
             values = columns[position] if getter is None else [getter(v) for v in columns[position]]
             array[field.name] = values
-        data, size = array.tobytes(), self._dtype.itemsize
-        return [data[begin : begin + size] for begin in range(0, n * size, size)]
+        return _apart(array)
+
+    def encode_columns(self, arrays, timestamps_ns):
+        """Record of arrays over n, (n,) int64 -> list of n messages: as of its rows."""
+        array = self._blank(timestamps_ns)
+        for field, position, getter in self._sources:
+            array[field.name] = arrays[position] if getter is None else getter(arrays[position])
+        return _apart(array)
+
+    def _blank(self, timestamps_ns):
+        """Messages that have nothing but a time stamp yet: structured array."""
+        array = np.frombuffer(bytearray(self._template * len(timestamps_ns)), self._dtype)
+        array["timestamp_ns"] = timestamps_ns
+        return array
 
     def decode(self, messages):
         """List of n messages -> the topic's record type, each field an array over n."""
@@ -186,15 +200,25 @@ class EqualCodec:
     def encode(self, records, timestamps_ns):
         """As FixedCodec; LogError if a record has another number of rows than those before."""
         for record in records:
-            rows = {len(getattr(record, source)) for source in self._sources}
-            if self._codec is None and len(rows) == 1:
-                self._use(rows.pop())
-            elif rows != {self._rows}:
-                raise LogError(
-                    f"topic {self.topic.topic}: a message of {sorted(rows)} rows in a log whose others have "
-                    f"{self._rows}"
-                )
+            self._expect({len(getattr(record, source)) for source in self._sources})
         return self._codec.encode(records, timestamps_ns) if records else []
+
+    def encode_columns(self, arrays, timestamps_ns):
+        """As FixedCodec; LogError likewise."""
+        if not len(timestamps_ns):
+            return []
+        self._expect({getattr(arrays, source).shape[1] for source in self._sources})
+        return self._codec.encode_columns(arrays, timestamps_ns)
+
+    def _expect(self, rows):
+        """LogError unless a record has the number of rows that all have. rows : set, of each of its fields"""
+        if self._codec is None and len(rows) == 1:
+            self._use(*rows)
+        if rows != {self._rows}:
+            raise LogError(
+                f"topic {self.topic.topic}: a message of {sorted(rows)} rows in a log whose others have "
+                f"{self._rows}"
+            )
 
     def decode(self, messages):
         """As FixedCodec; the number of rows follows from the length of the first message."""
@@ -221,10 +245,36 @@ class VariableCodec:
         kinds = (np.int64 if _is_integer(field) else np.float64 for field in topic.fields)
         self._reads = [(f.name, f.source, f.shape, kind) for f, kind in zip(topic.fields, kinds, strict=True)]
         self._made = assembler(topic.record, {*self._defaults, *(field.source for field in topic.fields)})
+        self._fixed = {}  # (texts, lengths) of columns -> FixedCodec
 
     def encode(self, records, timestamps_ns):
         """List of n records, (n,) int64 -> list of n messages."""
         return [self._message(*pair) for pair in zip(records, timestamps_ns.tolist(), strict=True)]
+
+    def encode_columns(self, arrays, timestamps_ns):
+        """Record of arrays over n without nested ones, (n,) int64 -> list of n messages: as of its rows.
+
+        Where all rows have the same texts, their messages have one layout; but the library leaves out single
+        values that are zero (not -0.0), so it encodes the rows that have one.
+        """
+        fields = [(field, getattr(arrays, field.source)) for field in self.topic.fields]
+        texts = {field.source: set(column.tolist()) for field, column in fields if field.kind == "string"}
+        if not len(timestamps_ns):
+            return []
+        if any(len(different) > 1 for different in texts.values()):
+            return self.encode(rows(arrays), timestamps_ns)
+        texts = {source: only for source, (only,) in texts.items()}
+        shapes = [column.shape[1:] for _, column in fields]
+        key = *texts.values(), *shapes
+        if key not in self._fixed:
+            pairs = zip(self.topic.fields, shapes, strict=True)
+            shaped = self.topic._replace(fields=tuple(one._replace(shape=shape) for one, shape in pairs))
+            self._fixed[key] = FixedCodec(shaped, texts)
+        messages = self._fixed[key].encode_columns(arrays, timestamps_ns)
+        single = [column for field, column in fields if column.ndim == 1 and field.kind != "string"]
+        for k in np.flatnonzero(np.any([_is_left_out(column) for column in single], axis=0)).tolist():
+            messages[k] = self._message(row(arrays, k), timestamps_ns[k].item())
+        return messages
 
     def _message(self, record, timestamp_ns):
         message = self._class(timestamp_ns=timestamp_ns)
@@ -282,11 +332,32 @@ def varint(value):
     return bytes(out) + bytes([value])
 
 
-def _layout(topic):
-    """NumPy structured type of a fixed message, and the (name, bytes) of its constant parts."""
+def _apart(array):
+    """Messages of a structured array: list of bytes."""
+    data, size = array.tobytes(), array.itemsize
+    return [data[begin : begin + size] for begin in range(0, len(data), size)]
+
+
+def _is_left_out(column):
+    """Which values proto3 leaves out of a message: those whose bits are zero. (n,) -> (n,) bool"""
+    return (column.view(np.int64) if column.dtype == np.float64 else column) == 0
+
+
+def _layout(topic, texts=None):
+    """NumPy structured type of a fixed message, and the (name, bytes) of its constant parts.
+
+    texts : {source: text} of the fields that are texts; None: there is none, and the message has its arrays
+        even if they are empty, which the library leaves out
+    """
     layout, constants = [], []
     for number, field in enumerate(all_fields(topic), start=1):
         _, wire_type, dtype = _KINDS[_kind(field)]
+        if field.kind == "string" or (texts is not None and 0 in field.shape):
+            if data := (texts[field.source] if field.kind == "string" else "").encode():
+                head = varint(number << 3 | wire_type) + varint(len(data)) + data
+                constants.append((f"_{number}", head))
+                layout.append((f"_{number}", "u1", (len(head),)))
+            continue
         if field.shape:
             size = prod(field.shape) * np.dtype(dtype).itemsize
             head = varint(number << 3 | _LENGTH_DELIMITED) + varint(size)

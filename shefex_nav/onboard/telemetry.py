@@ -67,6 +67,19 @@ class Columns:
                 self._layout, self._covariances = nav.layout, _Table(covariance.width(nav.layout))
             covariance.tell(nav, ticks, self._covariances.more(len(ticks)))
 
+    def solutions(self, first, last):
+        """NavSolution of arrays of the ticks after first up to last that have been kept, and these ticks."""
+        filled = self._solutions.filled[first // self.every : last // self.every]
+        return solution.columns(filled), (first // self.every + 1 + np.arange(len(filled))) * self.every
+
+    def covariances(self, first, last):
+        """As `solutions`, NavCovariance; None where none has been kept yet."""
+        if self._layout is None:
+            return None
+        filled = self._covariances.filled[first // COVARIANCE_TICKS : last // COVARIANCE_TICKS]
+        ticks = (first // COVARIANCE_TICKS + 1 + np.arange(len(filled))) * COVARIANCE_TICKS
+        return covariance.columns(self._layout, filled), ticks
+
     def read(self):
         """NavSolution and NavCovariance of arrays, of all that has been kept: list."""
         told = [solution.columns(self._solutions.filled)]

@@ -7,13 +7,16 @@ import time
 import weakref
 from contextlib import nullcontext
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.log import thinning
 from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.log.steady import Reached
 from shefex_nav.log.topics import RunSummary
 from shefex_nav.pacing import Pace
+from shefex_nav.records import TruthSample
 from shefex_nav.runs.run import Run
 from shefex_nav.workers import collected_afterwards
 
@@ -64,9 +67,9 @@ def fly(
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     pace : mission time over real time, 1.0 for a flight in real time, above 0; None: as fast as it goes
-    watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
-    told : function of what the scenario gets wrong of the flight, a tuple of report.programme.Warned, called
-        before the sensors see it
+    watch : function (records, start_s, end_s) -> the same records, called once; for progress bars. Of truth,
+        control, IMU and built-in solution there are no records, but once a second at least log.steady.Reached
+    told : function of a tuple of report.programme.Warned, wrong in the scenario; called before anything flies
 
     Returns
     -------
@@ -86,11 +89,11 @@ def fly(
     told((*programme.of_trajectory(scenario), *programme.warnings(scenario, flown)))
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
-    setup_s = time.perf_counter() - began
     clock = None if pace is None else Pace(pace)
-    records, cut_s = _seen(world, scenario, seed, until_s, watch, clock)
+    flight = _seen(world, scenario, seed, until_s, watch, clock)
     with _cycles(scenario):
-        data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s, pace)
+        setup_s = time.perf_counter() - began
+        data = _record(flight, mission, scenario.log, path, overwrite, setup_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 
@@ -101,21 +104,29 @@ def _cycles(scenario):
     return nullcontext() if software.flown(scenario) or scenario.plugins else collected_afterwards()
 
 
+class _Flight(NamedTuple):
+    """A flight that is looked at."""
+
+    records: object  # iterator, as `watch` passes them on
+    steady: object  # log.steady.Steady, what does not come as records
+    cut_s: float  # mission time at which it is not looked at any more, NaN if it is to the end
+
+
 def _seen(world, scenario, seed, until_s, watch, pace):
-    """Records of a flight as `watch` passes them on, and when it is looked at no more, as of `_record`."""
+    """_Flight of a World; the other arguments are those of `fly`. pace : Pace"""
     from shefex_nav import simulate
 
     t_s = world.flight.trajectory.t_s
-    records = simulate.route(world, scenario, seed, until_s=until_s, pace=pace)
+    steady = simulate.steady_columns(world, thinning.ticks(scenario.log.rate))
+    records = simulate.route(world, scenario, seed, until_s=until_s, columns=steady, pace=pace)
     cut_s = float(until_s) if until_s < t_s[-1] else math.nan
-    return watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), cut_s
+    return _Flight(watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), steady, cut_s)
 
 
-def _record(records, mission, wanted, path, overwrite, setup_s, cut_s, pace):
-    """RunData of the records of a flight, which are written to its log as well, thinned.
+def _record(flight, mission, wanted, path, overwrite, setup_s, pace):
+    """RunData of a _Flight, which is written to its log as well, thinned.
 
     wanted : what a scenario says of its log;  setup_s : how long everything before took
-    cut_s : mission time at which it was not looked at any more, NaN if it was to the end
     pace : of a flight in real time, else None
     """
     from shefex_nav.log.drawings import FramePolicy
@@ -125,14 +136,18 @@ def _record(records, mission, wanted, path, overwrite, setup_s, cut_s, pace):
     frames = wanted.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
     every_s = EVERY_S if pace is None else AT_A_PACE_S
-    with LogWriter(path, mission, policy, overwrite=overwrite, flush_every_s=every_s) as writer:
-        for record in thinning.thinned(records, wanted.rate, mission.start_s):
+    how = {"overwrite": overwrite, "flush_every_s": every_s, "steady": flight.steady}
+    with LogWriter(path, mission, policy, **how) as writer:
+        for record in thinning.thinned(flight.records, wanted.rate, mission.start_s):
             writer.write(record)
-            kept.add(record)
-        done = RunSummary(kept.last_t_s, time.perf_counter() - began, setup_s, cut_s)
+            if type(record) is not Reached:
+                kept.add(record)
+        columns = flight.steady.read()
+        last_s = next(float(one.t_s[-1]) for one in columns if type(one) is TruthSample)
+        done = RunSummary(last_s, time.perf_counter() - began, setup_s, flight.cut_s)
         writer.write(done)
         kept.add(done)
-    return kept.build()
+    return kept.build(columns)
 
 
 class Folder:
