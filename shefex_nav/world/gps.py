@@ -38,6 +38,16 @@ class Antenna(NamedTuple):
     roll_rate: np.ndarray  # (m,) rad/s
 
 
+class Sky(NamedTuple):
+    """Where antenna and satellites are at the fixes: the same in all runs of one flight."""
+
+    lever_arm: tuple  # (3,) m, and
+    rate: float  # Hz, of the receiver that it is for
+    antenna: Antenna
+    u_e: np.ndarray  # (m, n, 3) lines of sight
+    geometry: tuple | None  # of gps_channels.geometry; None: no ranges are wanted
+
+
 class Solution(NamedTuple):
     """What least squares make of the satellites of one epoch."""
 
@@ -57,7 +67,20 @@ class GpsData(NamedTuple):
     antenna: Antenna
 
 
-def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng, rng_errors):
+def sky(settings, trajectory, earth, constellation, with_ranges=True):
+    """Sky of a receiver along a trajectory; arguments as of `measure`.
+
+    with_ranges : False where nobody is going to look at the ranges
+    """
+    antenna = antenna_states(trajectory, earth, settings.antenna.lever_arm, settings.rate)
+    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, antenna.t_s))
+    geometry = None
+    if with_ranges:
+        geometry = gps_channels.geometry(constellation, antenna.t_s, antenna.r_ea_e, antenna.v_ea_e)
+    return Sky(tuple(settings.antenna.lever_arm), settings.rate, antenna, u_e, geometry)
+
+
+def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng, rng_errors, seen=None):
     """Fixes and ranges along a trajectory.
 
     Parameters
@@ -71,14 +94,17 @@ def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng
     rng : Generator of noise, spin and outages; as many numbers are drawn whatever is visible, so each
         satellite keeps its errors
     rng_errors : Generator of errors that last, clock and reacquisition
+    seen : `sky` of them, if it is there already
 
     Returns
     -------
-    GpsData
+    GpsData; without ranges if `seen` has no geometry of them
     """
-    antenna = antenna_states(trajectory, earth, settings.antenna.lever_arm, settings.rate)
+    seen = sky(settings, trajectory, earth, constellation) if seen is None else seen
+    if (seen.lever_arm, seen.rate) != (tuple(settings.antenna.lever_arm), settings.rate):
+        raise ValueError("the sky is that of another antenna, or of fixes at another rate")
+    antenna, u_e = seen.antenna, seen.u_e
     t_s, prn = antenna.t_s, gnss.numbers(constellation)
-    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, t_s))
     white = rng.standard_normal((2, *u_e.shape[:2]))
     fortune = rng.random(u_e.shape[:2])
     reasons = outage_reasons(settings.outages, events, t_s, rng.random(len(settings.outages)))
@@ -100,9 +126,10 @@ def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng
         lasting = gps_errors.range_errors(settings.errors, gps_start_s, t_s, antenna.r_ea_e, u_e, rng_errors)
     fixes = _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
-    geometry = gps_channels.geometry(constellation, t_s, antenna.r_ea_e, antenna.v_ea_e)
-    reception = gps_channels.Reception(t_s, prn, tracked & lit, reasons)
-    ranges = gps_channels.ranges(geometry, clock, errors, sigmas, reception, settings.latency)
+    ranges = []
+    if seen.geometry is not None:
+        reception = gps_channels.Reception(t_s, prn, tracked & lit, reasons)
+        ranges = gps_channels.ranges(seen.geometry, clock, errors, sigmas, reception, settings.latency)
     return GpsData(fixes, ranges, antenna)
 
 

@@ -156,6 +156,14 @@ def _vehicle(name, settings):
     return prepare.fly_vehicle(scenario_of(name, settings), VEHICLE_SEED)
 
 
+@lru_cache(maxsize=8)
+def _sky(name, settings):
+    """Where antenna and satellites are in the flight of a rocket. Nobody looks at ranges here."""
+    from shefex_nav import prepare
+
+    return prepare.sky(scenario_of(name, settings), _vehicle(name, settings), with_ranges=False)
+
+
 @cache
 def _states(name, settings, vehicle_settings):
     """Names of the blocks that the filter of a scenario estimates, where it leaves them to the program."""
@@ -204,7 +212,7 @@ def _fly(job, situations, vehicle):
     """One flight of each Situation of a job: list of Kept. As long as nothing differs, one flies for all."""
     from shefex_nav import simulate
 
-    built, flights = [_scenario_and_world(job, one, vehicle) for one in situations], {}
+    built, flights = _scenarios_and_worlds(job, situations, vehicle), {}
     first, world = _begun(job, *built[0], vehicle), built[0][1]
     alike = [0] * len(situations)
     for k, one in enumerate(situations):
@@ -236,9 +244,23 @@ def _begun(job, scenario, world, vehicle):
     return _Flight(route, {}, seen)
 
 
-def _scenario_and_world(job, situation, vehicle):
-    """Scenario, prepare.World of a Situation."""
+def _scenarios_and_worlds(job, situations, vehicle):
+    """Scenario, prepare.World of each Situation: list. Where they differ by faults alone, one measures for all."""
     from shefex_nav import prepare
+
+    built, sound = [], None
+    for situation in situations:
+        scenario, faulty = _scenario(job, situation), _only_faults(situation)
+        if not faulty or sound is None:
+            found = prepare.sound(scenario, job.seed, vehicle, sky=_sky(job.scenario, of_rocket(job)))
+            sound = found if faulty else sound
+        world = prepare.with_faults(scenario, sound if faulty else found, keeps=faulty)
+        built.append((scenario, _received(world, situation)))
+    return built
+
+
+def _scenario(job, situation):
+    """Scenario of a Situation, with the blocks of states that its filter estimates."""
     from shefex_nav.scenario import load
 
     told = situation.told.settings(situation.scenario) if situation.told.settings else ()
@@ -246,7 +268,7 @@ def _scenario_and_world(job, situation, vehicle):
     scenario = scenario_of(job.scenario, (*healthy, *situation.settings))
     if scenario.navigation.states == AUTOMATIC:
         scenario = load.with_states(scenario, _states(job.scenario, healthy, of_rocket(job)))
-    return scenario, _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
+    return scenario
 
 
 def _received(world, situation):
