@@ -117,8 +117,8 @@ def sound(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     felt = imu.felt(settings(scenario.imu), flight.trajectory, rng("imu"), biases)
     true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
-    rngs, satellites = (rng("gps"), rng("gps_errors")), constellation(scenario)
-    said = gps.measure(receiver, flight.trajectory, flight.events, earth, satellites, start_s, *rngs, sky)
+    seen = gps_sky(scenario, flight) if sky is None else sky
+    said = gps.received(receiver, seen, flight.events, start_s, rng("gps"), rng("gps_errors"))
     world = World(
         earth=earth,
         catalogue=catalogue,
@@ -162,7 +162,7 @@ def with_faults(scenario, sound, *, keeps=False):
     )
 
 
-def sky(scenario, flight, with_ranges=True):
+def gps_sky(scenario, flight, with_ranges=True):
     """gps.Sky of a flight: `sound` of all runs of it needs no other. with_ranges : as of `gps.sky`"""
     receiver, satellites = params_gps.receiver(scenario), constellation(scenario)
     return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)

@@ -1,4 +1,4 @@
-"""Sums of many numbers in compiled code, in the order of NumPy's: pairwise, so that rounding does not pile up.
+"""Sums of many numbers in compiled code, pairwise as NumPy does it, so that rounding does not pile up.
 
 Higham, The accuracy of floating point summation, SIAM J. Sci. Comput. 14 (1993).
 """

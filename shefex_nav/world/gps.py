@@ -44,6 +44,7 @@ class Sky(NamedTuple):
     lever_arm: tuple  # (3,) m, and
     rate: float  # Hz, of the receiver that it is for
     antenna: Antenna
+    prn: np.ndarray  # (n,) int
     u_e: np.ndarray  # (m, n, 3) lines of sight
     geometry: tuple | None  # of gps_channels.geometry; None: no ranges are wanted
 
@@ -67,44 +68,57 @@ class GpsData(NamedTuple):
     antenna: Antenna
 
 
-def sky(settings, trajectory, earth, constellation, with_ranges=True):
-    """Sky of a receiver along a trajectory; arguments as of `measure`.
+def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng, rng_errors):
+    """Fixes and ranges along a trajectory: `received` of its `sky`. -> GpsData"""
+    seen = sky(settings, trajectory, earth, constellation)
+    return received(settings, seen, events, gps_start_s, rng, rng_errors)
 
+
+def sky(settings, trajectory, earth, constellation, with_ranges=True):
+    """Where antenna and satellites are along a trajectory.
+
+    Parameters
+    ----------
+    settings : gps_settings.Gps
+    trajectory : Trajectory
+    earth : EarthRotation
+    constellation : environment.gnss.Constellation
     with_ranges : False where nobody is going to look at the ranges
+
+    Returns
+    -------
+    Sky
     """
     antenna = antenna_states(trajectory, earth, settings.antenna.lever_arm, settings.rate)
     u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, antenna.t_s))
     geometry = None
     if with_ranges:
         geometry = gps_channels.geometry(constellation, antenna.t_s, antenna.r_ea_e, antenna.v_ea_e)
-    return Sky(tuple(settings.antenna.lever_arm), settings.rate, antenna, u_e, geometry)
+    arm = tuple(settings.antenna.lever_arm)
+    return Sky(arm, settings.rate, antenna, gnss.numbers(constellation), u_e, geometry)
 
 
-def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng, rng_errors, seen=None):
-    """Fixes and ranges along a trajectory.
+def received(settings, seen, events, gps_start_s, rng, rng_errors):
+    """Fixes and ranges of a flight.
 
     Parameters
     ----------
     settings : gps_settings.Gps
-    trajectory : Trajectory
+    seen : `sky` of the flight
     events : sequence of Event; those named by `settings.outages` interrupt the solution
-    earth : EarthRotation
-    constellation : environment.gnss.Constellation
     gps_start_s : s, GPS time of mission time zero
     rng : Generator of noise, spin and outages; as many numbers are drawn whatever is visible, so each
         satellite keeps its errors
     rng_errors : Generator of errors that last, clock and reacquisition
-    seen : `sky` of them, if it is there already
 
     Returns
     -------
     GpsData; without ranges if `seen` has no geometry of them
     """
-    seen = sky(settings, trajectory, earth, constellation) if seen is None else seen
     if (seen.lever_arm, seen.rate) != (tuple(settings.antenna.lever_arm), settings.rate):
         raise ValueError("the sky is that of another antenna, or of fixes at another rate")
-    antenna, u_e = seen.antenna, seen.u_e
-    t_s, prn = antenna.t_s, gnss.numbers(constellation)
+    antenna, prn, u_e = seen.antenna, seen.prn, seen.u_e
+    t_s = antenna.t_s
     white = rng.standard_normal((2, *u_e.shape[:2]))
     fortune = rng.random(u_e.shape[:2])
     reasons = outage_reasons(settings.outages, events, t_s, rng.random(len(settings.outages)))

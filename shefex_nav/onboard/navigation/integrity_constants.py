@@ -122,7 +122,8 @@ class Constants:
 def _take(B, sums, seen, what, judges, learns):
     """Take a measurement in: B, sums in place. seen : Seen;  what : of `SHOWS`;  judges, learns : bool
 
-    -> by how much the square of the innovation is beyond its mean; values of TIME and what they explain; of ARM
+    -> by how much the square of the innovation is beyond its mean; values of TIME and by how much they make
+    the squares less; likewise of ARM
     """
     x, z, H, beyond = seen.x, seen.z, seen.H, 0.0
     v_i, C_ib = x[X_V].copy(), rotation.dcm_from_quat(x[X_Q])

@@ -142,7 +142,7 @@ def _lose_across(P, variance, axis, speed, q_ib):
             P[v + i, v + j] += size * (2.0 * sigma + size) * across[i] * across[j]
 
 
-def _is_known(P):
+def is_known(P):
     """Whether no angle of the attitude is large. (n, n) -> bool"""
     return P.item(ROLL, ROLL) <= LARGE2 and P.item(PITCH, PITCH) <= LARGE2 and P.item(YAW, YAW) <= LARGE2
 
@@ -158,25 +158,35 @@ def bent(P, z, H, R, q_ib):
     P : (n, n);  z, H, R : (m,), (m, n), (m, m) of a measurement;  q_ib : (4,)
     -> (n,) to be added to the state and taken off z, or None where the vector is too short or the angle small
     """
-    if _is_known(P):
+    if is_known(P):
         return None
-    values, axes = np.linalg.eigh(P[ATT, ATT])
-    variance, axis_b = values[2], axes[:, 2]
+    is_long, first, second, across, along = _bend(P, z, H, R, q_ib)
+    if not is_long:
+        return None
+    angle = np.arctan2(across, along)
+    return (np.sin(angle) - angle) * first + (np.cos(angle) - 1.0) * second
+
+
+@kernel
+def _bend(P, z, H, R, q_ib):
+    """Whether the vector of `bent` is long enough; first and second order of what the angle does, (n,) each;
+    the components of z across the vector and along it."""
+    n = len(P)
+    first, second = np.zeros(n), np.zeros(n)
+    values, axes = np.linalg.eigh(np.ascontiguousarray(P[ATT, ATT]))
+    variance, axis_b = values[2], axes[:, 2].copy()
     if variance <= BENT2:
-        return None
-    first, second = np.zeros(len(P)), np.zeros(len(P))
+        return False, first, second, 0.0, 0.0
     axis_i = rotation.quat_rotate(q_ib, axis_b)
-    for block in (POS, VEL):
-        across = P[block, ATT] @ axis_b / variance
-        second[block] = rotation.cross(across, axis_i)
-        first[block] = across - (across @ axis_i) * axis_i
+    for start in (POS.start, VEL.start):
+        across = np.ascontiguousarray(P[start : start + 3, ATT]) @ axis_b / variance
+        second[start : start + 3] = rotation.cross(across, axis_i)
+        first[start : start + 3] = across - (across @ axis_i) * axis_i
     sees, turns = H @ first, H @ second
     length2 = sees @ sees
     noise2 = sees @ (H @ P @ H.T + R) @ sees / max(length2, 1e-300) - variance * length2
-    if length2 <= SURE**2 * max(noise2, 0.0) or not length2:
-        return None
-    angle = np.arctan2(sees @ z, turns @ z + length2)
-    return (np.sin(angle) - angle) * first + (np.cos(angle) - 1.0) * second
+    is_long = length2 > SURE**2 * max(noise2, 0.0) and length2 > 0.0
+    return is_long, first, second, sees @ z, turns @ z + length2
 
 
 def take_share(dx, P, updated):
@@ -185,7 +195,7 @@ def take_share(dx, P, updated):
     dx : (n,) by the linear model, changed in place
     P, updated : (n, n) before, and after by the linear model. -> (n, n)
     """
-    if _is_known(P):
+    if is_known(P):
         return updated
     turned = _along_axes(P, updated, dx)
     share, after = _by_the_sine(turned.before, turned.after)
@@ -215,7 +225,7 @@ def _along_axes(P, updated, dx):
 
 @kernel
 def _taken(turned, share, after, dx):
-    """Covariance once a share (3,) is taken that leaves the variances `after`; dx (n,) is written. -> (n, n)"""
+    """Covariance (n, n) once a share (3,) is taken that leaves the variances `after`; dx (n,) is written."""
     axes, along = turned.axes, turned.along
     updated = eskf.partly(along, turned.P, turned.updated, share)
     for i in range(3):
@@ -242,7 +252,7 @@ def of_arm(P, arm_b):
 
     P : (n, n);  arm_b : (3,) of any unit -> float, its square
     """
-    if _is_known(P):
+    if is_known(P):
         return 0.0
     P_theta = P[ATT, ATT]
     trace, length2 = float(np.trace(P_theta)), float(arm_b @ arm_b)

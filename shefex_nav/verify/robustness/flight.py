@@ -161,7 +161,7 @@ def _sky(name, settings):
     """Where antenna and satellites are in the flight of a rocket. Nobody looks at ranges here."""
     from shefex_nav import prepare
 
-    return prepare.sky(scenario_of(name, settings), _vehicle(name, settings), with_ranges=False)
+    return prepare.gps_sky(scenario_of(name, settings), _vehicle(name, settings), with_ranges=False)
 
 
 @cache
@@ -245,7 +245,7 @@ def _begun(job, scenario, world, vehicle):
 
 
 def _scenarios_and_worlds(job, situations, vehicle):
-    """Scenario, prepare.World of each Situation: list. Where they differ by faults alone, one measures for all."""
+    """Scenario, prepare.World of each Situation: list. What faults do not change is measured once."""
     from shefex_nav import prepare
 
     built, sound = [], None
