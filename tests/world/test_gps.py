@@ -73,7 +73,7 @@ def test_a_start_between_seconds_keeps_to_whole_seconds():
 
 
 def test_runs_of_a_flight_share_their_sky(flight):
-    """A run takes nothing of it away; without geometry there are no ranges; another antenna has another sky."""
+    """A run takes nothing of it away. Without geometry there are no ranges; another antenna is refused."""
     seen = gps.sky(PARAMS, flight, synthetic.EARTH, CONSTELLATION)
     blank = gps.sky(PARAMS, flight, synthetic.EARTH, CONSTELLATION, with_ranges=False)
 
@@ -82,7 +82,7 @@ def test_runs_of_a_flight_share_their_sky(flight):
         return gps.received(params, sky, synthetic.EVENTS, GPS_START_S, *rngs)
 
     for seed in (1, 2, 1):
-        alone, shared, fixes = received(PARAMS, flight, seed), run(PARAMS, seen, seed), run(PARAMS, blank, seed)
+        alone, shared, fixes = received(PARAMS, flight, seed), *(run(PARAMS, s, seed) for s in (seen, blank))
         np.testing.assert_array_equal(numbers(shared.fixes), numbers(alone.fixes))
         np.testing.assert_array_equal(numbers(fixes.fixes), numbers(alone.fixes))
         assert repr(shared.ranges) == repr(alone.ranges) and not fixes.ranges

@@ -137,9 +137,14 @@ def last_s(vehicle):
     return float(at.get(LAST, vehicle.trajectory.t_s[-1]))
 
 
-@lru_cache(maxsize=256)  # all that is told of all grades of a rocket
+@lru_cache(maxsize=256)  # all that is told of all grades of the rockets
 def scenario_of(name, settings):
     """Scenario with settings; pictures are never drawn."""
+    return _loaded(name, settings)
+
+
+def _loaded(name, settings):
+    """`scenario_of` of settings that no other flight has: not kept, as they would drive out the others."""
     from shefex_nav.scenario import load
 
     loaded = load.load(name, settings)
@@ -265,7 +270,8 @@ def _scenario(job, situation):
 
     told = situation.told.settings(situation.scenario) if situation.told.settings else ()
     healthy = (*overrides(job), *told)
-    scenario = scenario_of(job.scenario, (*healthy, *situation.settings))
+    of = _loaded if situation.settings else scenario_of
+    scenario = of(job.scenario, (*healthy, *situation.settings))
     if scenario.navigation.states == AUTOMATIC:
         scenario = load.with_states(scenario, _states(job.scenario, healthy, of_rocket(job)))
     return scenario
