@@ -58,6 +58,16 @@ class World(NamedTuple):
         return [*self.gps_fixes, *self.gps_ranges, *chain(*others)]
 
 
+class Sound(NamedTuple):
+    """What the sensors of a run have before any of them fails."""
+
+    scenario: object  # Scenario, `settled`; of its faults nothing is looked at
+    seed: int
+    world: World  # without what sensors say and how they fail
+    felt: imu.Felt
+    gps: gps.GpsData
+
+
 def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     """Fly the vehicle and let the sensors measure it.
 
@@ -74,53 +84,88 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     -------
     World
     """
+    aboard.activate(scenario)
+    if flight is None:
+        flight = fly_vehicle(scenario, seed, brief=brief)
+    wanted = np.empty((len(flight.trajectory.t_s), 6)) if biases else None
+    return with_faults(scenario, sound(scenario, seed, flight, brief=brief, biases=wanted))
+
+
+def sound(scenario, seed, flight, *, brief=False, biases=None, sky=None):
+    """Let the sensors measure a flight; which of them fail is not looked at yet, `with_faults`.
+
+    Parameters
+    ----------
+    scenario, seed, flight, brief : as of `build_world`
+    biases : (N, 6), written if it is given: the true biases of the IMU at every sample
+    sky : gps.Sky of the flight, if it is there already
+
+    Returns
+    -------
+    Sound
+    """
 
     def rng(stream):
         return noise.generator(seed, stream)
 
     aboard.activate(scenario)
-
     epoch = scenario.mission.epoch
     earth, bodies = earth_rotation(scenario), ephemeris.sky_bodies(epoch)
     catalogue = stars.load_catalogue(8.0)
     at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
-    if flight is None:
-        flight = fly_vehicle(scenario, seed, brief=brief)
     scenario = settled(scenario, flight if brief else None)
-    trajectory, wrong = flight.trajectory, settings(scenario.faults)
-    of_instruments = aboard.wrong(scenario)
-    imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
-    measured = imu.measure(settings(scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
+    felt = imu.felt(settings(scenario.imu), flight.trajectory, rng("imu"), biases)
     true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
-    fixes, ranges = _received(scenario, flight, earth, wrong.gps, rng)
-    events = [*flight.events, *faults.events(wrong, trajectory, earth, of_instruments)]
-    return World(
+    receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
+    seen = gps_sky(scenario, flight) if sky is None else sky
+    said = gps.received(receiver, seen, flight.events, start_s, rng("gps"), rng("gps_errors"))
+    world = World(
         earth=earth,
         catalogue=catalogue,
-        flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
-        alignment=pad.align(settings(scenario.pad_alignment), trajectory, earth, rng("pad")),
-        imu=measured,
-        gps_fixes=fixes,
-        gps_ranges=ranges,
+        flight=flight,
+        alignment=pad.align(settings(scenario.pad_alignment), flight.trajectory, earth, rng("pad")),
+        imu=None,
+        gps_fixes=[],
+        gps_ranges=[],
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
+        faults=None,
+        imu_biases=biases,
+    )
+    return Sound(scenario, seed, world, felt, said)
+
+
+def with_faults(scenario, sound, *, keeps=False):
+    """The world of a run in which the sensors fail as a scenario says.
+
+    scenario : the Scenario of a Sound, or one that differs from it by its faults
+    keeps : whether the Sound is to be used again; else its arrays are used up
+    -> World
+    """
+    world, felt, receiver = sound.world, sound.felt, params_gps.receiver(sound.scenario)
+    flight, wrong, of_instruments = world.flight, settings(scenario.faults), aboard.wrong(scenario)
+    if keeps:
+        felt = felt._replace(dtheta_b=felt.dtheta_b.copy(), dv_b=felt.dv_b.copy())
+    fixes = gps.told(faults.gps(wrong.gps, sound.gps.fixes), receiver.fix)
+    ranges = sound.gps.ranges
+    if ranges:
+        ranges = faults.gps_ranges(wrong.gps, ranges, sound.gps.antenna)
+    events = [*flight.events, *faults.events(wrong, flight.trajectory, world.earth, of_instruments)]
+    seen = flight.trajectory, world.earth
+    return world._replace(
+        flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
+        imu=imu.reported(settings(sound.scenario.imu), flight.trajectory.t_s, felt, wrong.imu),
+        gps_fixes=gps.stamped(fixes, receiver.clock_offset),
+        gps_ranges=gps.stamped(ranges, receiver.clock_offset),
         faults=wrong,
-        imu_biases=imu_biases,
-        measured=measured_by_instruments(scenario, seed, trajectory, earth, of_instruments),
+        measured=measured_by_instruments(sound.scenario, sound.seed, *seen, of_instruments),
     )
 
 
-def _received(scenario, flight, earth, wrong, rng):
-    """What the GPS receiver says, faults included: its fixes and its ranges.
-
-    wrong : of its faults; rng : by the name of a stream
-    """
-    receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
-    rngs, satellites = (rng("gps"), rng("gps_errors")), constellation(scenario)
-    said = gps.measure(receiver, flight.trajectory, flight.events, earth, satellites, start_s, *rngs)
-    fixes = gps.told(faults.gps(wrong, said.fixes), receiver.fix)
-    ranges = faults.gps_ranges(wrong, said.ranges, said.antenna)
-    return [gps.stamped(one, receiver.clock_offset) for one in (fixes, ranges)]
+def gps_sky(scenario, flight, with_ranges=True):
+    """gps.Sky of a flight: `sound` of all runs of it needs no other. with_ranges : as of `gps.sky`"""
+    receiver, satellites = params_gps.receiver(scenario), constellation(scenario)
+    return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)
 
 
 def settled(scenario, flight=None):

@@ -55,7 +55,8 @@ class Columns:
 
     def passed(self, nav, first, last, imu_blind):
         """Keep what there is of ticks, as `Records.passed`. -> nothing to hand over"""
-        self._keep(nav, first, last, nav.history.newest - last, imu_blind)
+        if last - first > 1:
+            self._keep(nav, first, last, nav.history.newest - last, imu_blind)
         return []
 
     def _keep(self, nav, first, last, later, imu_blind):

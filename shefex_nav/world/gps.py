@@ -38,6 +38,17 @@ class Antenna(NamedTuple):
     roll_rate: np.ndarray  # (m,) rad/s
 
 
+class Sky(NamedTuple):
+    """Where antenna and satellites are at the fixes: the same in all runs of one flight."""
+
+    lever_arm: tuple  # (3,) m, and
+    rate: float  # Hz, of the receiver that it is for
+    antenna: Antenna
+    prn: np.ndarray  # (n,) int
+    u_e: np.ndarray  # (m, n, 3) lines of sight
+    geometry: tuple | None  # of gps_channels.geometry; None: no ranges are wanted
+
+
 class Solution(NamedTuple):
     """What least squares make of the satellites of one epoch."""
 
@@ -58,15 +69,43 @@ class GpsData(NamedTuple):
 
 
 def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng, rng_errors):
-    """Fixes and ranges along a trajectory.
+    """Fixes and ranges along a trajectory: `received` of its `sky`. -> GpsData"""
+    seen = sky(settings, trajectory, earth, constellation)
+    return received(settings, seen, events, gps_start_s, rng, rng_errors)
+
+
+def sky(settings, trajectory, earth, constellation, with_ranges=True):
+    """Where antenna and satellites are along a trajectory.
 
     Parameters
     ----------
     settings : gps_settings.Gps
     trajectory : Trajectory
-    events : sequence of Event; those named by `settings.outages` interrupt the solution
     earth : EarthRotation
     constellation : environment.gnss.Constellation
+    with_ranges : False where nobody is going to look at the ranges
+
+    Returns
+    -------
+    Sky
+    """
+    antenna = antenna_states(trajectory, earth, settings.antenna.lever_arm, settings.rate)
+    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, antenna.t_s))
+    geometry = None
+    if with_ranges:
+        geometry = gps_channels.geometry(constellation, antenna.t_s, antenna.r_ea_e, antenna.v_ea_e)
+    arm = tuple(settings.antenna.lever_arm)
+    return Sky(arm, settings.rate, antenna, gnss.numbers(constellation), u_e, geometry)
+
+
+def received(settings, seen, events, gps_start_s, rng, rng_errors):
+    """Fixes and ranges of a flight.
+
+    Parameters
+    ----------
+    settings : gps_settings.Gps
+    seen : `sky` of the flight
+    events : sequence of Event; those named by `settings.outages` interrupt the solution
     gps_start_s : s, GPS time of mission time zero
     rng : Generator of noise, spin and outages; as many numbers are drawn whatever is visible, so each
         satellite keeps its errors
@@ -74,11 +113,12 @@ def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng
 
     Returns
     -------
-    GpsData
+    GpsData; without ranges if `seen` has no geometry of them
     """
-    antenna = antenna_states(trajectory, earth, settings.antenna.lever_arm, settings.rate)
-    t_s, prn = antenna.t_s, gnss.numbers(constellation)
-    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, t_s))
+    if (seen.lever_arm, seen.rate) != (tuple(settings.antenna.lever_arm), settings.rate):
+        raise ValueError("the sky is that of another antenna, or of fixes at another rate")
+    antenna, prn, u_e = seen.antenna, seen.prn, seen.u_e
+    t_s = antenna.t_s
     white = rng.standard_normal((2, *u_e.shape[:2]))
     fortune = rng.random(u_e.shape[:2])
     reasons = outage_reasons(settings.outages, events, t_s, rng.random(len(settings.outages)))
@@ -103,9 +143,10 @@ def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng
         lasting = gps_errors.range_errors(settings.errors, gps_start_s, t_s, antenna.r_ea_e, u_e, rng_errors)
     fixes = _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
-    geometry = gps_channels.geometry(constellation, t_s, antenna.r_ea_e, antenna.v_ea_e)
-    reception = gps_channels.Reception(t_s, prn, tracked & told, reasons)
-    ranges = gps_channels.ranges(geometry, clock, errors, sigmas, reception, settings.latency)
+    ranges = []
+    if seen.geometry is not None:
+        reception = gps_channels.Reception(t_s, prn, tracked & told, reasons)
+        ranges = gps_channels.ranges(seen.geometry, clock, errors, sigmas, reception, settings.latency)
     return GpsData(fixes, ranges, antenna)
 
 

@@ -53,6 +53,14 @@ class ImuErrors(NamedTuple):
     accel_vibration_rectification: np.ndarray  # (3,) m/s^2 per (m/s^2 rms)^2
 
 
+class Felt(NamedTuple):
+    """What a healthy unit would read without end of range and quanta, and the errors that are in it."""
+
+    dtheta_b: np.ndarray  # (N, 3) rad
+    dv_b: np.ndarray  # (N, 3) m/s
+    errors: ImuErrors
+
+
 class ImuData(NamedTuple):
     """What the instrument reports over the whole flight; row 0, before its first sample, is zero."""
 
@@ -80,6 +88,11 @@ def measure(settings, trajectory, rng, biases=None, wrong=()):
     -------
     ImuData
     """
+    return reported(settings, trajectory.t_s, felt(settings, trajectory, rng, biases), wrong)
+
+
+def felt(settings, trajectory, rng, biases=None):
+    """What the unit feels before anything fails; arguments as of `measure`. -> Felt"""
     errors, of_gyros, of_accels = draw_errors(settings, rng), None, None
     dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
     rms = vibration_rms(settings, trajectory.burning)
@@ -92,13 +105,25 @@ def measure(settings, trajectory, rng, biases=None, wrong=()):
     if biases is not None:
         biases /= dt_s
         biases[0] = biases[1]
-    faults.imu_felt(wrong, trajectory.t_s, dtheta_b, dv_b)
+    return Felt(dtheta_b, dv_b, errors)
+
+
+def reported(settings, t_s, felt, wrong=()):
+    """What the unit sends of what it feels, faults included.
+
+    settings : settings.Imu;  t_s : (N,) of the trajectory;  wrong : tuple of fault_settings.Imu
+    felt : Felt, whose arrays are used up
+    -> ImuData
+    """
+    dtheta_b, dv_b = felt.dtheta_b, felt.dv_b
+    dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    faults.imu_felt(wrong, t_s, dtheta_b, dv_b)
     at_range = _clip(dtheta_b, settings.gyro.range * dt_s), _clip(dv_b, settings.accelerometer.range * dt_s)
     dtheta_b = quantise(dtheta_b, settings.gyro.quantum)
     dv_b = quantise(dv_b, settings.accelerometer.quantum)
-    missing = faults.imu_sent(wrong, trajectory.t_s, dtheta_b, dv_b, at_range)
+    missing = faults.imu_sent(wrong, t_s, dtheta_b, dv_b, at_range)
     saturated = at_range[0].any(axis=1) | at_range[1].any(axis=1)
-    return ImuData(trajectory.t_s, dtheta_b, dv_b, saturated, errors, missing)
+    return ImuData(t_s, dtheta_b, dv_b, saturated, felt.errors, missing)
 
 
 def _turned(settings, errors, trajectory, rms, dt_s, rng, bias):
@@ -206,9 +231,14 @@ def _response(scale_factor, misalignment):
     return np.eye(3) + np.diag(scale_factor) + misalignment
 
 
+@kernel
 def _apply(M, v_b):
     """M @ v for every row; not through BLAS, whose rounding depends on its threads. (N, 3) -> (N, 3)."""
-    return np.einsum("ij,kj->ki", M, v_b)
+    out = np.empty(v_b.shape)
+    for k in range(len(v_b)):
+        for i in range(3):
+            out[k, i] = (M[i, 0] * v_b[k, 0] + M[i, 2] * v_b[k, 2]) + M[i, 1] * v_b[k, 1]
+    return out
 
 
 def _pieces(n):

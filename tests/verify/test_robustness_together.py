@@ -59,7 +59,8 @@ def test_flights_that_part_are_what_each_is_alone(brief):
 
 
 def worlds(job, vehicle, *settings):
-    return [flight._scenario_and_world(job, situation(job, *one), vehicle)[1] for one in ((), settings)]
+    situations = [situation(job), situation(job, *settings)]
+    return [world for _, world in flight._scenarios_and_worlds(job, situations, vehicle)]
 
 
 def tick_of(world, t_s):

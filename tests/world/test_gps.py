@@ -74,6 +74,25 @@ def test_a_start_between_seconds_keeps_to_whole_seconds():
     assert [fix.t_valid_s for fix in fixes] == [-2.0, -1.0, 0.0, 1.0]
 
 
+def test_runs_of_a_flight_share_their_sky(flight):
+    """A run takes nothing of it away. Without geometry there are no ranges; another antenna is refused."""
+    seen = gps.sky(PARAMS, flight, synthetic.EARTH, CONSTELLATION)
+    blank = gps.sky(PARAMS, flight, synthetic.EARTH, CONSTELLATION, with_ranges=False)
+
+    def run(params, sky, seed):
+        rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
+        return gps.received(params, sky, synthetic.EVENTS, GPS_START_S, *rngs)
+
+    for seed in (1, 2, 1):
+        alone, shared, fixes = received(PARAMS, flight, seed), *(run(PARAMS, s, seed) for s in (seen, blank))
+        np.testing.assert_array_equal(numbers(shared.fixes), numbers(alone.fixes))
+        np.testing.assert_array_equal(numbers(fixes.fixes), numbers(alone.fixes))
+        assert repr(shared.ranges) == repr(alone.ranges) and not fixes.ranges
+    longer = changed(PARAMS, {"antenna.lever_arm": (0.7, 0.05, -0.03)})
+    with pytest.raises(ValueError, match="another antenna"):
+        run(longer, seen, 1)
+
+
 @pytest.mark.parametrize("rate", [4.0, 20.0])
 def test_a_faster_receiver_measures_in_between_too(flight, rate):
     """Every fix is of the truth at its instant; those of one receiver on whole seconds are as before."""

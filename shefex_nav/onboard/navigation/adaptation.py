@@ -86,7 +86,7 @@ def weigh(nav, now, innovation, measurement, verdict):
         _learn(nav, now, innovation, name, verdict.fate)
     if name not in JUDGED or nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
-    whitened = eskf.whitened(innovation.z, innovation.S)
+    whitened, own = eskf.weighed(innovation.z, innovation.R, innovation.S)
     noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
     if name == "gps_velocity":
         _rest(nav, measurement.fix)
@@ -96,7 +96,7 @@ def weigh(nav, now, innovation, measurement, verdict):
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
         return verdict
-    return _windows(nav, now, whitened, innovation.R, innovation.S, name, verdict)
+    return _windows(nav, now, whitened, own, name, verdict)
 
 
 def _second_reset(nav, now, name, verdict):
@@ -198,11 +198,14 @@ def _alone(nav):
     return not integrity_watch.jumped(nav.health)
 
 
-def _windows(nav, now, whitened, R, S, name, verdict):
-    """Verdict on a measurement that was used, by the windows over the innovations of its sensor."""
+def _windows(nav, now, whitened, own, name, verdict):
+    """Verdict on a measurement that was used, by the windows over the innovations of its sensor.
+
+    whitened, own : of `eskf.weighed`
+    """
     noise = nav.noise
     found, shares = noise.windows[name].take(whitened), noise.by_noise[name]
-    shares.append(eskf.own_share(R, S))
+    shares.append(own)
     own = float(np.mean(shares))  # where it is small, innovations are white whoever makes them too large
     if noise.share is None and found.full and own > OWN_SHARE:  # while the IMU is in doubt no sensor is
         _blame(nav, name, found, own)

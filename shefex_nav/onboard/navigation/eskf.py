@@ -11,6 +11,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
+FEW = 3  # numbers of an innovation, up to which one compiled call is faster than those of NumPy
 LARGE2 = 0.05**2  # [E] rad^2, square of a correction of the attitude that is no small angle
 
 
@@ -80,14 +81,36 @@ def normalised(S, z):
     return total
 
 
-def whitened(z, S):
-    """L^-1 z, S = L L^T: independent, of variance 1 where S is right. (m,), (m, m) -> (m,)"""
-    return np.linalg.solve(np.linalg.cholesky(S), z)
+def weighed(z, R, S):
+    """An innovation held against its covariance S = L L^T.
+
+    z : (m,);  R, S : (m, m), R the noise of its sensor
+    -> w = L^-1 z (m,), independent, of variance 1 where S is right; share of the sensor's own noise in S
+    """
+    if len(z) <= FEW:
+        return _weighed(z, R, S)
+    return np.linalg.solve(np.linalg.cholesky(S), z), float(np.trace(np.linalg.solve(S, R))) / len(R)
 
 
-def own_share(R, S):
-    """Share of a sensor's own noise R in the covariance S of its innovation, both (m, m)."""
-    return float(np.trace(np.linalg.solve(S, R))) / len(R)
+@kernel
+def _weighed(z, R, S):
+    """`weighed` of a few numbers, for which the calls of NumPy take longer than their arithmetic."""
+    m, total = len(z), 0.0
+    L = np.zeros((m, m))
+    for j in range(m):
+        square = 0.0
+        for k in range(j):
+            square += L[j, k] * L[j, k]
+        L[j, j] = np.sqrt(S[j, j] - square)
+        for i in range(j + 1, m):
+            along = 0.0
+            for k in range(j):
+                along += L[i, k] * L[j, k]
+            L[i, j] = (S[i, j] - along) * (1.0 / L[j, j])
+    share = np.linalg.solve(S, R)
+    for i in range(m):
+        total += share[i, i]
+    return np.linalg.solve(L, z), total / m
 
 
 def whole(dx, P, updated):
@@ -124,15 +147,23 @@ def update_packed(kalman, layout, P, measured, x, P_after, share=whole):
     return dx, take_in(x, dx, layout.nominal, share(dx, P, kalman.P), P_after)
 
 
+@inner
 def partly(dx, P, updated, share):
     """Covariance if only a share of the estimated error of the attitude is taken; dx in place.
 
     share : (3,). The covariance is that of the gain which is left (Brink, JGCD 40 (2017), partial update)
     """
-    dx[ATT] *= share
-    left, spare = np.zeros(len(dx)), np.zeros(len(dx))
-    left[ATT], spare[ATT] = 1.0 - share, np.sqrt(2.0 * share * (1.0 - share))
-    return updated + (np.outer(left, left) + np.outer(spare, spare)) * (P - updated)
+    n = len(dx)
+    left, spare, out = np.zeros(n), np.zeros(n), np.empty((n, n))
+    for k in range(3):
+        dx[ATT.start + k] *= share[k]
+        left[ATT.start + k] = 1.0 - share[k]
+        spare[ATT.start + k] = np.sqrt(2.0 * share[k] * (1.0 - share[k]))
+    for i in range(n):
+        for j in range(n):
+            taken = left[i] * left[j] + spare[i] * spare[j]
+            out[i, j] = updated[i, j] + taken * (P[i, j] - updated[i, j])
+    return out
 
 
 def take_in(x, dx, nominal, updated, P_after):

@@ -232,12 +232,8 @@ def _worth_trying(nav, arrival, fix, index, results):
 def _whereabouts(nav, index):
     """integrity_gps.Whereabouts of a tick."""
     history, t_s = nav.history, nav.history.ends_s[index]
-    place = history.place(index)
-    x, P = history.xs[place], history.Ps[place]
-    r_i, v_i = nav.watch.path.at(history.oldest + index, t_s, x)
-    r_e, v_e = frames.ecef_from_inertial(nav.earth, t_s, r_i, v_i)
-    f_b = Moment(history, index, history.length_s(index)).felt_with(x)[3:]
-    return integrity_gps.whereabouts(t_s, r_e, v_e, P, f_b)
+    sums = nav.watch.path.until(history.oldest + index)
+    return integrity_gps.whereabouts(t_s, history.arrays, history.place(index), sums, nav.earth)
 
 
 def _turn(sensors, measurement):

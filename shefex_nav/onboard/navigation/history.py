@@ -254,6 +254,11 @@ class Moment:
         return self.history.drives[self.history.place(self.k)]
 
     @property
+    def extra(self):
+        """Of the ImuWindow of the tick, not copied."""
+        return self.history.extra[self.history.place(self.k)]
+
+    @property
     def felt(self):
         """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
         felt = self.felt_packed

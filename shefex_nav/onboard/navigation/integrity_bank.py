@@ -197,8 +197,8 @@ class Bank:
         elif fate == Fate.RESET:
             self.explained(nav, group)  # what is believed now has its own doubts
         elif _counts(nav, name, fate):
-            w, own = _clipped(eskf.whitened(z, S)), eskf.own_share(R, S)
-            found = self._found(nav, name, measurement.fix, w, own)
+            w, own = eskf.weighed(z, R, S)
+            found = self._found(nav, name, measurement.fix, _clipped(w), own)
             if found is not None:
                 self._alarm(nav, group, name, found, own, S)
         if group in self.due and fate == Fate.USED and not _insists(nav, group):

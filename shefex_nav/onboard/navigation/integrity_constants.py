@@ -21,9 +21,11 @@ where it explains most of what is more than chance in all innovations since the 
 from the start: once a sensor was believed against the filter, something else may be, and no more is taken in.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from shefex_nav.compiled import kernel
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
@@ -36,6 +38,32 @@ OVER = 0.25  # of the limit, below which a constant is right after all
 CONDITION = 1e8  # of J, beyond which nothing is said
 TIME, ARM = slice(0, 1), slice(1, 4)
 LIMITS = {}
+NOTHING, POSITION, VELOCITY = 0, 1, 2  # what a sensor shows of a wrong constant
+SHOWS = {"gps_position": POSITION, "gps_velocity": VELOCITY}
+NO_RATE = np.zeros(3)
+
+
+class Sums(NamedTuple):
+    """What is carried from measurement to measurement, in arrays that are changed in place."""
+
+    J: np.ndarray  # (4, 4)
+    y: np.ndarray  # (4,)
+    a_i: np.ndarray  # (3,) m/s^2, mean since the measurement before
+    v_i: np.ndarray  # (3,) m/s, at the last measurement
+    C_ib: np.ndarray  # (3, 3) likewise
+
+
+class Seen(NamedTuple):
+    """A measurement, before it corrects the state."""
+
+    x: np.ndarray  # (X,) packed values
+    P: np.ndarray  # (n, n)
+    z: np.ndarray  # (m,)
+    H: np.ndarray  # (m, n)
+    S: np.ndarray  # (m, m)
+    omega_b: np.ndarray  # (3,) rad/s, of the body; looked at for a velocity alone
+    earth_rate: float  # rad/s
+    dt_s: float  # since the last one, NaN: it is the first
 
 
 class Constants:
@@ -45,9 +73,9 @@ class Constants:
     """
 
     def __init__(self):
-        self.B, self.seen = None, None  # (n, 4); (t_s, v_i, C_ib) at the last measurement
-        self.a_i = np.zeros(3)  # m/s^2, mean since the one before
-        self.J, self.y, self.beyond, self.count = np.zeros((4, 4)), np.zeros(4), 0.0, 0
+        self.B, self.seen_s = None, np.nan  # (n, 4); s, of the last measurement
+        self.sums = Sums(np.zeros((4, 4)), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+        self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
         self.closed = False  # whether something else may have been wrong since
 
@@ -58,38 +86,28 @@ class Constants:
         """
         if self.closed:
             return
-        self._carry(now, H.shape[1])
-        gps, h = name in ("gps_position", "gps_velocity"), -(H @ self.B)
-        if name == "gps_position":
-            h += _of_position(H, now.x, nav.earth.rate)
-        elif name == "gps_velocity":
-            h += _of_velocity(H, now.x, self.a_i, now.felt_packed[:3])
-        weighed = np.linalg.solve(S, np.column_stack([h, z]))
-        if gps and fate != Fate.HELD and not nav.watch.imu_blind:
-            self.J += h.T @ weighed[:, :4]
-            self.y += h.T @ weighed[:, 4]
-            self.beyond += float(z @ weighed[:, 4]) - len(z)
+        if self.B is None:
+            self.B = np.zeros((H.shape[1], 4))
+        what = SHOWS.get(name, NOTHING)
+        omega_b = now.felt_packed[:3] if what == VELOCITY else NO_RATE
+        judges = what != NOTHING and fate != Fate.HELD and not nav.watch.imu_blind
+        seen = Seen(now.x, now.P, z, H, S, omega_b, nav.earth.rate, now.t_s - self.seen_s)
+        beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
+        self.seen_s = now.t_s
+        if judges:
+            self.beyond += beyond
             self.count += 1
-            self._judge()
+            self._judge(found)
         self.closed = fate == Fate.RESET
-        if fate == Fate.USED:
-            self.B += now.P @ H.T @ weighed[:, :4]
 
-    def _carry(self, now, n):
-        """The response on to this instant: attitude errors turn the force that was felt since the last."""
-        t_s, v_i, C_ib = now.t_s, now.x[X_V].copy(), rotation.dcm_from_quat(now.x[X_Q])
-        if self.seen is None:
-            self.B = np.zeros((n, 4))
-        elif t_s > self.seen[0]:
-            before_s, before_v_i, before_C_ib = self.seen
-            self.a_i = _carried(self.B, before_v_i, before_C_ib, now.x[X_R], v_i, C_ib, t_s - before_s)
-        self.seen = (t_s, v_i, C_ib)
+    def _judge(self, found):
+        """Whether a constant is wrong; one that was stays so while anything speaks for it.
 
-    def _judge(self):
-        """Whether a constant is wrong; one that was stays so while anything speaks for it."""
+        found : of TIME and of ARM, their values and by how much they make the squares of the innovations less
+        """
         best, words = 0.0, ""
-        for part, least, say in ((TIME, LEAST[0], _time), (ARM, LEAST[1], _arm)):
-            value, explained = self._estimate(part)
+        parts = (TIME, LEAST[0], _time), (ARM, LEAST[1], _arm)
+        for (part, least, say), (value, explained) in zip(parts, (found[:2], found[2:]), strict=True):
             if self.wrong == part and explained > OVER * _limit(part):
                 self.found = say(value)
                 return
@@ -99,12 +117,41 @@ class Constants:
         self.found = words if self.count >= FEWEST else ""
         self.wrong = self.wrong if self.found else None
 
-    def _estimate(self, part):
-        """Values of some constants, and by how much they make the squares of the innovations less."""
-        return _best(np.ascontiguousarray(self.J[part, part]), self.y[part])
-
 
 @kernel
+def _take(B, sums, seen, what, judges, learns):
+    """Take a measurement in: B, sums in place. seen : Seen;  what : of `SHOWS`;  judges, learns : bool
+
+    -> by how much the square of the innovation is beyond its mean; values of TIME and by how much they make
+    the squares less; likewise of ARM
+    """
+    x, z, H, beyond = seen.x, seen.z, seen.H, 0.0
+    v_i, C_ib = x[X_V].copy(), rotation.dcm_from_quat(x[X_Q])
+    if seen.dt_s > 0.0:
+        sums.a_i[:] = _carried(B, sums.v_i, sums.C_ib, x[X_R], v_i, C_ib, seen.dt_s)
+    sums.v_i[:], sums.C_ib[:] = v_i, C_ib
+    h, both = -(H @ B), np.empty((len(z), 5))
+    if what == POSITION:
+        h += _of_position(H, x, seen.earth_rate)
+    elif what == VELOCITY:
+        h += _of_velocity(H, x, sums.a_i, seen.omega_b)
+    both[:, :4], both[:, 4] = h, z
+    solved = np.linalg.solve(seen.S, both)
+    by_h, by_z = np.ascontiguousarray(solved[:, :4]), np.ascontiguousarray(solved[:, 4])
+    J, y = sums.J, sums.y
+    time, by_time, arm, by_arm = np.zeros(1), 0.0, np.zeros(3), 0.0
+    if judges:
+        J += h.T @ by_h
+        y += h.T @ by_z
+        beyond = z @ by_z - len(z)
+        time, by_time = _best(J[:1, :1].copy(), y[:1].copy())
+        arm, by_arm = _best(J[1:, 1:].copy(), y[1:].copy())
+    if learns:
+        B += seen.P @ H.T @ by_h
+    return beyond, time, by_time, arm, by_arm
+
+
+@inner
 def _best(J, y):
     """The value that explains most, and how much; nothing where J (k, k) does not tell. y : (k,)"""
     tells = np.isfinite(J).all() and np.isfinite(y).all() and (np.diag(J) > 0.0).all()
@@ -114,7 +161,7 @@ def _best(J, y):
     return value, y @ value
 
 
-@kernel
+@inner
 def _carried(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
     """The response on by dt_s, in place. -> (3,) m/s^2, mean acceleration
 
@@ -130,7 +177,7 @@ def _carried(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
     return (v_i - before_v_i) / dt_s
 
 
-@kernel
+@inner
 def _of_position(H, x, rate):
     """(m, 4) of the position of a GPS fix, what a unit of each constant shows in it.
 
@@ -142,7 +189,7 @@ def _of_position(H, x, rate):
     return np.ascontiguousarray(H[:, POS]) @ shown
 
 
-@kernel
+@inner
 def _of_velocity(H, x, a_i, omega_b):
     """Likewise of its velocity. a_i : (3,) m/s^2;  omega_b : (3,) rad/s"""
     shown = np.empty((3, 4))

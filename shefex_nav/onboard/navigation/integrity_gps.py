@@ -39,9 +39,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.geometry import rotation
+from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation.measurements import level_axes
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL, X_R, X_V
+from shefex_nav.onboard.navigation.strapdown import felt_packed
 from shefex_nav.records import GpsFix, GpsRanges
 
 SAYS = {  # sensor and field of where and how fast, and what the first is called
@@ -94,10 +95,9 @@ class RawPath:
         while self.sums[1].number <= oldest:
             self.sums.popleft()
 
-    def at(self, number, t_s, x):
-        """Position (3,) m and velocity (3,) m/s of the raw path at the end of a tick, inertial axes."""
-        sums = next((one for one in reversed(self.sums) if one.number <= number), self.sums[0])
-        return x[X_R] - sums.dr - t_s * sums.dv, x[X_V] - sums.dv
+    def until(self, number):
+        """Sums until the end of a tick."""
+        return next((one for one in reversed(self.sums) if one.number <= number), self.sums[0])
 
 
 class Whereabouts(NamedTuple):
@@ -110,13 +110,28 @@ class Whereabouts(NamedTuple):
     sigma_a: float  # m/s^2, of the norm of the acceleration
 
 
-def whereabouts(t_s, r_e, v_e, P, f_b):
-    """Whereabouts. P : (n, n) of the filter;  f_b : (3,) m/s^2, which turns with the error of the attitude"""
-    return Whereabouts(t_s, r_e, v_e, *_sigmas(P, f_b))
+def whereabouts(t_s, memory, place, sums, earth):
+    """Whereabouts at the end of a tick.
+
+    memory, place : prediction.Memory and where the tick stands in it;  sums : Sums until its end
+    earth : EarthRotation
+    """
+    return Whereabouts(t_s, *_whereabouts(t_s, memory, place, sums.dr, sums.dv, earth))
 
 
 @kernel
-def _sigmas(P, f_b):
+def _whereabouts(t_s, memory, place, dr, dv, earth):
+    """`whereabouts` without its time; dr, dv : of Sums."""
+    x, numbers = memory.xs[place], memory.numbers[place]
+    r_e, v_e = frames.ecef_from_inertial(earth, t_s, x[X_R] - dr - t_s * dv, x[X_V] - dv)
+    n, dt_s, drive = int(numbers[2]), numbers[1], memory.drives[place]
+    felt = felt_packed(x, memory.increments[place], n, dt_s, numbers[3], drive, numbers[2] * dt_s)
+    sigma_v, sigma_a = sigmas(memory.Ps[place], felt[3:])
+    return r_e, v_e, sigma_v, sigma_a
+
+
+@kernel
+def sigmas(P, f_b):
     """Standard deviations of velocity and acceleration, of their norms; the latter is -f x theta - bias."""
     J, velocity, acceleration = np.zeros((3, 6)), 0.0, 0.0
     J[:, :3] = -rotation.skew(f_b)

@@ -20,10 +20,12 @@ Each statistic is tested at `CHANCE`. A flight has some 2000 innovations, two wi
 may raise an alarm: fewer than one alarm in 1e5 flights whose model is right.
 """
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
+
+from shefex_nav.compiled import kernel
+from shefex_nav.geometry import sums
 
 LENGTHS = (20, 60)  # [E] innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -49,6 +51,21 @@ def neighbours(w):
     return float((w[1:] * w[:-1]).sum()) / float((w * w).sum()) * np.sqrt(w.size)
 
 
+@kernel
+def _statistics(w):
+    """Size, run and neighbours of the module's text. (n, d), contiguous -> three numbers"""
+    n, d = w.shape
+    total, squares, products = np.zeros(d), np.empty(n * d), np.empty(n * d - d)
+    for k in range(n):
+        for i in range(d):
+            total[i] += w[k, i]
+            squares[k * d + i] = w[k, i] * w[k, i]
+            if k > 0:
+                products[k * d - d + i] = w[k, i] * w[k - 1, i]
+    size = sums.pairwise(squares)
+    return size, (total @ total) / n, sums.pairwise(products) / size * np.sqrt(n * d)
+
+
 class Window:
     """The last innovations of one sensor, changed in place.
 
@@ -56,33 +73,37 @@ class Window:
     """
 
     def __init__(self):
-        self.kept = deque(maxlen=max(LENGTHS))
+        self.kept, self.n = np.empty((0, 0)), 0  # the last n rows of what is filled are meant
         self.limits = {}
 
     def forget(self):
         """Begin anew: what came before was judged by another model."""
-        self.kept.clear()
+        self.n = 0
 
     def last(self):
         """As many of the last as the shorter window has at most: (n, d)."""
-        return np.array(list(self.kept)[-LENGTHS[0] :])
+        return self.kept[max(self.n - LENGTHS[0], 0) : self.n].copy()
 
     def take(self, w):
         """Take a whitened innovation (d,) in. -> Finding"""
-        self.kept.append(w)
-        found, kept = QUIET, np.array(self.kept)
+        if not self.n:
+            self.kept = np.empty((2 * LENGTHS[-1], len(w)))
+        elif self.n == len(self.kept):
+            self.n = LENGTHS[-1] - 1
+            self.kept[: self.n] = self.kept[-self.n :]
+        self.kept[self.n] = w
+        self.n += 1
+        found = QUIET
         for n in LENGTHS:
-            if len(kept) >= n:
-                one = self._judged(kept[-n:], n == LENGTHS[-1])
+            if self.n >= n:
+                one = self._judged(n, n == LENGTHS[-1])
                 found = one._replace(large=found.large or one.large, process=found.process or one.process)
         return found
 
-    def _judged(self, w, longest):
-        """Finding of whitened innovations (n, d); only the longest window tells white ones from others."""
-        n, d = w.shape
-        size, total = float((w * w).sum()), w.sum(axis=0)
-        run = float(total @ total) / n
-        near = neighbours(w)
+    def _judged(self, n, longest):
+        """Finding of the last n innovations; only the longest window tells white ones from others."""
+        d = self.kept.shape[1]
+        size, run, near = _statistics(self.kept[self.n - n : self.n])
         large, excess = size > self._limit(n * d), size / (n * d)
         process = large and near > TOGETHER
         one_sided = run > self._limit(d) and near > TOGETHER

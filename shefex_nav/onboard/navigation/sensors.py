@@ -42,6 +42,13 @@ def _gps_position(nav, now, fix):
     return z, H, R + arm * np.eye(len(z)) if arm else R
 
 
+def _swung_arm(nav, now):
+    """`unknown_attitude.of_arm` of the velocity of the antenna against the IMU."""
+    if unknown_attitude.is_known(now.P):
+        return 0.0
+    return unknown_attitude.of_arm(now.P, rotation.cross(now.felt_packed[:3], nav.params.l_ba_b))
+
+
 def _gps_velocity(nav, now, fix):
     z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
     if now.vibration:
@@ -49,7 +56,7 @@ def _gps_velocity(nav, now, fix):
     swing = swing_covariance(nav, now)
     if swing is not None:
         R = R + swing
-    arm = unknown_attitude.of_arm(now.P, rotation.cross(now.felt_packed[:3], nav.params.l_ba_b))
+    arm = _swung_arm(nav, now)
     return z, H, R + arm * np.eye(3) if arm else R
 
 
@@ -67,7 +74,7 @@ def _gps_range_rate(nav, now, fix):
     if swing is not None:
         C_ei = frames.dcm_ie(nav.earth, now.t_s).T
         R = R + along @ C_ei.T @ swing @ C_ei @ along.T
-    arm = unknown_attitude.of_arm(now.P, rotation.cross(now.felt_packed[:3], nav.params.l_ba_b))
+    arm = _swung_arm(nav, now)
     return z, H, R + (vibration_variance(nav.params, now) + arm) * (along @ along.T)
 
 
@@ -132,9 +139,9 @@ def swing_covariance(nav, now):
 
     A gyro that cannot be read leaves the velocity of the antenna against the IMU unknown, omega x arm.
     """
-    imu, rules = now.imu, nav.watch.params.imu
-    if not imu.extra[0].any():
+    if not now.extra[0].any():
         return None
+    imu, rules = now.imu, nav.watch.params.imu
     at_end = (np.abs(imu.dtheta_b) >= 0.999 * rules.range[0] * imu.dt_s).any(axis=0)
     sigma = np.where(imu.extra[0] > 0.0, np.where(at_end, rules.missed[0], rules.wrong[0]), 0.0)
     C_ei = frames.dcm_ie(nav.earth, now.t_s).T
@@ -190,7 +197,7 @@ def _star_trial(nav, now, z, R, fix):
     P_rate = rate_covariance(nav.layout, now)
     limit = nav.limits[3]
 
-    noise = (nav.noise.gyro * params.imu.gyro_random_walk) ** 2 + now.imu.extra[0].max()
+    noise = (nav.noise.gyro * params.imu.gyro_random_walk) ** 2 + now.extra[0].max()
 
     def agree(earlier, later):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)

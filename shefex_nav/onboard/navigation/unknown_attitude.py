@@ -45,9 +45,11 @@ theta x (theta x l)/2. It is the same in every fix, so the mean of many fixes is
 as noise `ALIKE` times as large as it is.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from shefex_nav.compiled import inner
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import eskf
@@ -58,6 +60,7 @@ UNKNOWN2 = np.pi**2 / 3.0  # rad^2, variance of an angle of which nothing is kno
 MARGIN = 1.05  # of that variance, before ties are cut
 BENT2 = 0.2**2  # [E] rad^2, of an angle below which its second order is less than what GPS sees
 SURE = 5.0  # of its sigma: length of a vector from which on its direction is known
+ROLL, PITCH, YAW = range(ATT.start, ATT.stop)
 ALIKE = 10.0  # [E] square root of the number of fixes with the same error
 
 
@@ -139,6 +142,11 @@ def _lose_across(P, variance, axis, speed, q_ib):
             P[v + i, v + j] += size * (2.0 * sigma + size) * across[i] * across[j]
 
 
+def is_known(P):
+    """Whether no angle of the attitude is large. (n, n) -> bool"""
+    return P.item(ROLL, ROLL) <= LARGE2 and P.item(PITCH, PITCH) <= LARGE2 and P.item(YAW, YAW) <= LARGE2
+
+
 def bent(P, z, H, R, q_ib):
     """What an angle that a vector shows as a whole has done to position and velocity beyond the first order.
 
@@ -150,26 +158,35 @@ def bent(P, z, H, R, q_ib):
     P : (n, n);  z, H, R : (m,), (m, n), (m, m) of a measurement;  q_ib : (4,)
     -> (n,) to be added to the state and taken off z, or None where the vector is too short or the angle small
     """
-    A = P[ATT, ATT]
-    if A.diagonal().max() <= LARGE2:
+    if is_known(P):
         return None
-    values, axes = np.linalg.eigh(A)
-    variance, axis_b = values[2], axes[:, 2]
+    is_long, first, second, across, along = _bend(P, z, H, R, q_ib)
+    if not is_long:
+        return None
+    angle = np.arctan2(across, along)
+    return (np.sin(angle) - angle) * first + (np.cos(angle) - 1.0) * second
+
+
+@kernel
+def _bend(P, z, H, R, q_ib):
+    """Whether the vector of `bent` is long enough; first and second order of what the angle does, (n,) each;
+    the components of z across the vector and along it."""
+    n = len(P)
+    first, second = np.zeros(n), np.zeros(n)
+    values, axes = np.linalg.eigh(np.ascontiguousarray(P[ATT, ATT]))
+    variance, axis_b = values[2], axes[:, 2].copy()
     if variance <= BENT2:
-        return None
-    first, second = np.zeros(len(P)), np.zeros(len(P))
+        return False, first, second, 0.0, 0.0
     axis_i = rotation.quat_rotate(q_ib, axis_b)
-    for block in (POS, VEL):
-        across = P[block, ATT] @ axis_b / variance
-        second[block] = rotation.cross(across, axis_i)
-        first[block] = across - (across @ axis_i) * axis_i
+    for start in (POS.start, VEL.start):
+        across = np.ascontiguousarray(P[start : start + 3, ATT]) @ axis_b / variance
+        second[start : start + 3] = rotation.cross(across, axis_i)
+        first[start : start + 3] = across - (across @ axis_i) * axis_i
     sees, turns = H @ first, H @ second
     length2 = sees @ sees
     noise2 = sees @ (H @ P @ H.T + R) @ sees / max(length2, 1e-300) - variance * length2
-    if length2 <= SURE**2 * max(noise2, 0.0) or not length2:
-        return None
-    angle = np.arctan2(sees @ z, turns @ z + length2)
-    return (np.sin(angle) - angle) * first + (np.cos(angle) - 1.0) * second
+    is_long = length2 > SURE**2 * max(noise2, 0.0) and length2 > 0.0
+    return is_long, first, second, sees @ z, turns @ z + length2
 
 
 def take_share(dx, P, updated):
@@ -178,15 +195,42 @@ def take_share(dx, P, updated):
     dx : (n,) by the linear model, changed in place
     P, updated : (n, n) before, and after by the linear model. -> (n, n)
     """
-    if P[ATT, ATT].diagonal().max() <= LARGE2:
+    if is_known(P):
         return updated
+    turned = _along_axes(P, updated, dx)
+    share, after = _by_the_sine(turned.before, turned.after)
+    return _taken(turned, share, after, dx)
+
+
+class Turned(NamedTuple):
+    """Covariances and an estimated error about the axes about which the angles have no ties to each other."""
+
+    axes: np.ndarray  # (n, n)
+    P: np.ndarray  # (n, n)
+    updated: np.ndarray  # (n, n)
+    along: np.ndarray  # (n,)
+    before: np.ndarray  # (3,) variances of the angles of P,
+    after: np.ndarray  # (3,) of `updated`
+
+
+@kernel
+def _along_axes(P, updated, dx):
+    """Turned. P, updated : (n, n);  dx : (n,)"""
     axes = np.eye(len(P))
-    axes[ATT, ATT] = np.linalg.eigh(P[ATT, ATT])[1]  # the angles about these have no ties to each other
+    axes[ATT, ATT] = np.linalg.eigh(np.ascontiguousarray(P[ATT, ATT]))[1]
     P, updated, along = axes.T @ P @ axes, axes.T @ updated @ axes, axes.T @ dx
-    share, after = _by_the_sine(P[ATT, ATT].diagonal(), updated[ATT, ATT].diagonal())
-    updated = eskf.partly(along, P, updated, share)
-    angles = np.arange(ATT.start, ATT.stop)
-    updated[angles, angles] = np.maximum(updated[angles, angles], after)
+    before, after = np.diag(P)[ATT].copy(), np.diag(updated)[ATT].copy()
+    return Turned(axes, P, updated, along, before, after)
+
+
+@kernel
+def _taken(turned, share, after, dx):
+    """Covariance (n, n) once a share (3,) is taken that leaves the variances `after`; dx (n,) is written."""
+    axes, along = turned.axes, turned.along
+    updated = eskf.partly(along, turned.P, turned.updated, share)
+    for i in range(3):
+        k = ATT.start + i
+        updated[k, k] = max(updated[k, k], after[i])
     dx[:] = axes @ along
     return axes @ updated @ axes.T
 
@@ -208,9 +252,9 @@ def of_arm(P, arm_b):
 
     P : (n, n);  arm_b : (3,) of any unit -> float, its square
     """
-    P_theta = P[ATT, ATT]
-    if P_theta.diagonal().max() <= LARGE2:
+    if is_known(P):
         return 0.0
+    P_theta = P[ATT, ATT]
     trace, length2 = float(np.trace(P_theta)), float(arm_b @ arm_b)
     across = max(trace * length2 - float(arm_b @ P_theta @ arm_b), 0.0)
     return ALIKE**2 * min(0.25 * trace * across, 4.0 * length2)

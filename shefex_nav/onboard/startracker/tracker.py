@@ -111,7 +111,7 @@ class _Same:
         return self.catalogue is other.catalogue
 
 
-@lru_cache(maxsize=1)  # a campaign asks for the same ones every time
+@lru_cache(maxsize=4)  # a campaign asks for the same ones every time, a study for those of several missions
 def _pairs(settings, same, julian_year, field):
     """StarPairs of settings.Catalogue, the _Same of a catalogue, year and field of view [rad]."""
     return onboard_catalogue.pair_table(onboard_catalogue.build(settings, same.catalogue, julian_year), field)

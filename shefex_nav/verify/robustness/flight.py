@@ -137,9 +137,14 @@ def last_s(vehicle):
     return float(at.get(LAST, vehicle.trajectory.t_s[-1]))
 
 
-@lru_cache(maxsize=256)  # all that is told of all grades of a rocket
+@lru_cache(maxsize=256)  # all that is told of all grades of the rockets
 def scenario_of(name, settings):
     """Scenario with settings; pictures are never drawn."""
+    return _loaded(name, settings)
+
+
+def _loaded(name, settings):
+    """`scenario_of` of settings that no other flight has: not kept, as they would drive out the others."""
     from shefex_nav.scenario import load
 
     loaded = load.load(name, settings)
@@ -154,6 +159,14 @@ def _vehicle(name, settings):
     from shefex_nav import prepare
 
     return prepare.fly_vehicle(scenario_of(name, settings), VEHICLE_SEED)
+
+
+@lru_cache(maxsize=8)
+def _sky(name, settings):
+    """Where antenna and satellites are in the flight of a rocket. Nobody looks at ranges here."""
+    from shefex_nav import prepare
+
+    return prepare.gps_sky(scenario_of(name, settings), _vehicle(name, settings), with_ranges=False)
 
 
 @cache
@@ -204,7 +217,7 @@ def _fly(job, situations, vehicle):
     """One flight of each Situation of a job: list of Kept. As long as nothing differs, one flies for all."""
     from shefex_nav import simulate
 
-    built, flights = [_scenario_and_world(job, one, vehicle) for one in situations], {}
+    built, flights = _scenarios_and_worlds(job, situations, vehicle), {}
     first, world = _begun(job, *built[0], vehicle), built[0][1]
     alike = [0] * len(situations)
     for k, one in enumerate(situations):
@@ -236,17 +249,32 @@ def _begun(job, scenario, world, vehicle):
     return _Flight(route, {}, seen)
 
 
-def _scenario_and_world(job, situation, vehicle):
-    """Scenario, prepare.World of a Situation."""
+def _scenarios_and_worlds(job, situations, vehicle):
+    """Scenario, prepare.World of each Situation: list. What faults do not change is measured once."""
     from shefex_nav import prepare
+
+    built, sound = [], None
+    for situation in situations:
+        scenario, faulty = _scenario(job, situation), _only_faults(situation)
+        if not faulty or sound is None:
+            found = prepare.sound(scenario, job.seed, vehicle, sky=_sky(job.scenario, of_rocket(job)))
+            sound = found if faulty else sound
+        world = prepare.with_faults(scenario, sound if faulty else found, keeps=faulty)
+        built.append((scenario, _received(world, situation)))
+    return built
+
+
+def _scenario(job, situation):
+    """Scenario of a Situation, with the blocks of states that its filter estimates."""
     from shefex_nav.scenario import load
 
     told = situation.told.settings(situation.scenario) if situation.told.settings else ()
     healthy = (*overrides(job), *told)
-    scenario = scenario_of(job.scenario, (*healthy, *situation.settings))
+    of = _loaded if situation.settings else scenario_of
+    scenario = of(job.scenario, (*healthy, *situation.settings))
     if scenario.navigation.states == AUTOMATIC:
         scenario = load.with_states(scenario, _states(job.scenario, healthy, of_rocket(job)))
-    return scenario, _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
+    return scenario
 
 
 def _received(world, situation):
