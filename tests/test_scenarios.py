@@ -346,6 +346,7 @@ def test_high_rate_is_fixed_at_every_rate():
     assert solved(spots["by_rate"], 5.0, 15.0)[1] < 0.9 * fixed  # what the gyro rate is worth
 
 
+@pytest.mark.slow
 def test_rows_one_after_the_other_do_not_disturb_the_mission():
     """From the despin to the entry: nothing is lost up to the highest rate, no fix contradicts the filter."""
     result = summary("shefex2_aps_rolling", until_s=420.0)

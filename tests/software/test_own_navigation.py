@@ -61,6 +61,7 @@ def test_what_follows_from_an_estimate():
     assert np.isnan(without.sigma_r_e).all() and without.flight_path_angle == told.flight_path_angle
 
 
+@pytest.mark.slow  # the same algorithm in C flies the same mission in test_own_program.py
 def test_the_filter_to_start_from_meets_what_the_mission_requires(tmp_path):
     path = template("filter.py", tmp_path)
     records = flown("shefex2_andoya", STATISTICAL, f"navigation.software={path}:MyFilter", until_s=399.0)

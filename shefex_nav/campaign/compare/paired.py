@@ -72,7 +72,7 @@ def difference(a, b, *, larger_is_better=False):
     """Difference of two samples (n,), (n,), n >= 1, row k of both of one seed."""
     a, b = (np.asarray(side, dtype=float) for side in (a, b))
     found = b - a
-    found[np.abs(found) <= ROUNDING * np.maximum(np.abs(a), np.abs(b))] = 0.0
+    found[np.isfinite(found) & (np.abs(found) <= ROUNDING * np.maximum(np.abs(a), np.abs(b)))] = 0.0
     worse = -found if larger_is_better else found
     n, mean, counts = len(found), float(found.mean()), (int((worse < 0.0).sum()), int((worse > 0.0).sum()))
     if why := _no_interval(found):

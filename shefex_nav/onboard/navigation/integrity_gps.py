@@ -38,7 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import kernel
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation.measurements import level_axes
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL, X_R, X_V
@@ -130,7 +130,7 @@ def _whereabouts(t_s, memory, place, dr, dv, earth):
     return r_e, v_e, sigma_v, sigma_a
 
 
-@kernel
+@inner
 def sigmas(P, f_b):
     """Standard deviations of velocity and acceleration, of their norms; the latter is -f x theta - bias."""
     J, velocity, acceleration = np.zeros((3, 6)), 0.0, 0.0

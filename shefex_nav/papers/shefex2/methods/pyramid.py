@@ -95,7 +95,7 @@ def identify(settings, camera, pairs, u_c, flux, P_px=None):
     return best
 
 
-@inner
+@kernel
 def smart_triads(n):
     """All triads of n detections in Mortari's order: (m, 3) int64.
 
