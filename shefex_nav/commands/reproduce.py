@@ -73,18 +73,13 @@ def reproduce(
 
 
 def _close(done, out, every, json):
-    """Leave results of (name, Outcome) in the folder; then JSON, or the counts and the page of all."""
-    import json as formats
-
-    from shefex_nav import files
+    """JSON of (name, Outcome), or the counts and the page of all."""
     from shefex_nav.papers import table
 
-    objects = [table.as_numbers(one, registry.load(one), outcome) for one, outcome in done]
-    for one in objects:
-        files.put(out / f"{one['experiment']}.json", formats.dumps(one, allow_nan=False, indent=1))
     if every:
         _page(out)
     if json:
+        objects = [table.as_numbers(one, registry.load(one), outcome) for one, outcome in done]
         print_json({"experiments": objects} if every else objects[0])
     elif every:
         stdout(150).print(table.counts_table(done))
@@ -104,7 +99,10 @@ def _page(out):
 
 
 def _run(name, samples, seed, out, keep, before, show):
-    """One experiment, after those of `before`: measure, draw, and show the table if wanted. Outcome."""
+    """One experiment, after those of `before`: measure, leave figure and rows, show if wanted. Outcome."""
+    import json as formats
+
+    from shefex_nav import files
     from shefex_nav.papers import links, picture, table
     from shefex_nav.papers.keep import StoreError
 
@@ -120,6 +118,8 @@ def _run(name, samples, seed, out, keep, before, show):
         stdout(140).print(table.experiment_table(name, experiment, outcome))
     path = out / f"{name}.png"
     picture.draw(experiment, outcome, path)
+    rows = table.as_numbers(name, experiment, outcome)
+    files.put(out / f"{name}.json", formats.dumps(rows, allow_nan=False, indent=1))
     say(f"wrote {path}")
     return outcome
 

@@ -187,8 +187,10 @@ def _blind(options, stages):
         found = solve_picture(seen, **options, record=record)
         grey = seen.grey[:, ::-1] if options["mirrored"] else seen.grey  # as it was solved
         written = steps.draw(grey, record, found, stages)
-        overlay.draw(seen.grey, found, stages / f"{NAMED}.png")
-        say(f"wrote {', '.join([*written, NAMED + '.png'])} to {stages}")
+        if found.status == "ok":
+            overlay.draw(seen.grey, found, stages / f"{NAMED}.png")
+            written.append(f"{NAMED}.png")
+        say(f"wrote {', '.join(written)} to {stages}")
         return found
 
     return draw

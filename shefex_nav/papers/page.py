@@ -29,6 +29,8 @@ LEAD = (
     "named has one thing otherwise and reaches the published figure."
 )
 WANTED = {"experiment", "seed", "samples", "rows", "wall_s", "title", "unit"}
+TEXTS, FIGURES = ("quantity", "condition", "why"), ("published", "measured", "tolerance")  # of a row
+PNG = b"\x89PNG\r\n\x1a\n"  # how such a file begins
 
 
 class FolderError(UserError, ValueError):
@@ -44,17 +46,30 @@ def read(folder):
             continue
         try:
             one = json.loads(path.read_text())
-            complete = WANTED <= set(one) and all(row["verdict"] in list(Verdict) for row in one["rows"])
+            ours = one["version"] == __version__ and set(one) >= WANTED and all(map(_is_row, one["rows"]))
         except (OSError, ValueError, TypeError, KeyError):
-            complete = False
-        if not complete:
+            ours = False
+        if not ours:
             raise FolderError(f"{path} is no result of this version; run 'reproduce {name}' again")
-        if not (Path(folder) / f"{name}.png").exists():
+        figure = Path(folder) / f"{name}.png"
+        if not (figure.is_file() and figure.read_bytes().startswith(PNG)):
             raise FolderError(f"the figure {name}.png is not beside {path}; run 'reproduce {name}' again")
         found[name] = one
     if not found:
         raise FolderError(f"no experiment has left its results in {folder}; 'reproduce all' does")
     return found
+
+
+def _is_row(row):
+    """Whether an object of JSON is a row of a table; KeyError, TypeError where it is something else."""
+    ends = (None, None) if row["ci95"] is None else row["ci95"]
+    numbers = [*(row[name] for name in FIGURES), *ends]
+    return (
+        row["verdict"] in list(Verdict)
+        and len(ends) == 2
+        and all(isinstance(row[name], str) for name in TEXTS)
+        and all(one is None or isinstance(one, int | float) for one in numbers)
+    )
 
 
 def page(folder):

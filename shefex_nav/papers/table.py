@@ -6,6 +6,7 @@ from rich.console import Group
 from rich.padding import Padding
 from rich.text import Text
 
+from shefex_nav import __version__
 from shefex_nav.papers.verdict import DIFFERS, Verdict
 from shefex_nav.report import columns
 
@@ -17,6 +18,7 @@ STYLES = {Verdict.REPRODUCED: "green", Verdict.BETTER: "cyan", Verdict.GOAL_MET:
 def as_numbers(name, experiment, outcome):
     """One experiment as an object that JSON can hold: dict. A value that is no number becomes null."""
     return {
+        "version": __version__,
         "experiment": name,
         "title": experiment.title,
         "unit": experiment.unit,

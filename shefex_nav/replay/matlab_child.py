@@ -3,39 +3,47 @@
 A damaged file can crash scipy's reader, or have it ask for any amount of memory. Here that ends this process
 alone. It imports nothing of the package, so that it starts at once.
 
-Exit codes: 0 done, 1 with what is wrong in one line on standard error.
+Arguments: the file, then the fields that are wanted. Exit codes: 0 done, 3 with what is wrong in one line on
+standard error.
 """
 
 import json
 import sys
 
 MOST_MEMORY = 4 << 30  # bytes of address space
+MOST_NUMBERS = 1 << 27  # in all fields: 1 GiB
 KINDS = "kinds"  # entry: JSON, {field: name of its dtype} of the one structure, or the number of structures
 FIELD = "field "  # before the name of a field: some names have a meaning for `numpy.savez`
+REFUSED = 3  # exit code
 
 
-def main(path):
-    """Read a file and write what its structure holds."""
+def main(path, *wanted):
+    """Write what the structure of a file holds. -> what is wrong with it, or nothing"""
     import numpy as np
     from scipy.io import loadmat
 
     _limited()
     try:
-        content = loadmat(path, squeeze_me=True, struct_as_record=False)
+        content = loadmat(path, squeeze_me=True, struct_as_record=False, appendmat=False)
+        found = [value for value in content.values() if hasattr(value, "_fieldnames")]
+        if len(found) != 1:
+            np.savez(sys.stdout.buffer, **{KINDS: json.dumps(len(found))})
+            return ""
+        arrays = {name: np.asarray(getattr(found[0], name)) for name in found[0]._fieldnames}
+        kinds = {name: value.dtype.name for name, value in arrays.items()}
+        numbers = {
+            name: arrays[name] for name in wanted if name in arrays and arrays[name].dtype.kind in "fiu"
+        }
+        if sum(value.size for value in numbers.values()) > MOST_NUMBERS:
+            return f"has more than {MOST_NUMBERS} numbers"
+        columns = {FIELD + name: np.array(value, dtype=float) for name, value in numbers.items()}
+        np.savez(sys.stdout.buffer, **{KINDS: json.dumps(kinds)}, **columns)
     except NotImplementedError:
         return "is a Matlab file of version 7.3; save it with -v7"
     except MemoryError:
         return f"cannot be read as a Matlab file: it takes more than {MOST_MEMORY >> 30} GiB"
     except Exception as error:  # whatever a file that is none makes the reader do
         return f"cannot be read as a Matlab file: {error}"
-    found = [value for value in content.values() if hasattr(value, "_fieldnames")]
-    if len(found) != 1:
-        np.savez(sys.stdout.buffer, **{KINDS: json.dumps(len(found))})
-        return ""
-    arrays = {name: np.asarray(getattr(found[0], name)) for name in found[0]._fieldnames}
-    kinds = {name: value.dtype.name for name, value in arrays.items()}
-    numbers = {FIELD + name: value for name, value in arrays.items() if value.dtype.kind in "fiu"}
-    np.savez(sys.stdout.buffer, **{KINDS: json.dumps(kinds)}, **numbers)
     return ""
 
 
@@ -49,7 +57,7 @@ def _limited():
 
 
 if __name__ == "__main__":
-    words = main(sys.argv[1])
+    words = main(*sys.argv[1:])
     if words:
         print(" ".join(words.split()), file=sys.stderr)
-        sys.exit(1)
+        sys.exit(REFUSED)

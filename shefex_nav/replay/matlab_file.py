@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from shefex_nav.replay.matlab_child import FIELD, KINDS
+from shefex_nav.replay.matlab_child import FIELD, KINDS, REFUSED
 from shefex_nav.scenario.data_table import DataError, Table, missing, refuse_infinite
 from shefex_nav.scenario.quantity import quoted
 
 CHILD = Path(__file__).with_name("matlab_child.py")
+LONGEST_S = 300.0
 
 
 def read(path, names, optional=()):
@@ -24,27 +25,33 @@ def read(path, names, optional=()):
     -------
     Table, {name: array} of the optional fields of numbers that are there
     """
-    kinds, fields = _structure(path, names)
+    kinds, fields = _structure(path, names, optional)
     problems = [f"{path}: {missing(name, list(kinds), 'field')}" for name in names if name not in kinds]
     if problems:
         raise DataError("\n".join(problems))
     columns = {}
     for name in names:
         value = fields.get(name)
-        if value is None or value.ndim not in (1, 2):
-            raise DataError(f"{path}: field {name}: expected numbers, got {_found(kinds[name], value)}")
+        if value is None or value.ndim not in (1, 2) or not value.size:
+            raise DataError(
+                f"{path}: field {name}: expected a column of numbers, got {_found(kinds[name], value)}"
+            )
         for k, column in enumerate([value] if value.ndim == 1 else value.T):
-            columns[f"{name}.{k}" if value.ndim == 2 else name] = np.array(column, dtype=float)
+            columns[f"{name}.{k}" if value.ndim == 2 else name] = np.array(column)
     _same_length(path, columns)
     table = Table(path, columns, None)
     refuse_infinite(table)
     return table, {name: fields[name] for name in optional if name in fields}
 
 
-def _structure(path, names):
-    """{field: name of its dtype} and {field: array}, those of numbers, of the one structure in a file."""
-    done = subprocess.run([sys.executable, "-P", str(CHILD), str(path)], capture_output=True, check=False)
-    if done.returncode == 1:
+def _structure(path, names, optional):
+    """{field: name of its dtype}, and {field: (...) float64} of those asked for, of the one structure."""
+    command = [sys.executable, "-P", str(CHILD), str(path), *names, *optional]
+    try:
+        done = subprocess.run(command, capture_output=True, check=False, timeout=LONGEST_S)
+    except subprocess.TimeoutExpired:
+        raise DataError(f"{path}: cannot be read as a Matlab file within {LONGEST_S:g} s") from None
+    if done.returncode == REFUSED:
         raise DataError(f"{path}: {done.stderr.decode(errors='replace').strip().splitlines()[-1]}")
     if done.returncode:
         raise DataError(f"{path}: is damaged, or no Matlab file: the program that reads it crashed")
@@ -58,7 +65,11 @@ def _structure(path, names):
 
 def _found(kind, value):
     """Words for a field that is no column of numbers."""
-    return quoted(kind) if value is None else f"{value.ndim} dimensions"
+    if value is None:
+        return quoted(kind)
+    if not value.size:
+        return "none"
+    return "a single one" if value.ndim == 0 else f"{value.ndim} dimensions"
 
 
 def _same_length(path, columns):

@@ -161,8 +161,12 @@ class QuantitySpec:
     def _with_units(self, number):
         """The user's own number with the units that may be meant: list of texts that the field takes.
 
-        number : text;  the unit of the example comes first, then the one in SI, where people write it
+        number : text;  the unit of the example comes first, then the one in SI, where people write it. A
+        share of at most one is meant as that, not as so many per cent
         """
+        percent = 100.0 * float(number)
+        if split(self.example)[1] == "%" and 0.0 < percent <= 100.0 and self._takes(percent, "%"):
+            return [f"{percent:.6g} %"]
         units = [split(self.example)[1]]
         if _PLAIN_UNIT.fullmatch(self.unit) and self.unit not in units:
             units.append(self.unit)

@@ -75,12 +75,15 @@ def set_one(tree, path, value):
 
 
 def set_twice(told):
-    """(Mark, text) of a flux that is set together with what it follows from: list.
+    """(Mark, text) of a flux that is set together with what it follows from, and of two pupils: list.
 
     told : sequence of (Mark, path of the scenario) of what is set
     """
     marks = {path: mark for mark, path in told}
     flux, lens = (CAMERA, *FLUX), [path for path in LENS if (CAMERA, *path) in marks]
+    if all((CAMERA, *path) in marks for path in PUPIL):
+        first, second = ((CAMERA, *path) for path in PUPIL)
+        return [(marks[second], f"{dotted(second)}: {dotted(first)} is set too; set one of them")]
     if flux not in marks or not lens:
         return []
     words = f"{dotted((CAMERA, *lens[0]))}, from which it follows, is set too; set one of them"

@@ -48,7 +48,9 @@ def test_json_is_one_strict_object(toy_registered, tmp_path):
         raise AssertionError(f"{constant} is not JSON")
 
     found = json.loads(result.stdout, parse_constant=refuse)
-    assert list(found) == ["experiment", "title", "unit", "seed", "samples", "rows", "wall_s"]
+    assert list(found) == [
+        "version", "experiment", "title", "unit", "seed", "samples", "rows", "wall_s",
+    ]  # fmt: skip
     assert (found["experiment"], found["seed"], found["samples"]) == ("toy", 7, 200)
     mean, impossible = found["rows"]
     columns = ["quantity", "condition", "published", "measured", "ci95", "verdict", "tolerance", "why", "run"]
@@ -99,6 +101,28 @@ def test_the_page_has_the_papers_side_by_side(tmp_path, monkeypatch):
     assert page.count("data:image/png;base64,") == 1 and "IMPA" in page and "BRIGHT" not in page
     assert "there is nothing to measure it with" in page and "differs, open" in page
     (tmp_path / "toy.png").unlink()
+    assert "toy.png is not beside" in " ".join(reproduce("report", "--out", tmp_path).output.split())
+
+
+@pytest.mark.parametrize(
+    "change", [{"version": "0.0.1"}, {"rows": [{"verdict": "reproduced"}]}, {"published": "1"}]
+)
+def test_results_of_another_version_are_no_page(toy_registered, tmp_path, change):
+    assert reproduce("toy", "--samples", 50, "--out", tmp_path).exit_code == 0
+    path = tmp_path / "toy.json"
+    one = json.loads(path.read_text())
+    if "published" in change:
+        one["rows"][0] |= change
+    else:
+        one |= change
+    path.write_text(json.dumps(one))
+    result = reproduce("report", "--out", tmp_path)
+    assert result.exit_code == 2 and "is no result of this version" in " ".join(result.output.split())
+
+
+def test_a_figure_that_is_none_is_no_page(toy_registered, tmp_path):
+    assert reproduce("toy", "--samples", 50, "--out", tmp_path).exit_code == 0
+    (tmp_path / "toy.png").write_bytes(b"no")
     assert "toy.png is not beside" in " ".join(reproduce("report", "--out", tmp_path).output.split())
 
 

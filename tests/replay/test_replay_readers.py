@@ -212,6 +212,23 @@ def test_a_damaged_matlab_file_is_refused_or_read(tmp_path, seed):
         assert np.isfinite(table.stack(("t", "wb.0", "fb.2"))).all()
 
 
+@pytest.mark.parametrize(
+    ("value", "got"),
+    [(np.zeros((5, 0)), "none"), (1.0, "a single one"), ("text", "'str"), (np.ones((2, 2, 2)), "3 dim")],
+)
+def test_a_field_that_is_no_column_is_refused(tmp_path, value, got):
+    path = tmp_path / "imu.mat"
+    savemat(path, {"imu": {"t": value, "wb": np.ones((5, 3))}})
+    with pytest.raises(DataError, match=rf"imu\.mat: field t: expected a column of numbers, got {got}"):
+        matlab_file.read(str(path), ("t", "wb"))
+
+
+def test_no_other_file_is_read_than_the_one_that_is_named(tmp_path):
+    savemat(tmp_path / "imu.mat", {"imu": {"t": np.arange(5.0)}})
+    with pytest.raises(DataError, match="imu: cannot be read as a Matlab file"):
+        matlab_file.read(str(tmp_path / "imu"), ("t",))
+
+
 def test_a_crash_of_the_reader_is_a_message(tmp_path, monkeypatch):
     child = tmp_path / "child.py"
     child.write_text("import os\nos.abort()\n")

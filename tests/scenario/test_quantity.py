@@ -75,6 +75,12 @@ def test_reads(unit, text, expected):
     assert QuantitySpec(unit, "1 m").read(text) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize(("value", "meant"), [(0.5, "50 %"), ("1", "100 %"), (1.5, "1.5 %"), (60, "60 %")])
+def test_a_share_without_a_unit_is_not_taken_for_per_cent(value, meant):
+    with pytest.raises(PydanticCustomError, match=f"for example '{meant}'$"):
+        QuantitySpec("", "60 %").read(value)
+
+
 REFUSED = [
     # unit, value, words of the complaint
     ("m", 25, "25 has no unit; write it with one, for example '25 mm' or '25 m'"),

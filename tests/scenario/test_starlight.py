@@ -111,6 +111,14 @@ def test_both_set_at_once_is_an_error():
     assert said == f"--set {FLUX}: {words}"
 
 
+def test_two_pupils_set_at_once_are_an_error():
+    pupils = ["star_camera.optics.f_number=1.4", "star_camera.optics.aperture=30 mm"]
+    rest = [one for one in SETS if "f_number" not in one and "aperture" not in one]
+    said = the_message("shefex2_andoya", [*rest, *pupils])
+    assert "star_camera.optics.f_number is set too; set one of them" in said
+    assert said == the_message("shefex2_andoya", [*rest, *pupils[::-1]])
+
+
 @pytest.mark.parametrize(
     ("gone", "path"),
     [
