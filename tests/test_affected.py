@@ -115,6 +115,7 @@ def test_a_line_of_a_compiled_kernel_chooses_its_tests_and_not_others():
 
 
 @pytest.mark.skipif(not (affected.ROOT / ".git").exists(), reason="no repository")
+@pytest.mark.slow
 def test_workers_are_told_what_was_chosen(tmp_path):
     """Of one file that is asked for, where none of its tests is wanted: nothing is run, and nothing fails."""
     words = "--affected=HEAD", "-n1", "-k", "no_such_test", "-o", f"cache_dir={tmp_path}"

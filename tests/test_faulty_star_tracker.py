@@ -13,7 +13,7 @@ WRONG = (
 BIAS = "faults.star_tracker=[{fault: bias, angles: [0.1 deg, 0 deg, 0 deg], from: 300 s, until: 400 s}]"
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_no_wrong_fix_is_ever_used(seed):
     """Every tenth, the first of the window among them; the attitude within 1.1 times the clean run."""
     clean, wrong = (fly("shefex2_andoya", *o, seed=seed, until_s=406.0) for o in ((), (WRONG,)))

@@ -165,6 +165,7 @@ def test_woomera_by_night_over_land():
 
 
 @pytest.mark.parametrize("name", ["shefex2_no_precession", "shefex2_woomera"])
+@pytest.mark.slow
 def test_navigation_of_the_other_missions(name):
     """The promises of the default hold where nothing was tuned: solved, never wrong, ready for entry."""
     result = summary(name, until_s=flown(name).at["entry"] + 10.0)

@@ -127,6 +127,7 @@ def free_port():
         return one.getsockname()[1]
 
 
+@pytest.mark.slow
 def test_threads_of_the_user_change_nothing(path, digest, tmp_path):
     """Many profiles set OMP_NUM_THREADS: the campaign, its logs and `repeat` fly with one all the same."""
     folder = tmp_path / "campaign"

@@ -149,6 +149,7 @@ SLOW = pytest.mark.slow
 @pytest.mark.parametrize(
     "n", [sensitivity.FEWEST, pytest.param(10, marks=SLOW), pytest.param(12, marks=SLOW), 15]
 )
+@pytest.mark.slow
 def test_noise_is_certain_in_no_more_than_5_per_cent_of_small_campaigns(n):
     """35 draws, most with their distances, and 10 results without any connection, one of them a count."""
     rng = np.random.default_rng([18, n])

@@ -21,7 +21,9 @@ from shefex_nav.report.viewer.sender import GREEN, ORANGE
     "policy, pages",
     [
         (FramePolicy(10, "thresholded", 4.0), layout.PAGES),
-        (FramePolicy(0, "none", 4.0), (layout.OVERVIEW, layout.STARS)),  # the others show no frames
+        pytest.param(  # the other pages show no frames
+            FramePolicy(0, "none", 4.0), (layout.OVERVIEW, layout.STARS), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_no_view_reports_an_error(policy, pages, tmp_path):

@@ -278,6 +278,7 @@ def test_a_log_is_replayed_with_other_software(tmp_path, command):
     assert own != errors()[0] and name["navigation"].startswith("own.py:Reckoning, sha256 ")
 
 
+@pytest.mark.slow
 def test_the_built_in_filter_as_a_class_in_a_campaign(tmp_path, command):
     """The same figures as without."""
     tables = []

@@ -85,6 +85,7 @@ def test_a_small_matrix_is_flown_end_to_end_and_goes_on(tmp_path):
     assert "is of another study: set was" in other.output + str(other.exception)
 
 
+@pytest.mark.slow
 def test_what_a_kill_leaves_is_gone_on_with(tmp_path):
     out, numbers = tmp_path / "study", ",".join(map(str, own_cells(2)))
     words = [sys.executable, "-m", "shefex_nav", "verify", "robustness", *map(str, BRIEF), "--cells", numbers]
