@@ -89,7 +89,7 @@ def _fly(flights, how):
 
 
 def _there(told):
-    """{letter: Side} of what of list of given.Given needs not fly."""
+    """{letter: Side} of those of list of given.Given that need not fly."""
     from shefex_nav.campaign.compare import given as words
     from shefex_nav.campaign.compare import sides
 
@@ -105,19 +105,15 @@ def _there(told):
 
 
 def _check_seeds(told, there, planned):
-    """CompareError where the first and another would have no seed in common after all have flown."""
+    """CompareError where the first and another will have no seed in common after all have flown."""
     from shefex_nav.campaign.compare import comparison, sides
 
-    if len(there) in (0, len(told)):  # all fly, with the same seeds; or none, and the comparison says it
-        return
-    every = [
-        comparison.Seeds(letter, one.text, there[letter].kind, list(there[letter].runs))
-        if letter in there
-        else comparison.Seeds(letter, one.text, "campaign", planned)
+    first, *others = (
+        there.get(letter) or sides.Planned(letter, one.text, planned)
         for letter, one in zip(sides.LETTERS, told, strict=False)
-    ]
-    for other in every[1:]:
-        comparison.in_common(every[0], other)
+    )
+    for other in others:
+        comparison.in_common(first, other)
 
 
 def _compared(told, there, flights):
@@ -127,10 +123,7 @@ def _compared(told, there, flights):
 
     flown, found = iter(flights), []
     for letter, one in zip(sides.LETTERS, told, strict=False):
-        is_there = letter in there
-        found.append(
-            there[letter] if is_there else sides.of(words.CAMPAIGN, next(flown).folder, letter, one.text)
-        )
+        found.append(there.get(letter) or sides.of(words.CAMPAIGN, next(flown).folder, letter, one.text))
     first, *others = found
     return found, [comparison.compare(first, other) for other in others]
 

@@ -3,10 +3,10 @@
 Records wait until the next flush, because encoding a hundred of one type at once costs half as much as one by
 one; they are then written in the order in which they came. What a flight tells at every tick need not come as
 records: at a flush its columns are taken (`steady.Steady`), and their messages stand in the file where those
-of the records would. A flush is due after the first tenth of a second
-(who follows the log has something to show), at every whole second of mission time, at least once a second of
-the wall clock and after every event: a run that is killed keeps all but its last second. In real time it is
-due ten times as often: a second at once would hold up the next tick.
+of the records would. A flush is due after the first tenth of a second (who follows the log has something to
+show), at every whole second of mission time, at least once a second of the wall clock and after every event:
+a run that is killed keeps all but its last second. In real time it is due ten times as often: a second at
+once would hold up the next tick.
 """
 
 import errno

@@ -14,15 +14,6 @@ IN_TURN = "flown one after the other"
 SAME_SHARE = 1e-3  # of the ticks with a solution, by which two sides of a seed may differ
 
 
-class Seeds(NamedTuple):
-    """The seeds of a side, which may not have flown yet."""
-
-    letter: str
-    label: str
-    kind: str
-    every: list  # of int
-
-
 class Row(NamedTuple):
     """One figure of both."""
 
@@ -60,7 +51,7 @@ class Comparison(NamedTuple):
 
 def compare(a, b):
     """Comparison of two sides; CompareError if they have no seed in common."""
-    seeds = in_common(*(Seeds(one.letter, one.label, one.kind, list(one.runs)) for one in (a, b)))
+    seeds = in_common(a, b)
     whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
     one_flight = a.kind == b.kind == LOG and a.where == b.where  # of which two filters say something
     compared = [one for one in QUANTITIES if not one.timed or (a.kind == b.kind and not one_flight)]
@@ -72,12 +63,14 @@ def compare(a, b):
 
 
 def in_common(a, b):
-    """Seeds that two sides have, in the order of the first: tuple. a, b : Seeds. CompareError without any."""
-    of_b = set(b.every)
-    found = tuple(seed for seed in a.every if seed in of_b)
+    """Seeds that two sides have, in the order of the first: tuple; CompareError without any.
+
+    a, b : sides.Side, or sides.Planned of what has not flown yet
+    """
+    found = tuple(seed for seed in a.runs if seed in b.runs)
     if found:
         return found
-    each = ", ".join(f"{side.letter} ({side.label}) has {_some(side.every)}" for side in (a, b))
+    each = ", ".join(f"{side.letter} ({side.label}) has {_some(list(side.runs))}" for side in (a, b))
     advice = "fly both with the same --seed"
     if a.kind != b.kind:
         advice = (

@@ -53,8 +53,8 @@ def planned(given, how):
 
 
 def seeds(how):
-    """Seeds of the runs that are flown: list of int."""
-    return [draws.sensor_seed(how.seed, run) for run in range(how.runs)]
+    """Seeds of the runs that are flown: tuple of int."""
+    return tuple(draws.sensor_seed(how.seed, run) for run in range(how.runs))
 
 
 def _folder(scenario, given, how):

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav.campaign import results, store
-from shefex_nav.campaign.compare.given import IN_LOG, LOG, CompareError
+from shefex_nav.campaign.compare.given import CAMPAIGN, IN_LOG, LOG, CompareError
 from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario import document
 from shefex_nav.scenario import software as own
@@ -22,6 +22,15 @@ class Flown(NamedTuple):
     get: object  # function that gives the figure at a dotted path of the summary, `wall_s` among them
     judged: tuple  # of report.requirements.Judged
     draws: dict
+
+
+class Planned(NamedTuple):
+    """A campaign that has not flown yet: as much of a Side as is known."""
+
+    letter: str
+    label: str
+    runs: tuple  # seeds
+    kind: str = CAMPAIGN
 
 
 class Side(NamedTuple):
@@ -140,7 +149,7 @@ def _of_campaign(folder, letter, label):
     notes = (f"{letter}: {len(lost)} runs were lost and are not there",) if lost else ()
     head = store.read_head(folder)
     return Side(
-        letter, label, folder, "campaign", head["source"], software_in(head["source"]), head["versions"],
+        letter, label, folder, CAMPAIGN, head["source"], software_in(head["source"]), head["versions"],
         flown, notes=notes,
     )  # fmt: skip
 
