@@ -122,8 +122,9 @@ def _hypotheses(figure, grey, record, solution):
         if fit is None:
             words = "no lens fits it"
         else:
-            chance = max(outcome.false_probability, LEAST_SHOWN)
-            words = f"{(fit.star >= 0).sum()} stars at {fit.noise_px:.2f} px, chance {chance:.0e}"
+            chance = outcome.false_probability
+            shown = f"{chance:.0e}" if chance >= LEAST_SHOWN else f"below {LEAST_SHOWN:.0e}"
+            words = f"{(fit.star >= 0).sum()} stars at {fit.noise_px:.2f} px, probability of chance {shown}"
             words += ", proved" if outcome.is_true else ", not proved"
         axes.text(
             proposal[0], row, f"  {fov:.1f} deg, law xi {proposal[11]:.2g}: {words}", va="center", fontsize=8
