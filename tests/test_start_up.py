@@ -5,11 +5,10 @@ import sys
 
 import pytest
 
-OF_FILTER = {  # of the measurement update; its import takes most of a second, so only flights have it
-    *("filterpy", "scipy.stats", "scipy.interpolate", "scipy.optimize", "scipy.spatial", "scipy.ndimage"),
-}
+OF_FILTER = {"filterpy", "scipy.ndimage"}  # of the measurement update, so only flights have it
 HEAVY = {  # processor seconds of an import, and more; none is needed by the default mission
-    *("scipy.signal", "astropy", "matplotlib", "pandas", "PIL", "pyarrow", "rerun", "mcap", "dask", "pymsis"),
+    *("scipy.stats", "scipy.interpolate", "scipy.optimize", "scipy.spatial", "scipy.signal"),
+    *("astropy", "matplotlib", "pandas", "PIL", "pyarrow", "rerun", "mcap", "dask", "pymsis"),
     *("numba.np.arraymath", "numba.np.linalg", "numba.np.npyimpl"),  # numba's own, for what it compiles
     *("shefex_nav.trajectory.flight", "shefex_nav.papers.engine", "shefex_nav.solve", "shefex_nav.replay"),
 }
@@ -44,6 +43,27 @@ def test_a_flight_loads_nothing_that_it_does_not_use(tmp_path):
     assert "shefex_nav.simulate" in found
     assert found & HEAVY == set()
     assert "searches=0" in found  # a tenth of the time until the first tick, `ending.NEW_OBJECTS`
+
+
+LIKELIHOODS = """
+from types import SimpleNamespace
+from shefex_nav.onboard.navigation.eskf import engine
+kalman = engine(SimpleNamespace(n=15))
+import sys
+assert "scipy.stats" not in sys.modules
+import filterpy, numpy as np
+assert filterpy.stats.gaussian(0.0, 0.0, 1.0) == np.float64(1 / np.sqrt(2 * np.pi))
+kalman.update(np.ones((3, 1)), np.eye(3), np.eye(3, 15))
+wanted = -1.5 * np.log(2 * np.pi * 2.0) - 0.75  # S = 2 I, y^T y = 3
+assert abs(kalman.log_likelihood - wanted) < 1e-12
+from filterpy.stats import logpdf, mahalanobis
+"""
+
+
+def test_likelihoods_of_filterpy_are_there_for_those_who_ask():
+    """They need scipy.stats, which the filter does without."""
+    done = subprocess.run([sys.executable, "-c", LIKELIHOODS], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_flight_along_a_trajectory_has_its_splines():
