@@ -51,7 +51,9 @@ def test_by_the_network_the_records_are_the_same(built_in, kind):
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")
-def test_the_program_in_c_meets_what_the_mission_requires(tmp_path):
+@pytest.mark.parametrize("until_s", [60.0, pytest.param(398.0, marks=pytest.mark.slow)])
+def test_the_program_in_c_meets_what_the_mission_requires(until_s, tmp_path):
+    """Through the boost, and down to entry; attitude is required with stars alone."""
     source = template("strapdown.c", tmp_path)
     template("shefex_fsw.h", tmp_path)
     shutil.copy(tmp_path / "my_shefex_fsw.h", tmp_path / "shefex_fsw.h")
@@ -60,14 +62,14 @@ def test_the_program_in_c_meets_what_the_mission_requires(tmp_path):
     built = subprocess.run(how, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     software = f"navigation.software={{command: {program}}}"
-    records = flown("shefex2_andoya", STATISTICAL, software, until_s=399.0)
+    records = flown("shefex2_andoya", STATISTICAL, software, until_s=until_s + 1.0)
     truth = [one for one in records if type(one).__name__ == "TruthSample"]
     told = [one for one in records if isinstance(one, NavSolution)]
-    k = next(n for n, one in enumerate(told) if one.t_s > 398.0)
+    k = next(n for n, one in enumerate(told) if one.t_s > until_s)
     assert np.linalg.norm(truth[k].r_i - told[k].r_i) < 10.0
     assert np.linalg.norm(truth[k].v_i - told[k].v_i) < 0.5
     turn = own_navigation.rotation.rotvec_between(told[k].q_ib, truth[k].q_ib)
-    assert np.degrees(np.abs(turn)).max() < 0.17
+    assert np.degrees(np.abs(turn)).max() < (0.17 if until_s > 300.0 else 1.2)
 
 
 ENDS = (  # what a program does at tick 50, and what is said

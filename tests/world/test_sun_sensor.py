@@ -1,6 +1,7 @@
 """The Sun sensor: where the Sun is seen, how wrong the direction is, what the filter learns of it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import synthetic_trajectory
@@ -21,8 +22,13 @@ SENSOR = SunSensor(
 )
 
 
+@cache
+def flown():
+    return synthetic_trajectory.fly(end_s=20.0)
+
+
 def measured(sensor, sun_i, seed=1):
-    flight = synthetic_trajectory.fly(end_s=20.0)
+    flight = flown()
     truth = Truth(flight, synthetic_trajectory.EARTH, 2012.5, sun_i, np.zeros((0, 4)))
     found = sun_sensor.measure(sensor, truth, noise.generator(seed, 1234))
     k = np.searchsorted(flight.t_s, [one.t_valid_s - 1e-9 for one in found.readings])
