@@ -3,7 +3,7 @@
 import hashlib
 import os
 import zlib
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from zipfile import BadZipFile
 
 import numpy as np
@@ -23,13 +23,20 @@ def finish(path):
 
 @contextmanager
 def whole(path):
-    """Path to write to, which becomes `path` at the end of the `with`; nothing of it is left by a failure."""
+    """Path to write to, which becomes `path` at the end of the `with`; nothing of it is left by a failure,
+    which names `path`.
+    """
     half = part(path)
     try:
         yield half
         finish(path)
+    except OSError as error:
+        if error.filename in (None, str(half), half):  # libraries do not say which file
+            error.filename = str(path)
+        raise
     finally:
-        half.unlink(missing_ok=True)
+        with suppress(OSError):  # of a file that could not even be made
+            half.unlink(missing_ok=True)
 
 
 def put(path, content):

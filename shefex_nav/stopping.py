@@ -32,6 +32,19 @@ def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
 
 
 @contextmanager
+def terminable():
+    """SIGTERM (of `kill`, a batch system, a container) is Ctrl-C: files are closed, and it is said."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
 def stopping():
     """A function that says whether somebody wants the end; the second wish raises KeyboardInterrupt."""
 

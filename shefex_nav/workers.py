@@ -88,7 +88,11 @@ class Pool:
     def __init__(self, most, prepare=None, *arguments):
         """most : of them;  prepare : called with `arguments` in each, before anything else"""
         context = multiprocessing.get_context("spawn")
-        self._executor = ProcessPoolExecutor(most, context, _begin, (prepare, arguments))
+        try:
+            self._executor = ProcessPoolExecutor(most, context, _begin, (prepare, arguments))
+        except OSError as error:  # the system says no file
+            error.filename = error.filename or "/dev/shm, where processes share their locks"
+            raise
         self.processes = set()  # that have been started
 
     def submit(self, function, *arguments):

@@ -220,11 +220,12 @@ def test_killed_run_is_readable_to_its_last_second(size, killed, default_data, c
     assert recording.stat().st_size > 0
 
 
-def test_interrupted_run_closes_its_log_which_says_so(default_scenario, command, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_run_closes_its_log_which_says_so(number, default_scenario, command, tmp_path):
     out = tmp_path / "run.mcap"
     process = start_run(default_scenario, out)
     wait_for_bytes(out, 2e6, process)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.decode().splitlines()[-2:] == [f"{out}: what was flown until now", "interrupted"]

@@ -91,6 +91,7 @@ def export(
 
 def _write_tables(log, folders, maps):
     """Write the log as tables into folders, and as maps: {kind: path} of both."""
+    from shefex_nav.files import put
     from shefex_nav.log import reader
 
     data = reader.read(log)
@@ -104,7 +105,7 @@ def _write_tables(log, folders, maps):
         written = tables.write(data, path, kind)
         say(f"wrote {len(written) - 1} tables and {tables.COLUMNS} into {path}")
     for kind, path in maps.items():
-        path.write_text(getattr(geography, kind)(data), encoding="utf-8")
+        put(path, getattr(geography, kind)(data))
         say(f"wrote {path}")
 
 

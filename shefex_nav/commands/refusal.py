@@ -5,6 +5,7 @@ UserError, has its words already.
 """
 
 import errno
+import os
 import re
 import sys
 from contextlib import nullcontext
@@ -13,6 +14,7 @@ from io import TextIOWrapper
 import typer.core
 
 from shefex_nav.errors import UserError
+from shefex_nav.stopping import terminable
 
 try:  # typer carries its own click, under no public name; until 2026 it used the package
     from typer._click import exceptions as refused
@@ -21,7 +23,13 @@ except ModuleNotFoundError:
 
 PROGRAM, TRUST = "shefex-nav", "--trust"
 TRUST_HELP = f"{TRUST} is consent to run the code that a scenario names: plug-ins and own software."
-MACHINE = errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO  # no fault of the program
+MACHINE = {  # errors that are no fault of the program, and what could not be done
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS), "cannot be written"),
+    **dict.fromkeys(
+        (errno.EIO, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP), "cannot be read or written"
+    ),
+    errno.EMFILE: "cannot be opened",
+}
 _WHOLE, _NUMBER = "expected a whole number", "expected a number"
 _KINDS = {
     "int_parsing": _WHOLE,
@@ -68,7 +76,9 @@ class PlainGroup(typer.core.TyperGroup):
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="replace")
         try:
-            code = super().main(args, standalone_mode=False, **more)
+            _check_letters(args)
+            with terminable():
+                code = super().main(args, standalone_mode=False, **more)
         except refused.NoArgsIsHelpError as error:  # which has printed it
             sys.exit(error.exit_code)
         except refused.ClickException as error:
@@ -80,10 +90,19 @@ class PlainGroup(typer.core.TyperGroup):
         except OSError as error:
             if error.errno not in MACHINE:
                 raise
-            what = "cannot be read or written" if error.errno == errno.EIO else "cannot be written"
-            print(f"{_place(error)} {what}: {error.strerror}", file=sys.stderr)
+            print(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}", file=sys.stderr)
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _check_letters(args):
+    """Refuse words with bytes that are no letters: no log, table or page could hold such a name."""
+    for one in args:
+        try:
+            one.encode()
+        except UnicodeEncodeError:
+            words = f"is no text in {sys.getfilesystemencoding()}; rename it, or set the locale that it is of"
+            raise refused.UsageError(f"{one}: {words}") from None
 
 
 def _trusting(every):

@@ -4,6 +4,7 @@ PICTURES frame_000001.png or .fits, in the order of their numbers; `truth.csv`; 
 the flight software knows it; `camera_true.yaml`, as it is in this run.
 """
 
+from shefex_nav.files import put
 from shefex_nav.frames import camera_file, header, picture_files, truth
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.told import as_told
@@ -38,4 +39,4 @@ def write(folder, flight, shots, kind="png"):
             truth.write(folder / TRUTH, rows)
             for name, true in ((TOLD, False), (TRUE, True)):
                 text = camera_file.written(scenario, flight.world, true=true)
-                (folder / name).write_text(text, encoding="utf-8")
+                put(folder / name, text)

@@ -5,6 +5,8 @@ Nothing is stretched: 12 bits of a detector are the numbers 0 to 4095 in a pictu
 
 import numpy as np
 
+from shefex_nav.files import whole
+
 FORMATS = ("png", "fits")
 
 
@@ -13,7 +15,8 @@ def write(path, image_dn, keywords):
 
     keywords : {keyword: (value, comment)}
     """
-    {".png": _png, ".fits": _fits}[path.suffix](path, image_dn, keywords)
+    with whole(path) as half:
+        {".png": _png, ".fits": _fits}[path.suffix](half, image_dn, keywords)
 
 
 def _png(path, image_dn, keywords):

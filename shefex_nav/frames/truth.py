@@ -7,6 +7,7 @@ import csv
 
 import numpy as np
 
+from shefex_nav.files import whole
 from shefex_nav.frames.header import utc
 from shefex_nav.records import Reason
 
@@ -25,7 +26,7 @@ COLUMNS = (
 
 def write(path, rows):
     """Write a table of rows, each of `row`."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole(path) as half, half.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(COLUMNS)
         table.writerows(rows)

@@ -22,4 +22,4 @@ def draw(experiment, outcome, path):
     """Draw an experiment into a file, over an older figure of the same name."""
     figure = style.constrained(9.0, 6.0)
     experiment.draw(figure, outcome.results, outcome.rows)
-    figure.savefig(path, dpi=120, metadata={"Software": None})  # no version: same figure, same bytes
+    style.write(figure, path, 120, metadata={"Software": None})  # no version: same figure, same bytes

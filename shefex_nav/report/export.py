@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.files import whole
 from shefex_nav.instruments import TABLE, outer_states
 from shefex_nav.log.fields import EQUAL
 from shefex_nav.log.run_data import ARRAYS, LISTS
@@ -265,14 +266,16 @@ def write(data, folder, kind):
     written, listed = [], []
     for name, columns in tables(data).items():
         table, path = arrow(columns), Path(folder) / f"{name}.{kind}"
-        if kind == "csv":
-            pa.csv.write_csv(table, path)
-        else:
-            pa.parquet.write_table(table, path, compression="zstd")
+        with whole(path) as half:
+            if kind == "csv":
+                pa.csv.write_csv(table, half)
+            else:
+                pa.parquet.write_table(table, half, compression="zstd")
         written.append(path)
         listed += [(name, c.name, c.comment) for c in columns]
     listing = pa.table([list(column) for column in zip(*listed, strict=True)] if listed else [[], [], []],
                        names=["table", "column", "comment"])  # fmt: skip
     written.append(Path(folder) / COLUMNS)
-    pa.csv.write_csv(listing, written[-1])
+    with whole(written[-1]) as half:
+        pa.csv.write_csv(listing, half)
     return written

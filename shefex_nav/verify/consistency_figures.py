@@ -50,7 +50,7 @@ def draw_nees(runs, path):
     figure.suptitle(f"Normalised squared error, mean of {len(runs)} runs", x=0.01, ha="left", fontsize=13)
     band = Patch(color="0.86", label="95 % of means at one epoch")
     _phase_legend(figure, [Line2D([], [], color="#1f5fa8", label="measured"), band])
-    figure.savefig(path, dpi=110)
+    style.write(figure, path, 110)
 
 
 def draw_bound(found, path, *, runs):
@@ -89,4 +89,4 @@ def draw_bound(found, path, *, runs):
     title = f"Errors of {runs} runs and the posterior Cramer-Rao bound"
     figure.suptitle(title, x=0.01, ha="left", fontsize=13)
     _phase_legend(figure, handles)
-    figure.savefig(path, dpi=110)
+    style.write(figure, path, 110)

@@ -42,7 +42,7 @@ def draw(flown, path):
     for axis, (title, _) in zip(axes[0], PANELS, strict=True):
         axis.set_title(title, fontsize=11, pad=22, loc="left")
     _legend(figure, sorted(shown))
-    figure.savefig(path, dpi=110)
+    style.write(figure, path, 110)
 
 
 def _panel(axis, comparisons):

@@ -9,9 +9,11 @@ import re
 from functools import wraps
 from io import BytesIO
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
+from shefex_nav import files
 from shefex_nav.records import Phase
 from shefex_nav.report import scale
 from shefex_nav.report.pairing import stretches
@@ -345,5 +347,11 @@ def svg(figure):
 
 @styled
 def save(figure, path, dpi=150):
-    """Write a figure; the ending of the name says how (.png, .svg, .pdf)."""
-    figure.savefig(path, dpi=dpi)
+    """Write a figure that was drawn with STYLE; the ending of the name says how (.png, .svg, .pdf)."""
+    write(figure, path, dpi)
+
+
+def write(figure, path, dpi, **how):
+    """Write a figure as it is. how : as of `Figure.savefig`"""
+    with files.whole(Path(path)) as half:
+        figure.savefig(half, format=Path(path).suffix.removeprefix("."), dpi=dpi, **how)

@@ -111,6 +111,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     shown = scene(first)
     seen = layout.scene(world.path(shown))
     has = layout.content(shown, drawings.kept_pictures(logs[0]), bool(len(first.truth.t_s)))
+    Path(rrd_path).touch()  # rerun's own error has no type
     stream.save(rrd_path, default_blueprint=pages.blueprint(shown, seen, has, page=page))
     fill(stream, logs[0], first)
     sender, words, colours = Sender(stream, first.mission.epoch_utc), [], cycle(OVERLAY.items())

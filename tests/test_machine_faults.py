@@ -1,0 +1,111 @@
+"""What a machine does to a program: one message that names the file, exit code 2, nothing half written."""
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from shefex_nav.files import whole
+
+LIMIT = 20_000  # bytes of a file; Linux refuses more with EFBIG, a full disk with ENOSPC, in the same places
+LIMITED = f"""
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, ({LIMIT}, {LIMIT}))
+from shefex_nav.commands.main import main
+main()
+"""
+PLAIN = "from shefex_nav.commands.main import main; main()"
+TOO_LARGE = os.strerror(errno.EFBIG)
+
+
+def shefex_nav(*words, code=PLAIN, cwd=None, without=(), **environment):
+    """A command in a process of its own, with an environment of its own."""
+    own = {name: value for name, value in os.environ.items() if name not in without} | environment
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(os.fsencode, words)],
+        capture_output=True, text=True, errors="replace", env=own, cwd=cwd, check=False,
+    )  # fmt: skip
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def log(once):
+    def make(folder):
+        done = shefex_nav("run", "night_sky", "--until", "2s", "--out", folder / "night.mcap")
+        assert done.returncode == 0, done.stderr
+
+    return once("night of two seconds", make) / "night.mcap"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no limit of the size of files, or another error")
+@pytest.mark.parametrize(
+    ("words", "out", "named"),
+    [
+        (("export", "LOG", "--csv"), "tables", "tables/truth.csv"),
+        (("export", "LOG", "--parquet"), "tables", "tables/truth.parquet"),
+        (("export", "LOG", "--geojson"), "track.json", "track.json"),
+        (("report", "LOG", "--html"), "page.html", "page.html"),
+        (("report", "LOG", "--figures"), "figures", "figures/history.png"),
+    ],
+    ids=lambda words: words[-1] if isinstance(words, tuple) else "",
+)
+def test_files_that_grow_too_large(words, out, named, log, tmp_path):
+    place = tmp_path / out
+    done = shefex_nav(*(log if word == "LOG" else word for word in words), place, code=LIMITED)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"{tmp_path / named}: cannot be written: {TOO_LARGE}"
+    assert not list(tmp_path.rglob("*.part"))
+    assert not (tmp_path / named).exists()
+
+
+def test_a_failure_of_something_else_is_not_said_of_the_file(tmp_path):
+    for error, name in ((OSError(errno.ENOSPC, "full"), tmp_path / "a"), (OSError(errno.EIO, "", "b"), "b")):
+        with pytest.raises(OSError) as caught, whole(tmp_path / "a"):
+            raise error
+        assert caught.value.filename == str(name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("words", [("run", "night_sky", "--out"), ("report",), ("new", "filter"), ("check",)])
+def test_names_that_are_too_long(words, command):
+    name = 300 * "x" + (".py" if words[0] == "new" else ".yaml")
+    done = command(*words, name)
+    assert done.code == 2
+    assert done.err.splitlines()[-1].startswith(f"{name}: cannot be")
+
+
+@pytest.mark.parametrize("words", [("check",), ("run", "night_sky", "--out"), ("campaign", "x", "--out")])
+def test_names_that_are_no_text(words, command):
+    """Latin-1 where names are UTF-8: neither protobuf nor Parquet nor HTML could hold it."""
+    done = command(*words, os.fsdecode(b"sk\xe4.yaml"))
+    assert done.code == 2
+    assert "is no text in utf-8; rename it, or set the locale that it is of" in done.err
+
+
+def test_a_folder_whose_name_is_no_text(log, tmp_path):
+    folder = os.fsencode(tmp_path) + b"/sk\xe4"
+    os.mkdir(folder)
+    shutil.copy(log, folder + b"/night.mcap")
+    assert shefex_nav("export", "night.mcap", "--csv", "tables", cwd=folder).returncode == 0
+    assert os.path.exists(folder + b"/tables/truth.csv")
+
+
+def test_letters_of_other_alphabets_in_the_plainest_locale(log, tmp_path):
+    """Python itself reads C as UTF-8."""
+    folder = tmp_path / "ä ß 火 箭"
+    folder.mkdir()
+    (folder / "скрипт α.yaml").write_text("# Night.\nextends: night_sky\nmission: {name: ночь}\n")
+    assert shefex_nav("check", "скрипт α.yaml", cwd=folder, LC_ALL="C").returncode == 0
+    done = shefex_nav("export", log, "--geojson", "след 1.json", cwd=folder, LC_ALL="C")
+    assert done.returncode == 0 and (folder / "след 1.json").stat().st_size > 0
+
+
+@pytest.mark.parametrize(("without", "here"), [(("HOME", "XDG_CONFIG_HOME"), {}), ((), {"HOME": "/nowhere"})])
+def test_no_home(without, here, tmp_path):
+    kernels = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))}
+    words = "run", "night_sky", "--until", "1s", "--out", tmp_path / "night.mcap"
+    assert shefex_nav(*words, without=without, **kernels, **here).returncode == 0
