@@ -8,13 +8,12 @@ from pathlib import Path
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 
 
-def fly(job):
-    """(scenario path, overrides, seed) -> summary of `report.metrics`, and errors of the window's fixes."""
+def flown(job):
+    """(scenario path, overrides, seed) -> RunData; no log is written."""
     path, overrides, seed = job
     from shefex_nav import prepare, simulate
     from shefex_nav.log.run_data import RunDataBuilder
     from shefex_nav.log.thinning import thinned
-    from shefex_nav.report import metrics
     from shefex_nav.scenario import load
 
     scenario = load.load(path, overrides)
@@ -23,7 +22,14 @@ def fly(job):
     kept = RunDataBuilder(mission)
     for record in thinned(simulate.route(world, scenario, seed), scenario.log.rate, mission.start_s):
         kept.add(record)
-    data = kept.build()
+    return kept.build()
+
+
+def fly(job):
+    """(scenario path, overrides, seed) -> summary of `report.metrics`, and errors of the window's fixes."""
+    from shefex_nav.report import metrics
+
+    data = flown(job)
     summary = metrics.summarise(data)
     fixes = metrics.star_errors(data)
     window, _ = metrics.window_frames(data)
