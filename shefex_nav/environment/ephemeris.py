@@ -6,6 +6,8 @@ network or sets a global.
 """
 
 import math
+import warnings
+from contextlib import contextmanager
 from datetime import datetime
 from typing import NamedTuple
 
@@ -34,6 +36,24 @@ class SkyBodies(NamedTuple):
     earth_v_i: np.ndarray  # (3,) m/s, barycentric velocity of the Earth
 
 
+@contextmanager
+def quiet():
+    """ERFA warns in every call of years whose leap seconds it does not know; `is_utc_known` says it once."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*dubious year", erfa.ErfaWarning)
+        yield
+
+
+def is_utc_known(epoch_utc):
+    """Whether the leap seconds of a day are known: until some years after the release of ERFA."""
+    when = datetime.fromisoformat(epoch_utc)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        erfa.dat(when.year, when.month, when.day, 0.0)
+    return not said
+
+
+@quiet()
 def _utc(epoch_utc):
     """Two-part Julian date UTC of an ISO 8601 string; a string without a zone is UTC."""
     when = datetime.fromisoformat(epoch_utc)
@@ -43,6 +63,7 @@ def _utc(epoch_utc):
     return erfa.dtf2d("UTC", when.year, when.month, when.day, when.hour, when.minute, seconds)
 
 
+@quiet()
 def _tt(epoch_utc):
     """Two-part Julian date TT."""
     return erfa.taitt(*erfa.utctai(*_utc(epoch_utc)))
@@ -53,6 +74,7 @@ def julian_year(epoch_utc):
     return float(erfa.epj(*_tt(epoch_utc)))
 
 
+@quiet()
 def earth_rotation(epoch_utc, dut1_s, xp_rad, yp_rad):
     """Orientation of the Earth at t = 0 for `geometry.frames`.
 

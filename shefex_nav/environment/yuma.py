@@ -16,6 +16,7 @@ from typing import NamedTuple
 import erfa
 import numpy as np
 
+from shefex_nav.environment import ephemeris
 from shefex_nav.environment.gnss import Constellation
 
 GM_GPS = 3.986005e14  # m^3/s^2, of the navigation message
@@ -177,7 +178,8 @@ def gps_seconds(epoch_utc):
     if epoch.tzinfo is None:
         epoch = epoch.replace(tzinfo=UTC)
     epoch = epoch.astimezone(UTC)
-    leap_s = float(erfa.dat(epoch.year, epoch.month, epoch.day, 0.0)) - TAI_MINUS_GPS
+    with ephemeris.quiet():
+        leap_s = float(erfa.dat(epoch.year, epoch.month, epoch.day, 0.0)) - TAI_MINUS_GPS
     return (epoch - GPS_START).total_seconds() + leap_s
 
 

@@ -103,7 +103,9 @@ def warnings(scenario, flown):
     The programmes of vehicles that are not launched have no such moments; nothing is said of what a cut log
     has not seen.
     """
-    found = [] if scenario.launch is None else _of_programme(scenario, flown)
+    found = _of_epoch(scenario.mission.epoch)
+    if scenario.launch is not None:
+        found += _of_programme(scenario, flown)
     if flown.motion is not None:
         found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, flown.motion)]
     if flown.track is not None:
@@ -111,6 +113,16 @@ def warnings(scenario, flown):
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
     return tuple(found)
+
+
+def _of_epoch(epoch_utc):
+    """A day whose leap seconds are not known: list of Warned."""
+    from shefex_nav.environment import ephemeris
+
+    if ephemeris.is_utc_known(epoch_utc):
+        return []
+    words = "leap seconds of that year are not known, and those of today are taken: sky and Earth are"
+    return [Warned(("mission", "epoch"), f"{words} 15 arcsec off for each that is missing")]
 
 
 def _of_programme(scenario, flown):

@@ -44,6 +44,13 @@ def flat():
     return scenario, prepare.fly_vehicle(scenario, 1)
 
 
+@pytest.mark.parametrize(("day", "is_said"), [("2012-06-22", False), ("2040-06-22", True)])
+def test_a_day_whose_leap_seconds_are_not_known(day, is_said):
+    """ERFA itself would warn in every call, which is an error here."""
+    found = programme.foreseen(load.load(DEFAULT, [f"mission.epoch={day}T19:18:00Z"]))
+    assert fields(found) == ["mission.epoch"] * is_said
+
+
 def test_the_default_programme_fits(scenario):
     assert programme.foreseen(scenario) == ()
 
