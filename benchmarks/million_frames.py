@@ -193,7 +193,7 @@ def report(rows):
     for process in sorted({row["process"] for row in rows}):
         used = [row["memory_mb"] for row in rows if row["process"] == process]
         if len(used) > 2:
-            print(f"  process {process}: {len(used)} units, {used[1]:.0f} to {used[-1]:.0f} MB after the second")
+            print(f"  process {process}: {len(used)} units, {used[1]:.0f} to {used[-1]:.0f} MB")
 
 
 def main():
