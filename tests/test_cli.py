@@ -60,6 +60,20 @@ def test_schema_is_json(command):
     assert "mission" in schema["$defs"]["Scenario"]["properties"]
 
 
+def test_schema_of_replay_is_that_of_the_files_that_come_with_the_program(command):
+    import jsonschema
+    import yaml
+
+    validator = jsonschema.Draft202012Validator(json.loads(command("schema", "--replay").out))
+    files = sorted((Path(__file__).parent.parent / "scenarios" / "replay").glob("*.yaml"))
+    assert len(files) >= 3
+    for file in files:
+        content = json.loads(json.dumps(yaml.safe_load(file.read_text()), default=str))  # times are text
+        assert not list(validator.iter_errors(content)), file
+        content["gnss"] = {"lever_arm": 3}
+        assert list(validator.iter_errors(content)), file
+
+
 BROKEN = {
     "wrong unit": ("imu.gyro.range=5 m", "range"),
     "no unit": ("star_tracker.latency=0.03", "unit"),

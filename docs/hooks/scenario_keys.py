@@ -1,11 +1,11 @@
-"""The page of every key of a scenario file: unit, default, range; made from the models that read it."""
+"""The pages of every key of a scenario and of a replay file: unit, default, range; made from the models."""
 
 from typing import Any, Literal, get_args, get_origin
 
 from mkdocs.structure.files import File
 from pydantic_core import PydanticUndefined
 
-PAGE = "reference/scenario.md"
+SCENARIO, REPLAY = "reference/scenario.md", "reference/replay.md"
 HEAD = """# Scenario files
 
 Every section and key that a scenario file knows, made from the models that read it.
@@ -28,23 +28,36 @@ what stands beside the key comes on top. `shefex-nav instruments` lists those of
 `shefex-nav schema` prints the same as JSON Schema, for completion in an editor; `shefex-nav check FILE` tells
 all errors of a file at once.
 """
+HEAD_OF_REPLAY = """# Replay files
+
+Every section and key of a file that says what recorded data are and what the filter is to assume of them
+([Your own data](../how-to/own-data.md)), made from the models that read it. Units, `extends` and `null` are
+those of [scenario files](scenario.md), and so are sections of the same name. What the filter is told stands
+in `imu` and `gnss`: nobody knows the truth.
+
+`shefex-nav schema --replay` prints the same as JSON Schema; `shefex-nav replay FILE` tells all errors of a
+file at once.
+"""
 COLUMNS = "| key | meaning | unit | default | range | example |\n|---|---|---|---|---|---|"
 
 
 def on_files(files, config, **_):
-    """Put the page in the place of the one that says, in a checkout, how to make it."""
-    files.remove(files.get_file_from_path(PAGE))
-    files.append(File.generated(config, PAGE, content=text()))
+    """Put the pages in the place of those that say, in a checkout, how to make them."""
+    for page in (SCENARIO, REPLAY):
+        files.remove(files.get_file_from_path(page))
+        files.append(File.generated(config, page, content=text(page)))
     return files
 
 
-def text():
-    """Markdown of the page."""
+def text(page):
+    """Markdown of a page."""
+    from shefex_nav.replay.schema import ReplayScenario
     from shefex_nav.scenario.load import Scenario
 
-    parts = [HEAD, "## Sections", COLUMNS]
-    parts[-1] += "".join(f"\n{_row(key, field)}" for key, field in Scenario.keys().items())
-    for key, field in Scenario.keys().items():
+    head, model = (HEAD, Scenario) if page == SCENARIO else (HEAD_OF_REPLAY, ReplayScenario)
+    parts = [head, "## Sections", COLUMNS]
+    parts[-1] += "".join(f"\n{_row(key, field)}" for key, field in model.keys().items())
+    for key, field in model.keys().items():
         parts += _once(sections(key, field.annotation, set()))
     return "\n\n".join(parts) + "\n"
 

@@ -1,4 +1,4 @@
-"""JSON Schema of a scenario file, for editors that complete and check while one writes."""
+"""JSON Schema of a scenario or replay file, for editors that complete and check while one writes."""
 
 import re
 
@@ -22,9 +22,9 @@ class Named(GenerateJsonSchema):
         )
 
 
-def json_schema():
-    """JSON Schema of a scenario file; a file that extends another need not be complete."""
-    complete = Scenario.model_json_schema(schema_generator=Named)
+def json_schema(model=Scenario, title="shefex_nav scenario"):
+    """JSON Schema of the files that a model reads; a file that extends another need not be complete."""
+    complete = model.model_json_schema(schema_generator=Named)
     blocks = complete.pop("$defs")
     complete["properties"][EXTENDS] = {
         "type": "string",
@@ -37,7 +37,7 @@ def json_schema():
         _complete_by_use(block, blocks)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "shefex_nav scenario",
+        "title": title,
         "if": {"required": [EXTENDS]},
         "then": {"$ref": "#/$defs/Scenario.partial"},
         "else": {"$ref": "#/$defs/Scenario"},

@@ -87,11 +87,26 @@ def test_reference_of_python_has_every_public_name(site):
     assert not missing
 
 
+def test_reference_of_replay_has_every_key():
+    from shefex_nav.replay.schema import ReplayScenario
+    from shefex_nav.scenario.json_schema import json_schema
+
+    pages = hook("scenario_keys")
+    text, blocks = pages.text(pages.REPLAY), json_schema(ReplayScenario)["$defs"]
+    keys = {key for n, b in blocks.items() if not n.endswith(".partial") for key in b.get("properties", {})}
+    assert len(keys) > 150
+    assert {key for key in keys if f"| `{key}` |" not in text} == {"extends"}
+    assert "| `gate_probability` | of rejecting a good measurement | number | `0.0001` | > 0, ≤ 0.1 |" in text
+    headings = re.findall(r"^#+ .*$", text, re.M)
+    assert len(headings) == len(set(headings)), "two sections of one name"
+
+
 def test_reference_of_scenarios_has_every_key():
     """Every section of the JSON schema that editors use, with its keys and examples."""
     from shefex_nav.scenario.json_schema import json_schema
 
-    text = hook("scenario_keys").text()
+    pages = hook("scenario_keys")
+    text = pages.text(pages.SCENARIO)
     blocks = {n: b for n, b in json_schema()["$defs"].items() if not n.endswith(".partial")}
     keys = {key for name, block in blocks.items() if name != "Unknown" for key in block.get("properties", {})}
     assert len(keys) > 200
