@@ -38,6 +38,14 @@ def campaign(
         ),
     ] = None,
     overrides: Overrides = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=A,B,C",
+            help="Fly a campaign for each of the values, with the same draws, and compare them; several "
+            "times: all combinations. imu=stim300,adis16505_1 means instruments.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
     ] = False,
@@ -47,6 +55,13 @@ def campaign(
     from shefex_nav.campaign import running
     from shefex_nav.scenario import load, software
 
+    if sweep:
+        _check_sweep(cluster, keep, dry_run)
+        from shefex_nav.campaign.compare import flying
+        from shefex_nav.commands import sweeping
+
+        how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
+        raise typer.Exit(sweeping.sweep_all(how, sweep, json))
     address = _told("--engine", running.address, cluster)
     kept = _told("--keep", running.kept, keep or ())
     loaded = load.load(scenario, overrides or ())
@@ -58,6 +73,13 @@ def campaign(
         return
     ended = _fly(request, folder)
     raise typer.Exit(_result(ended, folder, runs, json))
+
+
+def _check_sweep(cluster, keep, dry_run):
+    """Refuse what does not go with --sweep."""
+    for option, given in (("--engine", cluster), ("--keep", keep), ("--dry-run", dry_run)):
+        if given:
+            raise typer.BadParameter("does not go with --sweep", param_hint=option)
 
 
 def _told(option, parse, value):

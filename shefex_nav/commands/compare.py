@@ -61,14 +61,14 @@ def compare(
     flights = flying.planned([one for one in told if one.kind in words.FLOWN], how)
     there = _there(told)
     _check_seeds(told, there, flying.seeds(how))
-    lost = _fly(flights, how)
+    lost = fly(flights, how)
     sides, found = _compared(told, there, flights)
     _show(sides, found, html, json)
     nothing = any(not any(row.seeds for row in one.rows) for one in found)
     raise typer.Exit(1 if lost or nothing else 0)
 
 
-def _fly(flights, how):
+def fly(flights, how):
     """Fly what is missing of each flying.Flight. -> how many runs were lost"""
     from shefex_nav.campaign.compare import flying
     from shefex_nav.campaign.progress import TerminalShow

@@ -1,0 +1,91 @@
+"""`shefex-nav campaign --sweep`: combinations of settings under the same draws, compared in pairs."""
+
+import json
+
+import pytest
+from short_campaign import HereLane
+
+from shefex_nav.campaign.compare import sweep
+from shefex_nav.campaign.compare.given import CompareError
+
+SHORT = """# Two seconds at rest.
+extends: night_sky
+mission: {name: short, time_limit: 2 s}
+star_tracker: {enabled: false, off: 2 s}
+requirements: {misleading: 0 %}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "values"),
+    [
+        ("imu=stim300, adis16505_1", "imu.use", ("stim300", "adis16505_1")),
+        ("gps.use=a,b", "gps.use", ("a", "b")),
+        ("gps.range_noise=1 m,1.5 m", "gps.range_noise", ("1 m", "1.5 m")),
+        ("gps.antenna=[0 m, 1 m], [2 m]", "gps.antenna", ("[0 m, 1 m]", "[2 m]")),
+    ],
+)
+def test_what_is_swept(text, key, values):
+    assert sweep.axis(text) == (key, values)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("imu", "expected KEY=A,B,C"),
+        ("imu=stim300", "there is one value; expected two or more"),
+        ("imu=a,b,a", "a stands there twice"),
+        ("imu=a,,b", "expected KEY=A,B,C"),
+    ],
+)
+def test_what_is_no_sweep(text, words):
+    with pytest.raises(CompareError, match=words):
+        sweep.axis(text)
+
+
+def test_combinations_that_are_too_many_or_told_twice(tmp_path):
+    axes = [sweep.axis(f"{key}={','.join(f'{n} m' for n in range(1, 7))}") for key in ("a.b", "c.d")]
+    with pytest.raises(CompareError, match="36 combinations; expected 26 at most"):
+        sweep.planned("night_sky", axes, (), tmp_path)
+    with pytest.raises(CompareError, match=r"a\.b: is given twice"):
+        sweep.planned("night_sky", [axes[0], axes[0]], (), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_noisier_receiver_is_worse_in_every_pair(tmp_path, monkeypatch, command):
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", HereLane)
+    (tmp_path / "short.yaml").write_text(SHORT)
+    words = "campaign", tmp_path / "short.yaml", "--runs", "4", "--out", tmp_path / "out"
+    words += (
+        "--sweep",
+        "gps.range_noise=30 m,1 m",
+        "--sweep",
+        "gps.antenna.lever_arm=[0 m, 0 m, 0 m],[1 m, 0 m, 0 m]",
+    )
+    done = command(*words, "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    settings = [one["settings"] for one in found["combinations"]]
+    assert [one["gps.range_noise"] for one in settings] == ["30 m", "30 m", "1 m", "1 m"]
+    assert settings[1]["gps.antenna.lever_arm"] == "[1 m, 0 m, 0 m]"
+    figures = [
+        next(row for row in one["figures"] if row["name"] == "position, rms of the run")
+        for one in found["comparisons"]
+    ]
+    assert [row["difference"]["n"] for row in figures] == [4, 4, 4]
+    assert [row["difference"]["verdict"] for row in figures] == ["none", "b", "b"]
+    assert all(one["met"] == one["judged"] == 4 for one in found["combinations"])
+    assert len(list((tmp_path / "out").iterdir())) == 4
+
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", None)  # all has flown
+    again = command(*words)
+    assert again.code == 0, again.err
+    lines = [line.split() for line in again.out.splitlines()]
+    ranked = [line[0] for line in lines if line[-4:-3] and "of" in line and line[0] in "ABCD"]
+    assert set(ranked[:2]) == {"C", "D"}
+
+
+@pytest.mark.parametrize("more", [("--engine", "dask://a:1"), ("--keep", "failed"), ("--dry-run",)])
+def test_what_does_not_go_with_it(more, command):
+    done = command("campaign", "night_sky", "--runs", "2", "--sweep", "imu=a,b", *more)
+    assert done.code == 2 and done.err.strip().endswith("does not go with --sweep")
