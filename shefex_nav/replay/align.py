@@ -182,8 +182,7 @@ def _covariance(scenario, span_s, g, latitude):
     the attitude and an error w of the rate there, that is d cos(latitude) + n sin(latitude) = -w/omega_ie.
     """
     settings, gyro, accelerometer = scenario.alignment, scenario.imu.gyro, scenario.imu.accelerometer
-    acceleration = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
-    acceleration = np.hypot(acceleration, accelerometer.random_walk / np.sqrt(span_s))
+    acceleration = align_rail.of_mean_force(accelerometer, span_s)
     level = float(np.hypot(acceleration / g, settings.disturbance))
     if settings.heading is not None and np.isinf(settings.heading):
         return np.diag([level, level, UNKNOWN]) ** 2

@@ -16,11 +16,16 @@ from shefex_nav.scenario.data_table import DataError
 DISAGREE = 5.0  # [E] sigma by which accelerometers and rail may disagree about the elevation
 
 
+def of_mean_force(accelerometer, span_s):
+    """1 sigma of the mean specific force over a time, m/s^2: biases and noise of the accelerometers."""
+    bias = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
+    return np.hypot(bias, accelerometer.random_walk / np.sqrt(span_s))
+
+
 def attitude(scenario, f_b, span_s, g):
     """C_nb, its covariance about north, east and down, (3, 3) rad^2, of the mean specific force at rest."""
     settings, accelerometer = scenario.alignment, scenario.imu.accelerometer
-    acceleration = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
-    acceleration = np.hypot(acceleration, accelerometer.random_walk / np.sqrt(span_s))
+    acceleration = of_mean_force(accelerometer, span_s)
     level = float(np.hypot(acceleration / g, settings.disturbance))
     felt = float(np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2])))
     sigma = float(np.hypot(level, settings.elevation_error))

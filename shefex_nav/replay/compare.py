@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.records import Phase
 from shefex_nav.report import metrics
 from shefex_nav.report.track import earth_fixed
@@ -36,7 +37,7 @@ def parts(data):
     lift_s = times.get("lift_off", start_s)
     burning_s = data.truth.t_s[data.truth.phase == Phase.BOOST]  # a log may end before the motor does
     burnt_s = max(times.get("burn_out", lift_s), *burning_s[-1:].tolist(), lift_s)
-    used = [gate.t_valid_s for gate in data.gates if gate.accepted and gate.sensor.startswith("star")]
+    used = [gate.t_valid_s for gate in data.gates if gate.accepted and about(gate.sensor) is ATTITUDE]
     first_s, last_s = (min(used), max(used)) if used else (entry_s, entry_s)
     third_s = (last_s - first_s) / 3.0
     found = (

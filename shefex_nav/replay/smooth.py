@@ -23,6 +23,7 @@ from shefex_nav.onboard.driving import drive
 from shefex_nav.onboard.navigation import adaptation, covariance, integrity_imu, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED, STATES
 from shefex_nav.onboard.navigation.prediction import Memory
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.onboard.navigator import Navigator
@@ -69,7 +70,7 @@ def run(recording, progress=lambda share: None):
     """
     filtered, nav, final = forward(recording, lambda share: progress(FILTER_SHARE * share))
     recording = after_the_flight(recording)
-    used = any(gate.accepted and gate.sensor.startswith("star") for gate in filtered.gates)
+    used = any(gate.accepted and about(gate.sensor) is ATTITUDE for gate in filtered.gates)
 
     def later(share):
         progress(FILTER_SHARE + (1.0 - FILTER_SHARE) * share)

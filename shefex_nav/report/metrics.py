@@ -37,6 +37,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
 from shefex_nav.records import Reason
 from shefex_nav.report import flight, local_level, programme, trust
 from shefex_nav.report.configured import configured
@@ -352,7 +353,7 @@ def _seconds(since_s):
 
 def _star_aided_from(data):
     """Mission time from which a solution knows the stars; None if it never does."""
-    accepted = [gate.t_s for gate in data.gates if gate.sensor == "star_tracker" and gate.accepted]
+    accepted = [gate.t_s for gate in data.gates if fix_of(gate.sensor) is ATTITUDE and gate.accepted]
     if data.gates:
         return accepted[0] if accepted else None
     aided = data.nav.t_s[np.asarray(data.nav.star_aided, dtype=bool)]

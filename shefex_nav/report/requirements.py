@@ -58,7 +58,7 @@ def _largest(path):
     return figure
 
 
-def _together(path):
+def together(path):
     """Root of the sum of squares: the whole of what is horizontal and vertical."""
 
     def figure(get):
@@ -113,14 +113,14 @@ MEASURES = {
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
     "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is", by_levels=True),
     "position_protection_at_entry": _Measure(
-        _together("navigation.integrity.position.at_entry.protection_m"),
+        together("navigation.integrity.position.at_entry.protection_m"),
         "m",
         1.0,
         "at most",
         by_levels=True,
     ),
     "velocity_protection_at_entry": _Measure(
-        _together("navigation.integrity.velocity.at_entry.protection_m_s"),
+        together("navigation.integrity.velocity.at_entry.protection_m_s"),
         "m/s",
         1.0,
         "at most",

@@ -31,13 +31,10 @@ class Rated(NamedTuple):
 
 def relative_to(tree, folder):
     """Let the files that a scenario's own `tree` names be looked for in `folder`."""
-    for section, _, _ in _sections(tree):
-        if isinstance(section.get(FILE), str) and section[FILE]:
-            section[FILE] = os.path.join(folder, section[FILE])
-    for _, table in _tables_of_dispersions(tree):
-        if isinstance(table.get(FILE), str) and table[FILE]:
-            table[FILE] = os.path.join(folder, table[FILE])
-    for key, section in ((ALMANAC, _inner(tree, "gps")), (MODEL, _inner(tree, "star_tracker"))):
+    named = [(FILE, section) for section, _, _ in _sections(tree)]
+    named += [(FILE, table) for _, table in _tables_of_dispersions(tree)]
+    named += [(ALMANAC, _inner(tree, "gps")), (MODEL, _inner(tree, "star_tracker"))]
+    for key, section in named:
         if isinstance(section.get(key), str) and section[key]:
             section[key] = os.path.join(folder, section[key])
 

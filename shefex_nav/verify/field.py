@@ -11,6 +11,7 @@ from shefex_nav.clock import IMU_HZ
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.scenario import surroundings
+from shefex_nav.trajectory import placing
 
 STEP = IMU_HZ  # samples between two evaluations of the field: a second, in which it changes by 0.1 micro gee
 
@@ -45,9 +46,10 @@ def turned(scenario, world, rng):
     more = difference @ (rotation.dcm_from_quat(_any_rotation(rng)) - np.eye(3)).T
     dv_b = world.imu.dv_b.copy()
     dt_s = np.diff(trajectory.t_s)
+    C_ib = placing.of_quaternions(trajectory.q_ib[1:])
     for k in range(3):
         column = np.interp(0.5 * (trajectory.t_s[1:] + trajectory.t_s[:-1]), t_s, more[:, k])
-        dv_b[1:] -= (column * dt_s)[:, None] * _row_of_dcm(trajectory.q_ib[1:], k)
+        dv_b[1:] -= (column * dt_s)[:, None] * C_ib[:, k]
     return world._replace(imu=world.imu._replace(dv_b=dv_b))
 
 
@@ -55,14 +57,3 @@ def _any_rotation(rng):
     """A quaternion (4,), evenly distributed."""
     q = rng.standard_normal(4)
     return q / np.linalg.norm(q)
-
-
-def _row_of_dcm(q, k):
-    """Row k of C(q) of many quaternions: the k-th axis of i in axes of b. (N, 4) -> (N, 3)"""
-    w, x, y, z = q.T
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.stack(rows[k], axis=1)

@@ -19,6 +19,7 @@ from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import covariance, fusion
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.onboard.telemetry import NOTHING, Columns
@@ -168,7 +169,7 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     gates, states, covariances = _follow(nav, world, fixes)
     if recorder is not None:
         fusion.finish(nav)
-    used_s = [gate.t_s for gate in gates if gate.sensor == "star_tracker" and gate.accepted]
+    used_s = [gate.t_s for gate in gates if fix_of(gate.sensor) is ATTITUDE and gate.accepted]
     t_s, trajectory = np.array([state.t_s for state in states]), world.flight.trajectory
     errors = _errors(states, trajectory, prepare.true_biases(scenario, seed, trajectory))
     met = [gate for gate in gates if gate.dof > 0]

@@ -226,10 +226,7 @@ def solve(u_e, tracked, errors):
     cofactor : (m, 3, 3) covariance of the position for unit sigma, frame e
     per_sigma : (2, m, 3) errors of position and velocity for unit sigma, frame e
     """
-    H = np.concatenate([-u_e, np.ones_like(u_e[..., :1])], axis=-1) * tracked[..., None]
-    information = np.einsum("mni,mnj->mij", H, H)
-    unsolvable = tracked.sum(axis=1) < MIN_SATELLITES
-    information[unsolvable] = np.eye(4)
+    H, information, unsolvable = _normal_equations(u_e, tracked)
     inverse = np.linalg.inv(information)
     inverse[unsolvable] = np.nan
     cofactor = inverse[:, :3, :3]
@@ -237,15 +234,21 @@ def solve(u_e, tracked, errors):
     return np.sqrt(np.trace(cofactor, axis1=1, axis2=2)), cofactor, per_sigma[..., :3]
 
 
+def _normal_equations(u_e, tracked):
+    """H (m, n, 4), H^T H (m, 4, 4), the unit matrix without a solution, and where there is none (m,)."""
+    H = np.concatenate([-u_e, np.ones_like(u_e[..., :1])], axis=-1) * tracked[..., None]
+    information = np.einsum("mni,mnj->mij", H, H)
+    unsolvable = tracked.sum(axis=1) < MIN_SATELLITES
+    information[unsolvable] = np.eye(4)
+    return H, information, unsolvable
+
+
 def spread(u_e, tracked, variances):
     """Covariance of the least-squares position for ranges with variances of their own.
 
     u_e : (m, n, 3); tracked : (m, n) bool; variances : (a, m, n) -> (a, m, 3, 3), NaN without a solution
     """
-    H = np.concatenate([-u_e, np.ones_like(u_e[..., :1])], axis=-1) * tracked[..., None]
-    information = np.einsum("mni,mnj->mij", H, H)
-    unsolvable = tracked.sum(axis=1) < MIN_SATELLITES
-    information[unsolvable] = np.eye(4)
+    H, information, unsolvable = _normal_equations(u_e, tracked)
     A = np.linalg.solve(information, np.swapaxes(H, 1, 2))
     A[unsolvable] = np.nan
     return np.einsum("min,amn,mjn->amij", A[:, :3], variances, A[:, :3])

@@ -162,7 +162,7 @@ def test_a_reading_is_not_used_high_up_in_shocks_and_at_the_end_of_its_range():
 # a vehicle that stands on the pad
 
 
-def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale"), climb=0.0):
+def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale"), climb=0.0, aid=AID):
     """Filter of a vehicle at rest that hears readings and fixes as they become available. -> nav, results
 
     climb : m/s, of one that is not at rest
@@ -172,7 +172,7 @@ def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale"), climb
     r_i, v_i = frames.inertial_from_ecef(EARTH, 0.0, r_e, -climb * C_en[:, 2])
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(EARTH, 0.0) @ C_en)
     begin = Alignment(0.0, r_i, v_i, q_ib, 3.0, 0.01, 1e-6 * np.eye(3))
-    params = PARAMS._replace(states=states, sigma_blocks={}, aids=(AID,), imu=MODEL)
+    params = PARAMS._replace(states=states, sigma_blocks={}, aids=(aid,), imu=MODEL)
     nav, results = fusion.start(params, begin, EARTH), []
     waiting = sorted([*readings, *fixes], key=lambda one: one.t_available_s)
     from shefex_nav.environment import gravity
@@ -186,7 +186,7 @@ def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale"), climb
         due = [one for one in waiting if one.t_available_s <= 0.01 * k + 1e-6]
         waiting = [one for one in waiting if one.t_available_s > 0.01 * k + 1e-6]
         if due:
-            named = [("barometer" if type(one) is BarometerReading else "gps", one) for one in due]
+            named = [(aid.name if type(one) is BarometerReading else "gps", one) for one in due]
             results += fusion.fuse(nav, named)
     return nav, results
 
@@ -215,6 +215,16 @@ def test_the_known_pad_calibrates_the_barometer():
     H[0, : nav.layout.places["baro_bias"].start] = 0.0
     of_bias = np.sqrt(P[nav.layout.places["baro_bias"], nav.layout.places["baro_bias"]][0, 0])
     assert np.sqrt(H[0] @ P @ H[0]) < 50.0 < of_bias  # of 800 Pa; the survey of the pad has 3 m, 35 Pa
+
+
+@pytest.mark.parametrize("name", ["star_baro", "gps_baro"])
+def test_an_instrument_is_not_taken_for_gps_or_stars_by_its_name(name):
+    """Under a name that begins like theirs a barometer says the same to the last bit."""
+    nav, results = stand(on_the_pad(2.0), 2.0)
+    other, others = stand(on_the_pad(2.0), 2.0, aid=AID._replace(name=name))
+    assert [one._replace(sensor="barometer") for one in others] == results and results
+    np.testing.assert_array_equal(pack(other.history[-1].state), pack(nav.history[-1].state))
+    np.testing.assert_array_equal(other.history[-1].P, nav.history[-1].P)
 
 
 def test_readings_that_come_late_say_what_they_would_have_said_in_time():

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.report import requirements
 from shefex_nav.report.metrics import NEES_DOF
 
 SMALLER, LARGER, NEARER = "smaller", "larger", "nearer"
@@ -37,14 +38,6 @@ def _at(path, factor=1.0):
     return figure
 
 
-def _norm(path):
-    def figure(get):
-        values = get(path)
-        return None if not values or None in values else math.hypot(*values)
-
-    return figure
-
-
 def _star_fixes(get):
     solved, frames = get("star_tracker.solved"), get("star_tracker.in_window")
     return 100.0 * solved / frames if frames else None
@@ -61,7 +54,7 @@ SOLUTION_SHARE = _NAV + "solution_share"
 QUANTITIES = (
     Quantity("position at entry", "m", _at(_NAV + "at_entry.position_error_m")),
     Quantity("velocity at entry", "m/s", _at(_NAV + "at_entry.velocity_error_m_s")),
-    Quantity("attitude at entry", "deg", _norm(_NAV + "at_entry.attitude_error_deg")),
+    Quantity("attitude at entry", "deg", requirements.together(_NAV + "at_entry.attitude_error_deg")),
     Quantity("position, rms of the star phase", "m", _at(_NAV + "star_phase.position_rms_m"), spoken=True),
     Quantity(
         "velocity, rms of the star phase", "m/s", _at(_NAV + "star_phase.velocity_rms_m_s"), spoken=True

@@ -24,11 +24,11 @@ from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import LENGTHS, WHITE, Window, neighbours
+from shefex_nav.onboard.navigation.quantity import POSITION, RATES, VECTORS, VELOCITY, fix_of
 from shefex_nav.records import NavHealth
 
-RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
-JUDGED = ("gps_position", *RATES)
-WATCHED = ("gps_position", "gps_velocity")  # sensors whose windows are kept: one fix, three numbers
+WATCHED = VECTORS  # sensors whose windows are kept: one fix, three numbers
+JUDGED = (*WATCHED, *RATES)  # the inertial sensors are held against those of the velocity
 MOST = 16.0  # largest factor of a standard deviation
 YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filter has only begun
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
@@ -88,10 +88,10 @@ def weigh(nav, now, innovation, measurement, verdict):
         return verdict
     whitened, own = eskf.weighed(innovation.z, innovation.R, innovation.S)
     noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
-    if name == "gps_velocity":
+    if fix_of(name) is VELOCITY:
         _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
-        if name == "gps_position" and integrity_watch.is_back(nav.watch.moved, innovation.z):
+        if fix_of(name) is POSITION and integrity_watch.is_back(nav.watch.moved, innovation.z):
             return verdict  # it was the receiver
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
@@ -212,7 +212,7 @@ def _windows(nav, now, whitened, own, name, verdict):
     process = found.process or (found.large and (own <= OWN_SHARE or noise.share is not None))
     if not process or name not in RATES:
         return verdict
-    if name == "gps_velocity" and _blame_if_white(nav, *_of_position(noise), noise.windows[name].last()):
+    if fix_of(name) is VELOCITY and _blame_if_white(nav, *_of_position(noise), noise.windows[name].last()):
         return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))

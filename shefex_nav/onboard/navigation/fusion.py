@@ -36,6 +36,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
 from shefex_nav.onboard.navigation.sensor import Measurement
 from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
@@ -52,7 +53,6 @@ from shefex_nav.onboard.navigation.state import (
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import GateResult, Reason
 
-VECTORS = "gps_position", "gps_velocity"
 UNUSED = (Fate.REJECTED, Fate.HELD)
 
 
@@ -214,14 +214,14 @@ def _worth_trying(nav, arrival, fix, index, results):
     names, reason = contents(nav, arrival, index, fix)
     if reason:
         results.append(_unused(now_s, fix, names[0], reason))
-        nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
+        nav.watch.tell(now_s, "gps" if about(names[0]) in (POSITION, VELOCITY) else arrival, reason)
         return (), fix
     if index is None:
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
-    if arrival.startswith("star"):
+    if about(names[0]) is ATTITUDE:
         return names, straightened(nav, arrival, index, fix)
-    if arrival.startswith("gps"):
+    if about(names[0]):
         repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, _whereabouts(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
         nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
@@ -326,7 +326,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     else:
         if bent is not None:
             history.x[: ATT.start] += bent[: ATT.start]
-        whole = bent is not None or measurement.sensor.startswith("star")
+        whole = bent is not None or about(measurement.sensor) is ATTITUDE
         share = eskf.whole if whole else unknown_attitude.take_share
         given = prior, (z, H, R), history.x, history.P, share
         if measurement.teaches:
@@ -334,14 +334,14 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         else:
             dx, G = integrity_learnt.update_without(nav.layout, *given)
     attitude_alone = fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2 or not measurement.teaches
-    if measurement.sensor == "star_tracker" and attitude_alone:
+    if fix_of(measurement.sensor) is ATTITUDE and attitude_alone:
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
         nav.watch.corrected(history.oldest + index, history.oldest, now.t_s, x, history.x)
-        if measurement.sensor in integrity_watch.VELOCITIES:
+        if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
         _used(nav, now, measurement, P, prior, H, R, confirmed)
@@ -372,7 +372,7 @@ def rows_used(nav, measurement, z, H, R):
         used_s = nav.history.used_s
         gap_s, used_s[measurement.sensor] = fix.t_valid_s - used_s[measurement.sensor], fix.t_valid_s
         return z, H, sensor.counted(nav, fix, R, gap_s)
-    if params.lasting_share and measurement.sensor == "gps_position":
+    if params.lasting_share and fix_of(measurement.sensor) is POSITION:
         gap_s = fix.t_valid_s - nav.history.position_s
         nav.history.position_s = fix.t_valid_s
         R = measurements.lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s) * R
@@ -382,7 +382,7 @@ def rows_used(nav, measurement, z, H, R):
 def _used(nav, now, measurement, P, prior, H, R, confirmed):
     """Tell the watch of a measurement that has just been used for the first time."""
     fix, name = measurement.fix, measurement.sensor
-    whole = name == "star_vectors" and fix.reason == Reason.NONE  # as good as the attitude
+    whole = about(name) is ATTITUDE and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
     slope = integrity_protection.of_measurement(nav, now, measurement, P, prior, H, R, confirmed)
     nav.watch.used_now.append((now.t_s, slope))

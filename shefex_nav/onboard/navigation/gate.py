@@ -21,6 +21,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
 from shefex_nav.records import GateResult, Reason
 
@@ -95,7 +96,7 @@ def _verdict(nav, now, innovation, measurement):
     limit, alone = nav.limits[len(z)], sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     before = nav.health[name]
-    if name == "gps_position" and _receiver_is_doubtful(nav, fix):
+    if fix_of(name) is POSITION and _receiver_is_doubtful(nav, fix):
         return Verdict(Fate.HELD, None, None, WAITS, alone)
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
@@ -103,7 +104,7 @@ def _verdict(nav, now, innovation, measurement):
     if fate == Fate.REJECTED and (before.far or nis > nav.limits[len(z), FAR]):
         nav.health[name] = nav.health[name]._replace(far=True)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
-    if name == integrity_watch.DRIFTS:
+    if fix_of(name) is POSITION:
         fate, admitted = _drifts(nav, fate, z, S, admitted)
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
@@ -130,11 +131,11 @@ def _insists(name, before, evidence, narrow):
 
     str, Health before the fix, evidence of the fix, whether it has passed the gate only just
     """
-    if name == "gps_velocity":
+    if fix_of(name) is VELOCITY:
         if before.far and narrow and integrity.same_direction(before.first, evidence):
             return True
         return integrity.same_velocity_offset(before.first, evidence)
-    if name == "gps_position" and integrity_watch.contradicts(name, before):
+    if fix_of(name) is POSITION and integrity_watch.contradicts(name, before):
         return integrity.has_widened(before.evidence, evidence)
     return False
 
@@ -164,21 +165,21 @@ def _doubted(nav, now, z, nis, name, verdict):
     watch = nav.watch
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
-    if verdict.insisted and verdict.fate == Fate.USED and name == "gps_position":
+    if verdict.insisted and verdict.fate == Fate.USED and fix_of(name) is POSITION:
         if not watch.unread:
             watch.moved = z.copy()
     elif verdict.insisted and verdict.fate == Fate.USED:
         watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
-    if name == "star_tracker" and verdict.fate in ACCEPTED:
+    if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
         watch.attitude_was_wrong(float(np.sqrt(z @ z)))
-    if verdict.fate == Fate.RESET and name == "star_tracker":
+    if verdict.fate == Fate.RESET and fix_of(name) is ATTITUDE:
         watch.gyros.doubt(np.sqrt(z @ z))
         return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))
-    if verdict.fate == Fate.RESET and name in integrity_watch.VELOCITIES:
+    if verdict.fate == Fate.RESET and about(name) is VELOCITY:
         watch.gyros.doubt()
         watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
-    if verdict.fate == Fate.RESET and name == "gps_position" and verdict.admitted is None:
+    if verdict.fate == Fate.RESET and fix_of(name) is POSITION and verdict.admitted is None:
         watch.position_believed(z)
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limits[len(z), SURPRISING]:
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
@@ -214,10 +215,10 @@ def _attitude(nav, now, z, R, measurement, fate):
     Of stars that are used one by one it is that of their frame; of stars that are not used, the attitude is
     judged next (`sensors.attitudes_instead`).
     """
-    if measurement.sensor == "star_tracker":
+    if fix_of(measurement.sensor) is ATTITUDE:
         return z, R
     fix = measurement.fix
-    if measurement.sensor == "star_vectors" and fate == Fate.USED and fix.reason == Reason.NONE:
+    if about(measurement.sensor) is ATTITUDE and fate == Fate.USED and fix.reason == Reason.NONE:
         z, _, R = nav.sensors["star_tracker"].linearise(nav, now, fix)
         return z, R
     return None

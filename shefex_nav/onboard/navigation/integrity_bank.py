@@ -34,6 +34,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
 from shefex_nav.onboard.navigation.grown import Grown, grown
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, fix_of
 
 WINDOWS = np.array([3, 4, 6, 8, 12, 16, 24, 32, 48, 64])  # innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -42,10 +43,11 @@ CALM_CHANCE = 1e-2  # of not calling them healthy
 CLIPPED = 25.0  # [E] squared length of an innovation at most: one, or two in a row, raise no alarm
 LEAST_S = 5.0  # [E] that an alarm lasts
 SPEAKS_S = 15.0  # [E] what a sensor said so long ago neither prolongs an alarm nor makes anything grow
-WAITS_S = {"gps": 0.0, "star_tracker": 4.0}  # [E] until anything grows: stars tell of gyros by themselves
 LEAST, MOST = 2.0, 8.0  # [E] factor of sigma after an alarm
 OWN = 0.95  # [E] share of a sensor's own noise in its innovations at most, when the factor is found
-GROUPS = {"gps_position": "gps", "gps_velocity": "gps", "gps": "gps", "star_tracker": "star_tracker"}
+GPS = "gps"  # position and velocity together
+GROUPS = {**dict.fromkeys((*VECTORS, GPS), GPS), "star_tracker": "star_tracker"}
+WAITS_S = {GPS: 0.0, "star_tracker": 4.0}  # [E] until anything grows: stars tell of gyros by themselves
 LIMITS = {}
 
 
@@ -169,8 +171,8 @@ class Bank:
 
     def begin_anew(self):
         """Another noise counts: what the innovations of GPS were says nothing any more."""
-        self.forget("gps")
-        for name in adaptation.WATCHED:
+        self.forget(GPS)
+        for name in VECTORS:
             if name in self.streams:
                 self.streams[name].recent.clear()
 
@@ -191,7 +193,7 @@ class Bank:
         if name not in GROUPS:
             return verdict
         group, now_s = GROUPS[name], nav.history.ends_s[-1]
-        if fate == Fate.RESET and (isinstance(verdict.admitted, Grown) or name == "gps_position"):
+        if fate == Fate.RESET and (isinstance(verdict.admitted, Grown) or fix_of(name) is POSITION):
             self.forget(group)
             self.due.pop(group, None)
         elif fate == Fate.RESET:
@@ -214,19 +216,19 @@ class Bank:
     def _found(self, nav, name, fix, w, own):
         """Finding of a sensor, or of position and velocity of one fix, or None."""
         now_s, lasting = nav.history.ends_s[-1], nav.params.lasting_share > 0.0
-        if name == "gps_position" and lasting:
+        if fix_of(name) is POSITION and lasting:
             return None
         found = self._stream(name, len(w)).take(w, now_s, own)
-        if name == "gps_position":
+        if fix_of(name) is POSITION:
             self.position = fix.t_valid_s, w
-        elif name == "gps_velocity" and self.position[0] == fix.t_valid_s:
+        elif fix_of(name) is VELOCITY and self.position[0] == fix.t_valid_s:
             both = np.concatenate([self.position[1], w])
-            found = self._stream("gps", len(both)).take(both, now_s, own) or found
+            found = self._stream(GPS, len(both)).take(both, now_s, own) or found
         return found
 
     def _stream(self, name, d):
         if name not in self.streams or self.streams[name].d != d:
-            self.streams[name] = Stream(d, name != "star_tracker")
+            self.streams[name] = Stream(d, fix_of(name) is not ATTITUDE)
         return self.streams[name]
 
     def _alarm(self, nav, group, name, found, own, S):
@@ -236,7 +238,7 @@ class Bank:
         nav.watch.tell(now_s, f"{group} innovations", f"{name}: {found.words}")
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
         mean = np.linalg.cholesky(S) @ found.mean[-len(S) :]
-        if name == "gps_position" and found.one_sided and nav.watch.moved is None:
+        if fix_of(name) is POSITION and found.one_sided and nav.watch.moved is None:
             nav.watch.moved = mean  # the filter has followed it, and follows it still
         self.due[group] = Alarm(now_s, float(np.clip(factor, LEAST, MOST)), mean)
         self.forget(group)
@@ -249,7 +251,7 @@ class Bank:
         """
         before, self.before[group] = self.before.get(group, -np.inf), alarm.t_s
         again = alarm.t_s - before < adaptation.LOOP_S
-        if group == "gps":
+        if group == GPS:
             nav.watch.learnt.forget()
             doubts = integrity_learnt.doubts(nav.params, nav.layout, None, now.x, now.P)
             of_receiver = adaptation.blame_receiver(nav, self.streams)
@@ -280,7 +282,7 @@ def _counts(nav, name, fate):
     """Whether an innovation counts. A refused star fix does not, nor a refused position that jumps alone."""
     if nav.watch.imu_blind or fate not in (Fate.USED, Fate.REJECTED):
         return False
-    alone = name == "star_tracker" or (name == "gps_position" and integrity_watch.jumped(nav.health))
+    alone = fix_of(name) is ATTITUDE or (fix_of(name) is POSITION and integrity_watch.jumped(nav.health))
     return fate == Fate.USED or not alone
 
 

@@ -41,7 +41,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.navigation import protected
+from shefex_nav.onboard.navigation import protected, quantity
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.protected import (
@@ -273,7 +273,7 @@ def slope_of_rows(P_before, P_after, limit, H, R, size, axes, confirmed=False):
 def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
     """Slope of a measurement that has just been used: by how its sensor is gated, not by which it is.
 
-    Star fixes alone are known by name, for what they mislead is attitude and mounting together.
+    Those of the attitude are apart, for what they mislead is attitude and mounting together.
 
     nav : Filter;  now : Moment, after it;  measurement : as decided
     P, prior : (n, n) before it, and after a reset forgot, or the same
@@ -283,9 +283,9 @@ def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
     rows, axes = nav.sensors[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
     grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
     agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree
-    if name == "star_vectors":
+    if quantity.about(name) is quantity.ATTITUDE and rows:
         found = slope_of_vectors(nav.layout, prior, now.P, nav.limits[2], H, R, axes)
-    elif name == "star_tracker":
+    elif quantity.about(name) is quantity.ATTITUDE:
         found = slope_of_stars(prior, now.P, limit, H, R, confirmed, axes)
     elif rows:
         found = slope_of_rows(prior, now.P, nav.limits[rows], H, R, rows, axes, agreed)

@@ -16,22 +16,20 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
     protected,
 )
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.records import Doubt, NavHealth
 
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
-DRIFTS = "gps_position"  # the sensor whose innovations are averaged
-WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
+WHY = {ATTITUDE: "contradicts the gyros", VELOCITY: "contradicts the accelerometers"}
 UNCHECKED = "has been wrong before: no stars to check it by"
 AXES_S = 1.0
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
-OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
-VELOCITIES = "gps_velocity", "gps_range_rate"
 BACK = 0.3  # [E] share of a step, to within which one back ends it
-ALONE = "gps_position", "gps_velocity"  # sensors of which one fix that is far off raises doubt
-MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
+ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
+MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
 
 
 class IntegrityParams(NamedTuple):
@@ -157,8 +155,8 @@ class Watch:
 
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""
-        if self.unread and sensor in MEASURES:
-            integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
+        if self.unread and fix_of(sensor) in MEASURES:
+            integrity_imu.fixed(self.imu, MEASURES[fix_of(sensor)], t_valid_s, now_s)
 
     def velocity_believed(self, name, z, pushed):
         """A GPS velocity is believed against the accelerometers, which show nothing wrong by themselves.
@@ -166,7 +164,7 @@ class Watch:
         Either may be wrong, and both agree from here on: the receiver that goes on with its error as well as
         the filter that was put right. Only a step back, as large, says that it was the receiver, and is over.
         """
-        if name != "gps_velocity" or self.unread or not self.far:
+        if fix_of(name) is not VELOCITY or self.unread or not self.far:
             return
         self.step, self.pushed = (None if is_back(self.step, z) else z.copy()), pushed
 
@@ -236,8 +234,8 @@ class Watch:
         bad = contradicting(health)
         if not bad and not self.alarms and self.moved is None:
             return ALL_OF[Doubt.NONE]
-        others = [name for name in bad if name not in OF_ATTITUDE]
-        jumps = others == ["gps_position"] and jumped(health)
+        others = [name for name in bad if about(name) is not ATTITUDE]
+        jumps = [fix_of(name) for name in others] == [POSITION] and jumped(health)
         if (others and not jumps) or ((bad or self.alarms) and self.reasons.get("gps")):
             return ALL_OF[Doubt.CONTRADICTED]
         of_attitude = self.alarms or len(bad) > len(others)
@@ -250,11 +248,11 @@ class Watch:
 
     def _left(self, sensor):
         """What is left to say of a sensor that is used; '' if nothing is."""
-        if sensor == "gps_position" and self.moved is not None:
+        if fix_of(sensor) is POSITION and self.moved is not None:
             return f"disputed: it or the filter was wrong by {np.linalg.norm(self.moved):.3g} m"
-        if sensor == "gps_velocity" and self.step is not None:
+        if fix_of(sensor) is VELOCITY and self.step is not None:
             return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(self.step):.2g} m/s"
-        if sensor == "star_tracker" and self.disputed > 0.0:
+        if fix_of(sensor) is ATTITUDE and self.disputed > 0.0:
             return f"disputed: it or the gyros are wrong by {np.degrees(self.disputed):.2g} deg"
         return ""
 
@@ -293,9 +291,9 @@ def is_back(step, z):
 
 def reason(name, health):
     """Why a sensor that insists on contradicting the filter is not used. str, {sensor: Health} -> str"""
-    if name == "gps_position" and jumped(health):
+    if fix_of(name) is POSITION and jumped(health):
         return "moves without its velocity"
-    return WHY.get(name, "contradicts the filter")
+    return WHY.get(fix_of(name), "contradicts the filter")
 
 
 def contradicts(name, record):
@@ -305,9 +303,9 @@ def contradicts(name, record):
     too late. Those of the star tracker need not: where gyros are wrong, star fixes that are right do not
     agree through them.
     """
-    if record.far and name in ALONE:
+    if record.far and fix_of(name) in ALONE:
         return True
-    in_a_row = record.in_a_row if name == "star_tracker" else record.rejected
+    in_a_row = record.in_a_row if fix_of(name) is ATTITUDE else record.rejected
     return in_a_row >= CONTRADICTIONS
 
 

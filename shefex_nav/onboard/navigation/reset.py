@@ -5,6 +5,7 @@ import numpy as np
 from shefex_nav.onboard.navigation import eskf, integrity_learnt
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.quantity import POSITION, fix_of
 from shefex_nav.onboard.navigation.state import initial_covariance
 
 
@@ -26,7 +27,7 @@ def forgotten(nav, P, measurement, H):
     elif admitted is not None:
         added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
         integrity_learnt.add(P, order, x, added)
-    elif measurement.fate != Fate.USED and len(H) == 2 and measurement.sensor == "gps_position":
+    elif measurement.fate != Fate.USED and len(H) == 2 and fix_of(measurement.sensor) is POSITION:
         level = H[:, places[sensor.block]]
         P[places[sensor.block], places[sensor.block]] += sensor.forgotten**2 * (level.T @ level)
     elif measurement.fate != Fate.USED:

@@ -4,6 +4,9 @@ GPS and stars stand here; an instrument that adds to them is an Aid (`aiding`). 
 several measurements: `ARRIVALS` says which.
 """
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import kernel
@@ -19,6 +22,7 @@ from shefex_nav.onboard.navigation import (
     unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import Moment
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
@@ -98,7 +102,7 @@ def straightened(nav, arrival, index, fix):
     q_ic, P_c, P = _turned_back(fix.q_ic, fix.P_c, bend_c, noise)
     if fix.reason == Reason.NONE:
         fix = fix._replace(q_ic=q_ic, P_c=P_c)
-    if arrival == "star_vectors" and len(fix.stars.hip):
+    if _says_single_stars(arrival) and len(fix.stars.hip):
         fix = fix._replace(stars=measure_stars.turned_back(fix.stars, bend_c, P))
     return fix
 
@@ -247,6 +251,13 @@ def rate_covariance(layout, now):
     return J_omega @ now.P @ J_omega.T
 
 
+class Arrival(NamedTuple):
+    """What arrives on board."""
+
+    sensors: tuple[str, ...]  # whose measurements it holds
+    empty: Callable[[Any], str] = lambda fix: ""  # why a fix holds no measurement, '' if it does
+
+
 SENSORS = {
     "gps_position": Sensor(_gps_position, "position", 1e5, _gps_position_trial),
     "gps_velocity": Sensor(_gps_velocity, "velocity", 1e4, _gps_trial),
@@ -278,10 +289,14 @@ SENSORS = {
     ),
 }
 ARRIVALS = {
-    "gps": ("gps_position", "gps_velocity"),
-    "gps_ranges": ("gps_range", "gps_range_rate"),
-    "star_tracker": ("star_tracker",),
-    "star_vectors": ("star_vectors",),
+    "gps": Arrival(VECTORS, lambda fix: "" if fix.valid else f"no fix: {fix.reason}"),
+    "gps_ranges": Arrival(
+        ("gps_range", "gps_range_rate"), lambda fix: "" if len(fix.prn) else f"no ranges: {fix.reason}"
+    ),
+    "star_tracker": Arrival(("star_tracker",)),
+    "star_vectors": Arrival(
+        ("star_vectors",), lambda fix: "" if len(fix.stars.hip) else "no stars by themselves"
+    ),
 }
 
 
@@ -323,6 +338,11 @@ def _of_stars(nav, fixes):
     return [("star_vectors", fix) for fix in fixes if fix.reason == Reason.NONE or len(fix.stars.hip)]
 
 
+def _says_single_stars(name):
+    """Whether an arrival or a sensor says a direction for each star, and not the attitude."""
+    return about(name) is ATTITUDE and not fix_of(name)
+
+
 def attitudes_instead(nav, taken, results):
     """Attitudes of frames of which not one star was used, so that it shows whether they insist.
 
@@ -331,12 +351,12 @@ def attitudes_instead(nav, taken, results):
     taken : `arrivals` that were fused;  results : list in which their GateResult are
     -> list of (arrival, fix)
     """
-    fixes = {fix.t_valid_s: fix for arrival, fix in taken if arrival == "star_vectors"}
+    sent = {fix.t_valid_s: fix for arrival, fix in taken if _says_single_stars(arrival)}
     instead = []
-    for result in results if fixes else ():
-        if result.sensor != "star_vectors":
+    for result in results if sent else ():
+        if not _says_single_stars(result.sensor):
             continue
-        fix = fixes[result.t_valid_s]
+        fix = sent[result.t_valid_s]
         if result.accepted:
             nav.health["star_tracker"] = nav.health["star_tracker"]._replace(
                 rejected=0, evidence=None, in_a_row=0
@@ -352,19 +372,14 @@ def contents(nav, arrival, index, fix):
 
     fusion.Filter; of `arrivals`; of the tick in the History in which the fix lies, or None; the fix
     """
-    names = ARRIVALS.get(arrival, (arrival,))
-    if arrival == "gps" and np.isnan(fix.v_ea_e[0]):  # receivers that give no velocity leave it NaN
-        names = ("gps_position",)
-    return names, _without_solution(arrival, fix) or _unfit(nav, names[0], index, fix)
+    known = ARRIVALS.get(arrival) or Arrival((arrival,))
+    names = tuple(name for name in known.sensors if fix_of(name) is not VELOCITY or _has_velocity(fix))
+    return names, known.empty(fix) or _unfit(nav, names[0], index, fix)
 
 
-def _without_solution(arrival, fix):
-    """Why a fix holds no measurement, '' if it does."""
-    if arrival == "gps_ranges":
-        return "" if len(fix.prn) else f"no ranges: {fix.reason}"
-    if arrival == "star_vectors":
-        return "" if len(fix.stars.hip) else "no stars by themselves"
-    return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""
+def _has_velocity(fix):
+    """Whether a GpsFix says one: receivers that give no velocity leave it NaN."""
+    return not np.isnan(fix.v_ea_e[0])
 
 
 def _unfit(nav, name, index, fix):

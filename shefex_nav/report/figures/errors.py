@@ -10,6 +10,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames, rotation
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.report import local_level, metrics
 from shefex_nav.report.figures import style
 from shefex_nav.report.pairing import same_times
@@ -93,7 +94,7 @@ def _level_axes(earth, truth):
 
 def aided_since(data):
     """Mission time of the first star fix that the filter used; None without any."""
-    used = (gate.t_s for gate in data.gates if gate.sensor.startswith("star_") and gate.accepted)
+    used = (gate.t_s for gate in data.gates if about(gate.sensor) is ATTITUDE and gate.accepted)
     return next(used, None)
 
 

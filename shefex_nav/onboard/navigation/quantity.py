@@ -1,0 +1,45 @@
+"""What each sensor of the filter measures: the one table that its checks ask, so that none compares a name.
+
+A sensor that is not in it, such as an instrument (`aiding`), measures something else.
+"""
+
+from enum import Enum
+from typing import NamedTuple
+
+
+class Quantity(Enum):
+    """A quantity that GPS or stars measure."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+    ATTITUDE = "attitude"
+
+
+class Measures(NamedTuple):
+    """What a sensor measures."""
+
+    quantity: Quantity
+    whole: bool  # whether one fix says all of it; or a row for each satellite or star
+
+
+POSITION, VELOCITY, ATTITUDE = Quantity
+TABLE = {
+    "gps_position": Measures(POSITION, whole=True),
+    "gps_velocity": Measures(VELOCITY, whole=True),
+    "gps_range": Measures(POSITION, whole=False),
+    "gps_range_rate": Measures(VELOCITY, whole=False),
+    "star_tracker": Measures(ATTITUDE, whole=True),
+    "star_vectors": Measures(ATTITUDE, whole=False),
+}
+VECTORS = tuple(name for name, of in TABLE.items() if of.whole and of.quantity is not ATTITUDE)
+RATES = tuple(name for name, of in TABLE.items() if of.quantity is VELOCITY)
+
+
+def about(name):
+    """Quantity that a sensor measures, whole or in rows; None: another one."""
+    return TABLE[name].quantity if name in TABLE else None
+
+
+def fix_of(name):
+    """Quantity of which one fix of a sensor says all; None: of none of these."""
+    return TABLE[name].quantity if name in TABLE and TABLE[name].whole else None
