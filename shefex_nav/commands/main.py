@@ -30,6 +30,7 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
+from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
 from shefex_nav.commands.view import view
 from shefex_nav.commands.warmup import warmup
@@ -62,6 +63,7 @@ app.command(epilog=TRUST_HELP)(report)
 app.command(epilog=TRUST_HELP)(view)
 app.command(epilog=TRUST_HELP)(show)
 app.command(epilog=TRUST_HELP)(check)
+app.command(epilog=TRUST_HELP)(vehicle)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")
 
