@@ -77,7 +77,7 @@ def land(scenario, seed, ground, *, paths=True):
     flight = prepare.fly_vehicle(scenario, seed)
     landings, ways, unknown = [], [], []
     name = last_one(scenario)
-    landings.append(_last(name, flight.trajectory, world, ground))
+    landings.append(last_landing(name, flight.trajectory, world, ground))
     if paths:
         ways.append(_path(name, flight.trajectory, earth))
     for one in flight.dropped:
@@ -117,7 +117,7 @@ def landing_of(name, earth, t_s, r_i, v_i):
     return Landing(name, float(t_s), float(latitude), float(longitude), speed, angle)
 
 
-def _last(name, trajectory, world, ground):
+def last_landing(name, trajectory, world, ground):
     """Landing of what the simulator flies, by its IMU: where it comes down through the ground last.
 
     The samples are 2.5 ms apart; between them, and below the ellipsoid where the simulator ends, it goes on
