@@ -2,10 +2,10 @@
 
     uv run --with rocketpy python benchmarks/impact_rocketpy.py --flights 800 [--json FILE]
 
-Both draw for themselves, from the same distributions: inclination and heading of the rail, impulse, drag, both
-components of the wind. The rocket has no parachute and lands nose first. RocketPy flies with the corrections of
-`calisto` that rocketpy_comparison.py explains. Wanted: centres within three standard errors and 1 % of the
-range, semi-axes of 1 sigma within 10 %.
+Both draw for themselves, from the same distributions: inclination and heading of the rail, impulse, drag,
+both components of the wind. The rocket has no parachute and lands nose first. RocketPy flies with the
+corrections of `calisto` that rocketpy_comparison.py explains. Wanted: centres within three standard errors
+and 1 % of the range, semi-axes of 1 sigma within 10 %.
 """
 
 import argparse
