@@ -269,3 +269,23 @@ def test_a_wind_of_the_day_takes_the_place_of_the_scenarios(rocket, tmp_path):
     payload = [one.landed[0].landings[0] for one in (calm, windy)]
     drift = apart(place(payload[0]), place(payload[1]))
     assert drift > 20.0 * 0.5 * (payload[1].t_s - 475.0) * 0.5  # under its parachute it drifts with the wind
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (
+            "vehicle.stages.Orion.spent={area: 1 m2, mach: [0, 2], drag: [1, 1, 1]}",
+            "3 values for 2 Mach numbers",
+        ),
+        (
+            "vehicle.stages.Orion.spent={area: 1 m2, mach: [0, 2, 1], drag: [1, 1, 1]}",
+            "Mach numbers must increase",
+        ),
+        ("vehicle.stages.Orion.spent={area: 1, mach: [0, 2], drag: [1, 1]}", "spent.area"),
+        ("vehicle.stages.Orion.separation=null", "it stays attached and never falls alone"),
+    ],
+)
+def test_a_drag_that_cannot_be_is_told(rocket, told, words):
+    with pytest.raises(load.ScenarioError, match=words):
+        load.load(rocket, [told])
