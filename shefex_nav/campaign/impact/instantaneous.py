@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.impact.landing import landing_of
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
 from shefex_nav.scenario import params
 from shefex_nav.world.flight import ballistic, fly
@@ -33,7 +34,7 @@ def points(scenario, landed, ground):
     drops = [one.t_s for one in landed.flight.dropped]
     times, found = _times(landed.flight), []
     for t_s in times:
-        k = sum(t_s >= drop for drop in drops)
+        k = sum(t_s >= drop - SAME_S for drop in drops)
         state, mass = _centre(landed.flight.trajectory, configurations[k], t_s)
         bodies = ballistic.Body(mass, None), ballistic.Body(mass, _nose_first(configurations[k].aero))
         found.append([_point(landed.world, body, t_s, state, ground) for body in bodies])
@@ -42,7 +43,7 @@ def points(scenario, landed, ground):
 
 
 def _times(flight):
-    """Instants: close while a motor burns, and at separations."""
+    """Times of samples: close while a motor burns, and at separations."""
     at = {}
     for event in flight.events:
         at.setdefault(event.name, event.t_s)
@@ -52,12 +53,13 @@ def _times(flight):
     times = np.concatenate(
         [close, np.arange(last_burn, end, COASTING_S), [one.t_s for one in flight.dropped]]
     )
-    return np.unique(times[times < end]).tolist()
+    rows = np.searchsorted(flight.trajectory.t_s, times[times < end] - SAME_S)
+    return flight.trajectory.t_s[np.unique(rows)].tolist()
 
 
 def _centre(trajectory, configuration, t_s):
-    """State of the centre of mass, (3,) m and (3,) m/s, frame i, and mass, kg, at the sample next to t_s."""
-    k = int(np.argmin(np.abs(trajectory.t_s - t_s)))
+    """State of the centre of mass, (3,) m and (3,) m/s, frame i, and mass, kg, at the sample of t_s."""
+    k = int(np.searchsorted(trajectory.t_s, t_s))
     C_ib, lever = rotation.dcm_from_quat(trajectory.q_ib[k]), fly.lever(configuration, t_s)
     r_i = trajectory.r_i[k] + C_ib @ lever
     v_i = trajectory.v_i[k] + C_ib @ np.cross(trajectory.omega_ib_b[k], lever)
