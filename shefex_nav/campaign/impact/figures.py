@@ -93,12 +93,12 @@ def _panel(axes, result, one):
             s * along + c * across, c * along - s * across, color=style.BLACK, lw=1.2, ls=dash, label=share
         )
     axes.plot(0.0, 0.0, "+", color=style.BLACK, ms=12)
-    for case, landed in zip(result.cases, result.landed, strict=True):
+    for k, landed in enumerate(result.landed):
         spot = next(x for x in landed.landings if x.body == one.body)
         there = wgs84.ecef_from_geodetic(spot.latitude, spot.longitude, 0.0)
         centre = wgs84.ecef_from_geodetic(one.latitude, one.longitude, 0.0)
         at = (there - centre) @ wgs84.dcm_en(one.latitude, one.longitude) / scale
-        name = "without dispersions" if len(result.cases) == 1 else f"without dispersions, {case.wind}"
+        name = None if k else "without dispersions" + ", in each wind" * (len(result.cases) > 1)
         axes.plot(at[1], at[0], "*", color=style.YELLOW, mec="black", ms=12, label=name)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"east of the centre [{unit}]")
