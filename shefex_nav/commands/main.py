@@ -17,6 +17,7 @@ from shefex_nav.commands.characterise import characterise
 from shefex_nav.commands.check import check
 from shefex_nav.commands.compare import compare
 from shefex_nav.commands.export import export
+from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
 from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
@@ -30,6 +31,7 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
+from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
 from shefex_nav.commands.view import view
 from shefex_nav.commands.warmup import warmup
@@ -62,6 +64,8 @@ app.command(epilog=TRUST_HELP)(report)
 app.command(epilog=TRUST_HELP)(view)
 app.command(epilog=TRUST_HELP)(show)
 app.command(epilog=TRUST_HELP)(check)
+app.command(epilog=TRUST_HELP)(vehicle)
+app.command(epilog=TRUST_HELP)(impact)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")
 

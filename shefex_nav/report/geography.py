@@ -6,6 +6,7 @@ up to 110 m away from it (some 30 m above it in northern Norway): what is drawn 
 """
 
 import json
+import re
 from itertools import pairwise
 from typing import NamedTuple
 from xml.sax.saxutils import escape
@@ -16,6 +17,7 @@ from shefex_nav.report.figures import flown
 
 MOST_POINTS = 3000  # of a line
 _DIGITS = 8, 3  # of degrees (1 mm) and metres
+_PLAIN = "ffb27200"
 _COLOURS = {"truth": "ffb27200", "estimate": "ff005ed5"}  # aabbggrr
 
 
@@ -61,11 +63,16 @@ def _points(track):
 
 def geojson(data):
     """A FeatureCollection: str. A line that crosses the antimeridian is cut there (RFC 7946, 3.1.9)."""
-    lines, places = lines_and_places(data)
+    about = {"scenario": data.mission.scenario, "seed": data.mission.seed}
+    return collection(*lines_and_places(data), about)
+
+
+def collection(lines, places, about):
+    """A FeatureCollection of Lines and Places: str. about : properties of every line"""
     features = [
         {
             "type": "Feature",
-            "properties": {"name": line.name, "scenario": data.mission.scenario, "seed": data.mission.seed},
+            "properties": {"name": line.name, **about},
             "geometry": _line_geometry(line.points),
         }
         for line in lines
@@ -107,21 +114,26 @@ def _cut(points):
 
 def kml(data):
     """A KML document: str."""
-    lines, places = lines_and_places(data)
-    title = escape(f"{data.mission.scenario}, seed {data.mission.seed}")
+    return document(f"{data.mission.scenario}, seed {data.mission.seed}", *lines_and_places(data), _COLOURS)
+
+
+def document(title, lines, places, colours=None):
+    """A KML document of Lines and Places: str. colours : {name of a line: aabbggrr}; None: one for all"""
+    colours = colours or dict.fromkeys((line.name for line in lines), _PLAIN)
+    styles = {name: re.sub(r"\W+", "-", name) for name in colours}  # an id has no spaces
     out = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<kml xmlns="http://www.opengis.net/kml/2.2">',
-        f"<Document><name>{title}</name>",
+        f"<Document><name>{escape(title)}</name>",
         "<description>Heights are above the WGS 84 ellipsoid.</description>",
     ]
-    for name, colour in _COLOURS.items():
+    for name, colour in colours.items():
         style = f"<LineStyle><color>{colour}</color><width>3</width></LineStyle>"
-        out.append(f'<Style id="{name}">{style}</Style>')
+        out.append(f'<Style id="{styles[name]}">{style}</Style>')
     for line in lines:
         coordinates = " ".join(f"{a:.8f},{b:.8f},{h:.3f}" for a, b, h in line.points)
         out.append(
-            f"<Placemark><name>{line.name}</name><styleUrl>#{line.name}</styleUrl><LineString>"
+            f"<Placemark><name>{escape(line.name)}</name><styleUrl>#{styles[line.name]}</styleUrl><LineString>"
             f"<altitudeMode>absolute</altitudeMode><coordinates>{coordinates}</coordinates>"
             "</LineString></Placemark>"
         )

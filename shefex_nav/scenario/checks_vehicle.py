@@ -25,6 +25,7 @@ def contradictions(scenario, rated):
         faulty |= {name} if found else set()
         yield from found
         yield from _coefficients((*path, "aerodynamics"), stage.aerodynamics)
+        yield from _spent((*path, "spent"), stage)
     if vehicle.payload.aerodynamics is not None:
         yield from _coefficients(("vehicle", "payload", "aerodynamics"), vehicle.payload.aerodynamics)
     if scenario.ground is not None:
@@ -168,6 +169,16 @@ def _rated(path, stage, rated):
     if abs(mass / file.mass - 1.0) > RATED:
         words = f"{mass:g} kg does not agree within 2 % with {file.mass:g} kg in the header of the motor file"
         yield (*path, "propellant", "mass"), f"{words}, {file.mark.file}:{file.mark.line}"
+
+
+def _spent(path, stage):
+    """Drag of a stage that is dropped."""
+    if stage.spent is None:
+        return
+    if stage.separation is None:
+        yield path, "the stage has no separation: it stays attached and never falls alone"
+    yield from increasing((*path, "mach"), stage.spent.mach, "Mach numbers", "")
+    yield from _columns(path, "mach", len(stage.spent.mach), {("drag",): stage.spent.drag})
 
 
 def _coefficients(path, aero):

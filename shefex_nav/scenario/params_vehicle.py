@@ -20,7 +20,13 @@ def stage(name, block):
         t_ignition_s=block.ignition,
         separation=None if block.separation is None else settings(block.separation),
         aerodynamics=aerodynamics(block.aerodynamics),
+        spent=None if block.spent is None else spent(block.spent),
     )
+
+
+def spent(block):
+    """flight.Spent of the drag of an empty stage."""
+    return flight.Spent(block.area, np.array(block.mach), np.array(block.drag))
 
 
 def propellant(block):

@@ -10,7 +10,7 @@ from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.motor import Motor, Propellant
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.programme import Name
-from shefex_nav.scenario.quantity import Time, Vector
+from shefex_nav.scenario.quantity import Number, Quantity, Time, Vector
 from shefex_nav.world.flight import parts, settings
 
 
@@ -19,6 +19,18 @@ class Payload(section(parts.Payload)):
 
     aerodynamics: Aerodynamics | None = Field(
         default=None, description="of the payload alone; needed where no stage stays attached"
+    )
+
+
+class Spent(Block):
+    """Drag of a stage that falls empty after its separation, for where it lands."""
+
+    area: Quantity("m2", "0.8 m2", "reference area", positive=True)
+    mach: list[Number("1.05", "", non_negative=True)] = Field(
+        min_length=2, description="Mach numbers, increasing; constant beyond their ends"
+    )
+    drag: list[Number("1.1", non_negative=True)] = Field(
+        description="drag coefficient at these, as the stage tumbles or flies"
     )
 
 
@@ -31,6 +43,7 @@ class Stage(Block):
     propellant: Propellant
     motor: Motor
     aerodynamics: Aerodynamics = Field(description="of the vehicle while this is the lowest stage attached")
+    spent: Spent | None = Field(default=None, description="needed where it shall be followed to the ground")
 
 
 class Vehicle(Block):

@@ -68,7 +68,7 @@ def test_what_the_default_leaves_out():
     sensors = {path for path in left if path[:2] in {("navigation", "sensors"), ("navigation", "told")}}
     assert {path[-1] if isinstance(path[-1], str) else path[-2] for path in left - sensors} == {
         *("orbit", "ground", "trajectory", "parachute", "angle_of_attack", "damping_mach", "drag"),
-        *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation"),
+        *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation", "spent"),
         *("thrust_factor", "misalignment", "offset", "axial_factor", "normal_factor"),
         *("faintest_south", "line_time", "gradient", "software"),
         *("highest_speed", "highest_height"),

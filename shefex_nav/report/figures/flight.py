@@ -119,7 +119,7 @@ def ground_track(data):
     if path is None or not _moves(path.track):
         return None
     track = path.track
-    middle = _middle(track)
+    middle = middle_of(track.latitude, track.longitude)
     reach = _angle(_unit(track.latitude, track.longitude), middle).max()
     words = f"Ground track ({path.name}), with coast lines"
     figure, axes = style.single(5.9 if reach > _ROUND else 6.4, words)
@@ -130,16 +130,17 @@ def ground_track(data):
     return figure
 
 
+def middle_of(latitude, longitude):
+    """(3,) unit vector of the middle of places on the sphere, rad."""
+    middle = _unit(latitude, longitude).mean(axis=0)
+    return middle / max(np.linalg.norm(middle), 1e-12)
+
+
 def _unit(latitude, longitude):
     """Unit vectors (n, 3) on the sphere of geodetic coordinates, rad."""
     latitude, longitude = np.broadcast_arrays(latitude, longitude)
     c = np.cos(latitude)
     return np.stack([c * np.cos(longitude), c * np.sin(longitude), np.sin(latitude)], axis=-1)
-
-
-def _middle(track):
-    middle = _unit(track.latitude, track.longitude).mean(axis=0)
-    return middle / max(np.linalg.norm(middle), 1e-12)
 
 
 def _angle(u, v):
@@ -166,6 +167,17 @@ def _region(axes, data, path, middle):
     """Map about the middle of the track, in km."""
     track = path.track
     xy = equidistant(track.latitude, track.longitude, middle)
+    base_map(axes, middle, xy)
+    _by_phase(axes, data, path, *xy.T)
+    _estimated(axes, data, path, lambda lat, lon: equidistant(lat, lon, middle))
+    axes.set_xlabel("east of the middle of the track [km]")
+    axes.set_ylabel("north [km]")
+    style.legend(axes, loc="upper left")
+    _name_events(axes, data, path, *xy.T)
+
+
+def base_map(axes, middle, xy):
+    """Limits around places (n, 2) km of `equidistant` about `middle`, coast lines, graticule."""
     low, high = xy.min(axis=0), xy.max(axis=0)
     size = max(float((high - low).max()), _SMALLEST / 1e3)
     centre = 0.5 * (low + high)
@@ -183,12 +195,6 @@ def _region(axes, data, path, middle):
         drawn[~near] = np.nan
         axes.plot(*drawn.T, color="#8a6d3b", lw=0.9)
     _graticule(axes, middle, far)
-    _by_phase(axes, data, path, *xy.T)
-    _estimated(axes, data, path, lambda lat, lon: equidistant(lat, lon, middle))
-    axes.set_xlabel("east of the middle of the track [km]")
-    axes.set_ylabel("north [km]")
-    style.legend(axes, loc="upper left")
-    _name_events(axes, data, path, *xy.T)
 
 
 def _estimated(axes, data, path, project):
@@ -233,6 +239,7 @@ def _grid_line(axes, line, name, *, edge):
     right = edge == "right"
     k = k[np.argmax(line[k, 0])] if right else k[np.argmin(line[k, 1])]
     at_edge = x1 - line[k, 0] < 0.03 * (x1 - x0) if right else line[k, 1] - y0 < 0.05 * (y1 - y0)
+    at_edge &= right or line[k, 0] < x1 - 0.06 * (x1 - x0)  # its name has room
     if at_edge:
         axes.annotate(
             name, line[k], (-3 if right else 3, 3), textcoords="offset points", fontsize=9, color=style.GREY,

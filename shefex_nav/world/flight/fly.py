@@ -49,12 +49,22 @@ class ControlHistory(NamedTuple):
     propellant_kg: np.ndarray  # (M,) used so far
 
 
+class Dropped(NamedTuple):
+    """A stage as it is left behind: its centre of mass."""
+
+    stage: int  # number, from 0
+    t_s: float
+    r_i: np.ndarray  # (3,) m
+    v_i: np.ndarray  # (3,) m/s
+
+
 class Flight(NamedTuple):
     """A flight as flown."""
 
     trajectory: Trajectory
     events: tuple  # of Event in order of time
     control: ControlHistory | None  # None: nothing was steered by cold gas
+    dropped: tuple = ()  # of Dropped in order of time
 
 
 def fly(params, earth, rng=None):
@@ -87,7 +97,8 @@ def fly(params, earth, rng=None):
         empty = h[:, 7] >= params.cold_gas.propellant * (1.0 - 1e-12)
         if empty.any():
             run.instants["cold_gas_empty"] = h[np.argmax(empty), 0]
-    return _record(params, earth, rows[: run.k], run.instants, history, run.landed)
+    flight = _record(params, earth, rows[: run.k], run.instants, history, run.landed)
+    return flight._replace(dropped=tuple(run.dropped))
 
 
 def _at_the_start(params, world, q_eb, rows, steering):
@@ -161,7 +172,7 @@ class _Run:
         self.vehicles, self.steering = vehicles, steering
         self.x, self.t_s, self.k, self.mode = begin
         self.configuration, self.law = vehicles[0], attitude.hold(0.0, 1.0, 0.0)
-        self.instants, self.landed = {}, False
+        self.instants, self.landed, self.dropped = {}, False, []
         self.moments = timeline.moments(params)
         self.unsteered = control.none()
         self.wanted_until = -np.inf  # s, up to when the control's wanted attitude has been carried on
@@ -258,6 +269,10 @@ class _Run:
     def _separate(self, stage, number, as_told):
         """Leave a stage behind; a prescribed attitude is not disturbed by it."""
         before, after = self.configuration, self.vehicles[number]
+        lever_b = np.array([-stage.dry.station, *before.offset]) - before.imu
+        v_b = np.cross(self.x[10:13], lever_b) - [stage.separation.impulse / stage.dry.mass, 0.0, 0.0]
+        r_i, v_i = self.x[0:3] + self._C_ib() @ lever_b, self.x[3:6] + self._C_ib() @ v_b
+        self.dropped.append(Dropped(number - 1, self.t_s, r_i, v_i))
         self.configuration = after._replace(yo_yo=before.yo_yo, parachute=before.parachute)
         speed = stage.separation.impulse / _mass_row(after, self.t_s)[1]
         rate = np.zeros(3) if as_told else np.array([0.0, *stage.separation.tip_off])

@@ -60,6 +60,14 @@ class Aerodynamics(NamedTuple):
     roll_by_cant: np.ndarray  # (n,) dC_l/d(fin cant), 1/rad
 
 
+class Spent(NamedTuple):
+    """Drag of a stage that falls empty, over n Mach numbers, to a reference area."""
+
+    area_m2: float
+    mach: np.ndarray  # (n,) increasing
+    drag: np.ndarray  # (n,) C_D, however it turns
+
+
 class Stage(NamedTuple):
     """A stage with a solid motor."""
 
@@ -70,6 +78,7 @@ class Stage(NamedTuple):
     t_ignition_s: float
     separation: Separation | None  # None: stays attached
     aerodynamics: Aerodynamics  # while this stage is the lowest one attached
+    spent: Spent | None = None  # None: the drag of the empty stage is not known
 
     @property
     def drops_at(self):

@@ -145,6 +145,11 @@ def _motor(stage):
     }
 
 
+def no_motor():
+    """Fields of a Configuration about a motor that is not there."""
+    return _motor(None)
+
+
 def corners(configuration):
     """Mission times at which something jumps or kinks, ascending: (n,) s.
 

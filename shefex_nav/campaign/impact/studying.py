@@ -1,0 +1,75 @@
+"""Where a rocket lands, from what is asked to what is written."""
+
+import json
+import math
+from typing import NamedTuple
+
+from shefex_nav.campaign.impact import aim, ellipses, instantaneous, landing, outputs, scatter
+from shefex_nav.files import put
+from shefex_nav.scenario import load, soundings
+from shefex_nav.workers import cores
+
+RUNS_OF_A_WORKER = 10  # for fewer none is started
+
+
+class Asked(NamedTuple):
+    """What is asked."""
+
+    scenario: str  # name or file
+    overrides: tuple
+    winds: tuple  # of files
+    ground: float | None  # m above the ellipsoid; None: the height of the launcher
+    runs: int
+    seed: int
+    workers: int | None  # None: one a core, if there is enough to do
+    place: tuple | None  # rad, latitude and longitude of a wished impact
+    body: str | None  # that is to land there; None: what flies last
+
+
+def study(asked, tell=lambda words: None):
+    """outputs.Result. tell : function of words about what is done"""
+    own = load.load(asked.scenario, asked.overrides)
+    ground = asked.ground
+    if own.launch is not None and ground is None:
+        ground = own.launch.height
+    landing.check(own, 0.0 if ground is None else ground)
+    cases, aimed = [], []
+    for file in asked.winds or (None,):
+        told, name = list(asked.overrides), "as the scenario says"
+        if file is not None:
+            winds = soundings.read(file, own.mission.epoch)
+            told, name = [*told, winds.override()], f"{file.name}: {winds.what}"
+        case = load.load(asked.scenario, told)
+        if asked.place is not None:
+            found = aim.aim(case, *asked.place, asked.seed, ground, asked.body)
+            angles = {"azimuth": found.azimuth, "elevation": found.elevation}
+            told += [f"launch.{key}={math.degrees(value)!r} deg" for key, value in angles.items()]
+            case = load.load(asked.scenario, told)
+            aimed.append(found)
+        cases.append(scatter.Case(name, case))
+    landed = tuple(landing.land(case.scenario, asked.seed, ground) for case in cases)
+    points = instantaneous.points(cases[0].scenario, landed[0], ground)
+    found, shapes = None, ()
+    if asked.runs:
+        most = asked.workers or min(cores(), max(1, asked.runs // RUNS_OF_A_WORKER))
+        found = scatter.scatter(cases, asked.runs, asked.seed, ground, most, tell)
+        shapes = tuple(ellipses.ellipse(body, *places.T) for body, places in found.landings.items())
+    site = own.launch.latitude, own.launch.longitude
+    return outputs.Result(
+        own.mission.name, asked.seed, ground, site, tuple(cases), landed, tuple(aimed), points, found,
+        tuple(one for one in shapes if one is not None), asked.runs,
+    )  # fmt: skip
+
+
+def write(folder, result, found):
+    """Write figures, KML, GeoJSON and JSON into a folder. found : outputs.summary of the Result"""
+    from shefex_nav.campaign.impact import figures
+    from shefex_nav.report.figures import style
+
+    put(folder / "impact.json", json.dumps(found, allow_nan=False, indent=1) + "\n")
+    put(folder / "impact.kml", outputs.kml(result))
+    put(folder / "impact.geojson", outputs.geojson(result))
+    if result.scattered is not None:
+        put(folder / "landings.json", outputs.samples(result))
+    for name, figure in figures.draw(result).items():
+        style.save(figure, folder / f"{name}.png")

@@ -1,0 +1,121 @@
+"""`shefex-nav impact`: where a rocket and its stages land, and how the launcher is set for a wished place."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.flights import about
+from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
+from shefex_nav.commands.output_files import make_folder
+from shefex_nav.commands.printing import print_json, say, stdout
+
+FILES = "impact.json", "impact.kml", "impact.geojson", "landings.json", "map.png", "landings.png"
+
+
+Runs = Annotated[
+    int, typer.Option(min=0, help="Flights with the scenario's dispersions; 0: one as it is told.")
+]
+Winds = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="FILE",
+        help="Wind of the day in place of the scenario's: sounding (Wyoming text or CSV) or Open-Meteo JSON. "
+        "Several times: each, and the runs take them in turn.",
+    ),
+]
+Ground = Annotated[
+    str | None,
+    typer.Option(metavar="HEIGHT", help="Of the terrain above the ellipsoid; default: launch.height."),
+]
+Wished = Annotated[
+    str | None,
+    typer.Option(metavar="LAT,LON", help="Wished impact, degrees: find azimuth and elevation for it."),
+]
+WishedOf = Annotated[
+    str | None, typer.Option(metavar="STAGE", help="What is to land there; default: what flies last.")
+]
+Folder = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Folder for figures, KML, GeoJSON and JSON.")
+]
+Overwrite = Annotated[bool, typer.Option("--force", help="Overwrite such files in it.")]
+
+
+def impact(
+    scenario: DispersedScenario,
+    runs: Runs = 0,
+    seed: RootSeed = 1,
+    wind: Winds = None,
+    ground: Ground = None,
+    aim: Wished = None,
+    aim_body: WishedOf = None,
+    output: Folder = None,
+    force: Overwrite = False,
+    workers: Workers = None,
+    overrides: Overrides = None,
+    json: Json = False,
+):
+    """Follow a rocket and its dropped stages to the ground: places, ellipses, impact points over time.
+
+    A stage is followed where `vehicle.stages.NAME.spent` says how the air brakes it.
+    """
+    from shefex_nav.campaign.impact import studying
+
+    if aim_body is not None and aim is None:
+        raise typer.BadParameter("says what is aimed with --aim", param_hint="--aim-body")
+    place = None if aim is None else _place(aim)
+    if output is not None:
+        _check_folder(output, force)
+    asked = studying.Asked(
+        scenario,
+        tuple(overrides or ()),
+        tuple(wind or ()),
+        _height(ground),
+        runs,
+        seed,
+        workers,
+        place,
+        aim_body,
+    )
+    with about(scenario):
+        result = studying.study(asked, say)
+    found = studying.outputs.summary(result)
+    if json:
+        print_json(found)
+    else:
+        stdout(130).print(studying.outputs.table(found))
+    for name in found["not_followed"]:
+        say(f"warning: {name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag")
+    if output is not None:
+        make_folder(output, "--output")
+        studying.write(output, result, found)
+        say(f"wrote {output}")
+
+
+def _height(text):
+    from shefex_nav.commands.options import quantity
+
+    return None if text is None else quantity(text, "m", "--ground", "360 m")
+
+
+def _place(text):
+    """(latitude, longitude), rad."""
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is no place; expected such as 68.4,20.9", param_hint="--aim"
+        ) from None
+    if not (abs(latitude) < 90.0 and abs(longitude) <= 360.0):
+        raise typer.BadParameter(f"{text} is no place on Earth", param_hint="--aim")
+    return math.radians(latitude), math.radians(longitude)
+
+
+def _check_folder(folder, force):
+    if folder.exists() and not folder.is_dir():
+        raise typer.BadParameter(f"{folder} is no folder", param_hint="--output")
+    there = [name for name in FILES if (folder / name).exists()]
+    if there and not force:
+        words = f"{folder / there[0]} exists already; choose another folder or add --force"
+        raise typer.BadParameter(words, param_hint="--output")
