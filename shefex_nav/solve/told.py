@@ -113,7 +113,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     if reason != Reason.NONE:
         return refused(_why(exposed, detections, context, reason, statistics.mean_dn))
     q_ic, noise, residual_px = solution
-    hip = np.where(found.star >= 0, tracker.pairs.stars.hip[found.star], 0)
+    hip = np.where(found.star >= 0, tracker.stars.hip[found.star], 0)
     makes_it = set(used.hip.tolist())
     rows = [k for k, one in enumerate(hip.tolist()) if one in makes_it]
     P_px = best_attitude.centroid_covariance(tracker.params, detections)[rows]
@@ -121,7 +121,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     if abs(focal) > FOCAL_SIGMA:
         return refused("focal_length")
     known = np.flatnonzero(hip)
-    stars, q_ci = tracker.pairs.stars, quat_conjugate(q_ic)
+    stars, q_ci = tracker.stars, quat_conjugate(q_ic)
     matched = [
         Match(*values)
         for values in zip(

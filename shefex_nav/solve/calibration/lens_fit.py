@@ -16,6 +16,9 @@ from shefex_nav.solve import lens as lenses
 from shefex_nav.solve.adjust import OUTLIER, noise_of
 
 NAMES = ("focal_length_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
+WIDER = (
+    3.0  # than the priors of a single picture: here the stars are many, and unusual lenses are to be found
+)
 OFF_CENTRE = 0.02  # of the diagonal, 1 sigma: where optical axes are before anybody measures
 STEPS, SMALL = 30, 1e-4  # steps at most; a step of so many sigma of each parameter is the last
 TOLD = 0.5  # of the prior's sigma: a parameter that keeps more was not told by the stars
@@ -55,7 +58,7 @@ class LensFit(NamedTuple):
 
 def fit(sights, first, size_px):
     """LensFit of Sights. first : Lens near it, whose attitude is not looked at;  size_px : (width, height)"""
-    spread = lenses.spread(0.5 * float(np.hypot(*size_px)) / first.focal_px)
+    spread = WIDER * lenses.spread(0.5 * float(np.hypot(*size_px)) / first.focal_px)
     off = OFF_CENTRE * float(np.hypot(*size_px))
     prior = np.concatenate([[np.inf, off, off], spread])
     values = np.array([first.focal_px, *lenses.middle(size_px), *first.k])
