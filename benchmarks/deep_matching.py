@@ -111,7 +111,8 @@ def main():
         print(
             f"{words:8s} stars {one[both, 7].mean():.1f}, wrong {wrong.sum()}, rms over bound "
             f"{np.round(rms / least, 2)}, sigma over bound {np.round(sigma, 2)}, "
-            f"NEES {one[both, 6].mean() / 3.0:.2f} ({low:.2f} to {high:.2f}), {np.median(one[both, 8]):.2f} ms"
+            f"NEES {one[both, 6].mean() / 3.0:.2f} ({low:.2f} to {high:.2f}), "
+            f"{np.median(one[both, 8]):.2f} ms"
         )
 
 
