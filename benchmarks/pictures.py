@@ -145,13 +145,17 @@ def aircraft(rng, size_px, strength):
     return strength * np.exp(-0.5 * (off / 1.3) ** 2) * (1.0 + np.sin(along / 9.0))
 
 
-def shoot(rng, width_deg, kind):
-    """A picture of a drawn attitude by a drawn lens of a kind."""
-    size_px = SIZES[rng.integers(len(SIZES))]
+def shoot(rng, width_deg, kind, *, size_px=None, lens=None):
+    """A picture of a drawn attitude by a drawn lens of a kind, or by the lens and in the size that are given.
+
+    size_px, lens : both or none
+    """
+    drawn_px = SIZES[rng.integers(len(SIZES))]
+    size_px = drawn_px if size_px is None else size_px
     width, height = size_px
     C_ci = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     C_ci *= np.linalg.det(C_ci)
-    lens = draw_lens(rng, kind, size_px, width_deg)
+    lens = draw_lens(rng, kind, size_px, width_deg) if lens is None else lens
     faintest = rng.uniform(*FAINTEST[width_deg])
     sigma_px, noise, background = rng.uniform(0.8, 1.6), rng.uniform(1.0, 3.0), rng.uniform(10.0, 60.0)
     trail_px = rng.uniform(2.0, 6.0) if rng.random() < 0.25 else 0.0

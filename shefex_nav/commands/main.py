@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands.calibrate import calibrate
 from shefex_nav.commands.campaign import campaign
 from shefex_nav.commands.characterise import characterise
 from shefex_nav.commands.check import check
@@ -48,6 +49,7 @@ app = typer.Typer(
 )
 app.command(cls=ListingCommand)(reproduce)
 app.command(epilog=TRUST_HELP)(solve)
+app.command(epilog=TRUST_HELP)(calibrate)
 app.command(epilog=TRUST_HELP)(characterise)
 app.command(epilog=TRUST_HELP)(replay)
 app.command(epilog=TRUST_HELP)(smooth)

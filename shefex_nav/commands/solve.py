@@ -85,10 +85,10 @@ def solve(
     the camera of its scenario, compared with what the flight said of it and with the truth.
     """
     _check(images, (camera, fov, frame, mirrored, stages), overlay)
-    epoch = None if epoch is None else _julian_year(epoch)
+    epoch = None if epoch is None else julian_year(epoch)
     if frame is not None or is_log(images[0]):
         raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
-    fov_deg = None if fov is None else _field_of_view(fov)
+    fov_deg = None if fov is None else field_of_view(fov)
     options = {"fov_deg": fov_deg, "epoch": epoch, "mirrored": mirrored}
     solve_one = _told(camera, epoch) if camera else _blind(options, stages)
     found = []
@@ -205,7 +205,7 @@ def _told(camera, epoch):
     return lambda path: solve_image(path, camera=told, epoch=epoch)
 
 
-def _julian_year(text):
+def julian_year(text):
     """Julian year of a date such as 2012-06-22, or of a number that is one."""
     from shefex_nav.solve.header import FIRST_YEAR, LAST_YEAR, year_of_date
 
@@ -222,7 +222,7 @@ def _julian_year(text):
     return year
 
 
-def _field_of_view(text):
+def field_of_view(text):
     """Degrees from an angle such as '11.4 deg' or '0.2 rad'; a plain number is degrees."""
     from shefex_nav.solve.image import FOV_DEG, NARROWEST_DEG
 

@@ -3,7 +3,8 @@
 The sections have the keys and units of a scenario. A scenario may stand in the place of such a file.
 """
 
-from typing import Annotated, ClassVar
+from dataclasses import replace
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -49,10 +50,22 @@ class CameraFile(Block):
         tuple[Quantity("pix", "328.7 pix", "column, the first is 0"), Quantity("pix", "246.2 pix", "row")]
         | None
     ) = Field(default=None, description="of the optical axis; the middle of the detector if it is left out")
+    distortion: tuple[float, float, float, float, float] | None = Field(
+        default=None, description="k1, k2, p1, p2, k3 of Brown and Conrady, as OpenCV orders them; none"
+    )
     bad_pixels: list[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]] = Field(
         default=[], description="row and column of each, the first is 0; they are not looked at"
     )
     star_tracker: section(startracker.StarTracker)
+
+
+class Base(NamedTuple):
+    """A camera as a file says it, for another file that says it better."""
+
+    camera: StarCamera
+    detector: Block  # section of the file
+    gain_db: float
+    tree: dict  # of a camera file
 
 
 def read(path):
@@ -60,10 +73,18 @@ def read(path):
 
     Raises ScenarioError, which lists every error with its place.
     """
+    return base(path).camera
+
+
+def base(path):
+    """Base of the same."""
     path = layers.file_of(path)
     tree, _ = layers.extended(path, layers.Texts())
     if any(key in tree for key in FLIGHT):
-        return of_scenario(load.load(path))
+        scenario = load.load(path)
+        camera = of_scenario(scenario)
+        detector, gain_db = scenario.star_camera.detector, scenario.star_tracker.exposure.gain
+        return Base(camera, detector, gain_db, _tree_of(scenario))
     given, _, _ = load.load_as(
         lambda provided: CameraFile,
         path,
@@ -76,7 +97,10 @@ def read(path):
         cx, cy = given.principal_point
         hole = hole._replace(cx_px=cx, cy_px=cy)
     bad = np.array(given.bad_pixels, dtype=np.int64).reshape(-1, 2)
-    return _star_camera(sensor, settings(given.star_tracker), hole, bad, given.epoch)
+    camera = _star_camera(sensor, settings(given.star_tracker), hole, bad, given.epoch)
+    if given.distortion is not None:
+        camera = replace(camera, distortion=given.distortion)
+    return Base(camera, sensor.detector, given.star_tracker.exposure.gain, tree)
 
 
 def of_scenario(scenario, bad_pixels=()):
@@ -127,22 +151,9 @@ def written(scenario, world, *, true=False):
     true : with focal length and principal point as they are in this run and no error of them; otherwise as
         the flight software is told them
     """
-    tree = layers.parsed(scenario.source, scenario.mission.name).tree
-    camera, told = tree["star_camera"], tree.get("navigation", {}).get("told", {}) or {}
-    optics, detector = camera["optics"], camera["detector"]
-    if FLUX not in optics:  # it follows from lens and detector, of which the file then says nothing
-        flux = scenario.star_camera.optics.zero_magnitude_flux
-        kept = {key: value for key, value in optics.items() if key not in OF_LENS["optics"]}
-        optics = {**kept, FLUX: f"{flux!r} electron/s"}
-    out = {
-        "description": f"{scenario.mission.name}, {'true in this run' if true else 'as calibrated'}",
-        "epoch": tree["mission"]["epoch"],
-        "star_camera": {
-            "optics": {**optics, **(told.get("star_camera") or {}).get("optics", {})},
-            "detector": {key: value for key, value in detector.items() if key not in OF_LENS["detector"]},
-        },
-    }
+    out = _tree_of(scenario)
     if true:
+        out["description"] = f"{scenario.mission.name}, true in this run"
         hole, pixel_m = world.camera.pinhole, scenario.star_camera.detector.pixel_size
         out["star_camera"]["optics"] |= {
             "focal_length": f"{hole.focal_length_px * pixel_m * 1e3!r} mm",
@@ -151,5 +162,25 @@ def written(scenario, world, *, true=False):
         }
         out["principal_point"] = [f"{float(hole.cx_px)!r} pix", f"{float(hole.cy_px)!r} pix"]
     out["bad_pixels"] = world.camera.bad_pixel_map.tolist()
-    out["star_tracker"] = {key: value for key, value in tree["star_tracker"].items() if key not in WORLD_ONLY}
     return HEAD + load.normalised(out)
+
+
+def _tree_of(scenario):
+    """Tree of the camera file of a Scenario, as its flight software is told it; without bad pixels."""
+    tree = layers.parsed(scenario.source, scenario.mission.name).tree
+    camera, told = tree["star_camera"], tree.get("navigation", {}).get("told", {}) or {}
+    optics, detector = camera["optics"], camera["detector"]
+    if FLUX not in optics:  # it follows from lens and detector, of which the file then says nothing
+        flux = scenario.star_camera.optics.zero_magnitude_flux
+        kept = {key: value for key, value in optics.items() if key not in OF_LENS["optics"]}
+        optics = {**kept, FLUX: f"{flux!r} electron/s"}
+    out = {
+        "description": f"{scenario.mission.name}, as calibrated",
+        "epoch": tree["mission"]["epoch"],
+        "star_camera": {
+            "optics": {**optics, **(told.get("star_camera") or {}).get("optics", {})},
+            "detector": {key: value for key, value in detector.items() if key not in OF_LENS["detector"]},
+        },
+    }
+    out["star_tracker"] = {key: value for key, value in tree["star_tracker"].items() if key not in WORLD_ONLY}
+    return out

@@ -66,5 +66,6 @@ STAR_TRACKER = StarTracker(  # exposure and detection: see scenarios/shefex2_and
         magnitude_error=0.3,
         magnitude_tolerance=0.7,
         false_alarm=1e-7,
+        deepest=None,
     ),
 )

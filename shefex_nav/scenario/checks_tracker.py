@@ -86,6 +86,10 @@ def _chain(scenario):
     window = detection.run_length.window
     if window & (window - 1):
         yield (*path, "run_length", "window"), f"{window} is not a power of two"
+    deepest = tracker.identification.deepest
+    if deepest is not None and deepest <= tracker.catalogue.faintest:
+        words = f"V {deepest:g} must be fainter than catalogue.faintest, {tracker.catalogue.faintest:g}"
+        yield ("star_tracker", "identification", "deepest"), words
 
 
 def _contiguous(tracker):
@@ -141,6 +145,10 @@ def _catalogue_and_latency(scenario):
     if catalogue.faintest > camera.stars.faintest:
         words = f"V {catalogue.faintest:g} on board, the camera draws stars to V {camera.stars.faintest:g}"
         yield ("star_tracker", "catalogue", "faintest"), words
+    deepest = tracker.identification.deepest
+    if deepest is not None and deepest > camera.stars.faintest:
+        words = f"V {deepest:g} is matched, the camera draws stars to V {camera.stars.faintest:g}"
+        yield ("star_tracker", "identification", "deepest"), words
     if catalogue.kind == "asymmetric" and catalogue.faintest_south is None:
         yield ("star_tracker", "catalogue", "faintest_south"), "an asymmetric catalogue needs it"
     if tracker.identification.tracking and tracker.identification.method != "bayes":

@@ -298,6 +298,7 @@ def _identification(method, ready):
         magnitude_error=numbers.magnitude_error,
         magnitude_tolerance=0.7,  # eps_m of the multipole method is not given [E]
         false_alarm=numbers.false_alarm,
+        deepest=None,
     )
 
 

@@ -59,6 +59,7 @@ class Record:
     adjusted: object = None  # Adjusted, of a picture that is solved
     known: object = None  # (k,) rows of the detections that have a name
     residual_px: object = None  # (k, 2) detection minus star
+    u_i: object = None  # (k, 3) directions of their stars, without aberration
 
 
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mirrored=False):

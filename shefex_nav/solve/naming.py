@@ -35,8 +35,8 @@ def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
     known = np.flatnonzero(star >= 0)
     best = adjust.adjust(fit.lens, fit.prior, sky.u_i[star[known]], xy_px[known], found.P_px[known], size_px)
     if record is not None:
-        record.adjusted, record.known = best, known
-        record.residual_px = xy_px[known] - lens.project(best.lens, sky.u_i[star[known]], size_px)[0]
+        record.adjusted, record.known, record.u_i = best, known, sky.u_i[star[known]]
+        record.residual_px = xy_px[known] - lens.project(best.lens, record.u_i, size_px)[0]
     matched = [
         Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
         for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)

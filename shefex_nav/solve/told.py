@@ -27,8 +27,9 @@ from shefex_nav.onboard.startracker.shape import streak_px
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Reason
 from shefex_nav.solve import pointing
-from shefex_nav.solve.camera import Camera
+from shefex_nav.solve.camera import Camera, undistorted
 from shefex_nav.solve.header import Taken
+from shefex_nav.solve.lens import slopes
 from shefex_nav.solve.picture import PictureError
 from shefex_nav.solve.solution import ImageSolution, Match, failed
 
@@ -47,6 +48,7 @@ class StarCamera:
     bits : of a grey value
     line_s : from the start of one row to the next; 0 with a global shutter
     julian_year : of pictures that do not say when they were taken; None: such are refused
+    distortion : None or (k1, k2, p1, p2, k3), as of `camera.Camera`; taken out of the centroids
     """
 
     params: star_tracker.TrackerParams
@@ -54,6 +56,7 @@ class StarCamera:
     bits: int = 8
     line_s: float = 0.0
     julian_year: float | None = None
+    distortion: tuple | None = None
 
 
 def solve(image, camera, taken=None):
@@ -93,10 +96,11 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     began = perf_counter()
     settings, model = tracker.params.settings, tracker.params.camera
     exposure_s = settings.exposure.longest if exposure_s is None else exposure_s
-    detections, statistics, length_px = _detect(settings.detection, model, image_dn)
+    seen, statistics, length_px = _detect(settings.detection, model, image_dn)
+    detections = seen if camera.distortion is None else straightened(camera, seen)
 
     def refused(reason):
-        return failed(reason, 1e3 * (perf_counter() - began), detections.xy_px)
+        return failed(reason, 1e3 * (perf_counter() - began), seen.xy_px)
 
     highest_px = settings.highest_rate * exposure_s * model.pinhole.focal_length_px
     if camera.line_s > 0.0:
@@ -109,7 +113,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     if reason != Reason.NONE:
         return refused(_why(exposed, detections, context, reason, statistics.mean_dn))
     q_ic, noise, residual_px = solution
-    hip = np.where(found.star >= 0, tracker.pairs.stars.hip[found.star], 0)
+    hip = np.where(found.star >= 0, tracker.stars.hip[found.star], 0)
     makes_it = set(used.hip.tolist())
     rows = [k for k, one in enumerate(hip.tolist()) if one in makes_it]
     P_px = best_attitude.centroid_covariance(tracker.params, detections)[rows]
@@ -117,22 +121,39 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     if abs(focal) > FOCAL_SIGMA:
         return refused("focal_length")
     known = np.flatnonzero(hip)
-    stars, q_ci = tracker.pairs.stars, quat_conjugate(q_ic)
+    stars, q_ci = tracker.stars, quat_conjugate(q_ic)
     matched = [
         Match(*values)
         for values in zip(
-            hip[known].tolist(), *detections.xy_px[known].T.tolist(), stars.vmag[found.star[known]].tolist(),
+            hip[known].tolist(), *seen.xy_px[known].T.tolist(), stars.vmag[found.star[known]].tolist(),
             strict=True,
         )
     ]  # fmt: skip
     hole = model.pinhole
-    size_px = hole.width_px, hole.height_px
-    seen = unit_vectors(hole, pointing.marks(size_px)) @ dcm_from_quat(q_ci)
-    told = Camera(*size_px, hole.focal_length_px, (hole.cx_px, hole.cy_px))
+    told = lens_of(camera)
+    size_px = told.width_px, told.height_px
+    marks_i = unit_vectors(hole, undistorted(told, pointing.marks(size_px))) @ dcm_from_quat(q_ci)
     return ImageSolution(
-        "ok", "", *pointing.angles(seen), matched, float(np.exp(-found.log_odds)),
-        1e3 * (perf_counter() - began), q_ci, told, detections.xy_px, noise + constant, noise, residual_px,
+        "ok", "", *pointing.angles(marks_i), matched, float(np.exp(-found.log_odds)),
+        1e3 * (perf_counter() - began), q_ci, told, seen.xy_px, noise + constant, noise, residual_px,
     )  # fmt: skip
+
+
+def lens_of(camera):
+    """Camera of a StarCamera: its lens."""
+    hole = camera.params.camera.pinhole
+    return Camera(
+        hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), camera.distortion
+    )
+
+
+def straightened(camera, detections):
+    """Detections as the pinhole of a StarCamera would make them: places and covariances."""
+    told = lens_of(camera)
+    xy_px = undistorted(told, detections.xy_px)
+    J = np.linalg.inv(slopes(told.distortion, (xy_px - told.principal_point_px) / told.focal_length_px))
+    P_px = detections.P_px
+    return detections._replace(xy_px=xy_px, P_px=P_px if P_px is None else J @ P_px @ J.mT)
 
 
 def checked(image, camera):
@@ -214,9 +235,9 @@ def _calibration(camera, xy_px, P_px, seen_i, q_ic):
     u_c = seen_i @ dcm_from_quat(q_ic)
     x, y = u_c[:, 0] / u_c[:, 2], u_c[:, 1] / u_c[:, 2]
     G = np.zeros((len(x), 2, 6))  # by rotation, focal length, principal point
-    for row, slopes in enumerate(turn_slopes(x, y)):
+    for row, by_turn in enumerate(turn_slopes(x, y)):
         for axis in range(3):
-            G[:, row, axis] = f * slopes[axis]
+            G[:, row, axis] = f * by_turn[axis]
     G[:, 0, 3], G[:, 1, 3] = f * x, f * y
     G[:, 0, 4], G[:, 1, 5] = 1.0, 1.0
     rest = xy_px - np.column_stack([hole.cx_px + f * x, hole.cy_px + f * y])

@@ -35,3 +35,11 @@ def test_another_way_does_not_exist(tmp_path):
         "navigation.stars",
         "5",
     )
+
+
+def test_deep_matching_needs_stars_that_are_fainter_and_drawn():
+    key = "star_tracker.identification.deepest"
+    assert load(DEFAULT).star_tracker.identification.deepest is None
+    assert load(DEFAULT, [f"{key}=7 mag"]).star_tracker.identification.deepest == 7.0
+    assert "fainter than catalogue.faintest, 5.5" in the_message(DEFAULT, [f"{key}=5 mag"])
+    assert "the camera draws stars to V 7" in the_message(DEFAULT, [f"{key}=7.5 mag"])

@@ -10,7 +10,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from shefex_nav.commands.main import app
-from shefex_nav.commands.solve import _julian_year
+from shefex_nav.commands.solve import julian_year
 from shefex_nav.solve.overlay import free_place
 
 
@@ -129,10 +129,10 @@ def test_names_cover_nothing():
     assert placed > 0.4 * n_stars
 
 
-def test_epoch_is_a_date_or_a_julian_year():
-    assert _julian_year("2012.5") == 2012.5
-    assert _julian_year("2000-01-01T12:00:00Z") == 2000.0
-    assert _julian_year("2012-06-22") == pytest.approx(2000.0 + 4555.5 / 365.25)  # JD 2456100.5
+def test_epoch_is_a_date_or_ajulian_year():
+    assert julian_year("2012.5") == 2012.5
+    assert julian_year("2000-01-01T12:00:00Z") == 2000.0
+    assert julian_year("2012-06-22") == pytest.approx(2000.0 + 4555.5 / 365.25)  # JD 2456100.5
 
 
 def test_stages_are_drawn_and_nothing_is_lost(sky, tmp_path):

@@ -113,6 +113,13 @@ class Identification(Settings):
     false_alarm: float = number(
         "1e-6", "accepted probability that an attitude is chance", positive=True, at_most=0.01
     )
+    deepest: float | None = quantity(
+        "mag",
+        "7 mag",
+        "deep matching: once identified, fainter objects get their names too, to this V; left out: none",
+        None,
+        at_most="8 mag",
+    )
 
 
 class StarTracker(Settings):

@@ -19,6 +19,7 @@ from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
+from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.catalogue import StarPairs
 from shefex_nav.onboard.startracker.exposure import flags, next_exposure
@@ -63,6 +64,12 @@ class Tracker(NamedTuple):
 
     params: TrackerParams
     pairs: StarPairs
+    deep: deep_matching.DeepStars | None = None  # with identification.deepest
+
+    @property
+    def stars(self):
+        """OnboardCatalogue that the names of objects are rows of."""
+        return self.pairs.stars if self.deep is None else self.deep.stars
 
 
 class TrackerState(NamedTuple):
@@ -95,7 +102,11 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
-    return Tracker(params, _pairs(settings.catalogue, _Same(catalogue), julian_year, field))
+    pairs = _pairs(settings.catalogue, _Same(catalogue), julian_year, field)
+    deep = None
+    if settings.identification.deepest is not None:
+        deep = deep_matching.build(settings, pairs.stars, catalogue, julian_year)
+    return Tracker(params, pairs, deep)
 
 
 class _Same:
@@ -179,7 +190,7 @@ def concluded(tracker, state, frame, context, seen, result):
         found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
-    hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
+    hip = np.where(is_known, tracker.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
     if reason != Reason.NONE:
         reason = explain(params, reason, mean_dn, context)
@@ -256,6 +267,13 @@ def identified(tracker, detections, context, found, least, rate=None):
     )
     if n_used < least:
         return found, Reason.RESIDUALS, NO_SOLUTION, NO_STARS
+    if tracker.deep is not None:
+        better = deep_matching.attitude(
+            params, tracker.deep, found.star, solution, detections, velocity_i, least, rate
+        )
+        if better is not None:
+            named, solution, stars = better
+            found = found._replace(star=named)
     return found, Reason.NONE, tuple(solution), stars
 
 

@@ -1,0 +1,133 @@
+"""`shefex-nav calibrate`: lens and detector of a star camera from its own pictures of the night sky.
+
+Exit codes: 0 calibrated, 1 the pictures do not tell it (the message says why), 2 a file that cannot be read
+or bad input.
+"""
+
+from math import atan, degrees
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json
+from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.printing import counter, print_json, say, stdout
+from shefex_nav.commands.solve import Epoch, Fov, field_of_view, julian_year
+
+Camera = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE",
+        help="Camera file or scenario: what the pictures do not tell (pixel size, black level, gain of the "
+        "amplifier), and a focal length right to 20 %.",
+    ),
+]
+
+
+def calibrate(
+    images: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IMAGE...",
+            help="Pictures of one camera, as its detector gives them: PNG, TIFF, FITS, JPEG; "
+            "with --camera .raw and .bin.",
+        ),
+    ],
+    camera: Camera = None,
+    fov: Fov = None,
+    epoch: Epoch = None,
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the camera file; needs --camera.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --output.")] = False,
+    json: Json = False,
+):
+    """Calibrate a star camera: focal length, principal point, distortion, width of the spots, noise, hot
+    pixels, each with its sigma.
+
+    The pictures may look anywhere; ten in different directions and exposures tell more than a hundred alike.
+    """
+    _check(images, camera, fov, output, force)
+    from shefex_nav.solve.calibration import calibrate as calibration
+    from shefex_nav.solve.calibration import pictures
+
+    year = None if epoch is None else julian_year(epoch)
+    base, given = _given(camera, None if fov is None else field_of_view(fov), year)
+    seen = []
+    with counter(len(images), lambda done, words: say(f"{done} of {len(images)}: {words}")) as count:
+        for image in images:
+            values, taken = pictures.read(image, given)
+            if year is not None:
+                taken = taken._replace(julian_year=year)
+            seen.append(pictures.look(str(image), values, taken, given))
+            calibration.check_sizes([one for one in seen if isinstance(one, pictures.Seen)])
+            count(_words(seen[-1]))
+    found = calibration.of_seen(seen, *(() if base is None else [_known(base)]))
+    if isinstance(found, str):
+        say(found)
+        raise typer.Exit(1)
+    _show(found, json)
+    if output is not None:
+        from shefex_nav.frames import calibrated
+
+        output.write_text(calibrated.written(found, base), encoding="utf-8")
+        say(f"wrote {output}")
+
+
+def _check(images, camera, fov, output, force):
+    """Refuse options that do not go together."""
+    if camera is not None and fov is not None:
+        raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
+    twice = [str(one) for n, one in enumerate(images) if one in images[:n]]
+    if twice:
+        raise typer.BadParameter(f"{twice[0]} is given twice", param_hint="IMAGE...")
+    if output is not None:
+        if camera is None:
+            words = "needs --camera: pixel size, black level and amplifier are not in pictures"
+            raise typer.BadParameter(words, param_hint="--output")
+        check_file(output, "--output", force=force, given=images)
+
+
+def _given(camera, fov_deg, year):
+    """camera_file.Base or None, and pictures.Told."""
+    from shefex_nav.solve.calibration.pictures import Told
+
+    if camera is None:
+        return None, Told(fov_deg, year)
+    from shefex_nav.frames import calibrated, camera_file
+
+    base = camera_file.base(camera)
+    hole = base.camera.params.camera.pinhole
+    fov_deg = degrees(2.0 * atan(0.5 * hole.width_px / hole.focal_length_px))
+    return base, calibrated.told(base, fov_deg, year)
+
+
+def _known(base):
+    from shefex_nav.frames import calibrated
+
+    return calibrated.known(base)
+
+
+def _words(one):
+    """What is said of a picture that has been looked at."""
+    from shefex_nav.solve.calibration.pictures import Unsolved
+    from shefex_nav.solve.table import WHY
+
+    if isinstance(one, Unsolved):
+        return f"{one.name} is not solved and not used, {one.reason}: {WHY[one.reason]}"
+    return f"{one.name}, {len(one.sights.u_i)} stars"
+
+
+def _show(found, json):
+    """Print a Calibration."""
+    from shefex_nav.solve.calibration import table
+
+    if json:
+        print_json(table.as_numbers(found))
+        return
+    console = stdout(110, highlight=False)
+    console.print(table.lens(found))
+    console.print(table.detector(found))
+    for one in found.unsolved:
+        console.print(f"{one.name}: not solved, {one.reason}; not used")

@@ -1,0 +1,123 @@
+"""What the pictures of a camera tell about it, all together."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.errors import UserError
+from shefex_nav.solve.calibration import hot_pixels, lens_fit, noise, pictures, spots
+from shefex_nav.solve.calibration.pictures import Unsolved
+
+FEWEST_STARS = 40  # named, in all pictures: fewer leave a lens of eight parameters to its prior
+LOOSEST = 0.01  # of the focal length: a larger sigma is no calibration
+
+
+class CalibrationError(UserError):
+    """Pictures that do not go together; the message says which."""
+
+
+class Known(NamedTuple):
+    """What somebody says of the detector; None where nobody does."""
+
+    black_dn: float | None = None
+    electrons_per_dn: float | None = None
+
+
+class Calibration(NamedTuple):
+    """A camera as its pictures show it; None where they do not."""
+
+    size_px: tuple  # (width, height)
+    lens: lens_fit.LensFit
+    n_stars: int  # that made the lens
+    pictures: list  # names of those that are solved
+    unsolved: list  # of Unsolved
+    psf_sigma: tuple | None  # (value, sigma) [px]
+    noise: noise.Noise | None
+    hot: hot_pixels.HotPixels
+    why: dict  # name -> words, of what is not told
+
+
+def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
+    """Calibration of looked-at pictures, or words that say why there is none.
+
+    seen : list of Seen or Unsolved;  known : Known
+    """
+    unsolved = [one for one in seen if isinstance(one, Unsolved)]
+    seen = [one for one in seen if not isinstance(one, Unsolved)]
+    if not seen:
+        return f"none of the {len(unsolved)} pictures is solved: {', '.join(map(_named, unsolved))}"
+    check_sizes(seen)
+    size_px, n_named = seen[0].size_px, sum(len(one.sights.u_i) for one in seen)
+    if n_named < FEWEST_STARS:
+        return (
+            f"{n_named} stars are named in {len(seen)} solved pictures; a lens needs {FEWEST_STARS}: "
+            "give more pictures, or such with more stars"
+        )
+    first = seen[int(np.argmax([len(one.sights.u_i) for one in seen]))].lens
+    lens = lens_fit.fit([one.sights for one in seen], first, size_px)
+    share = lens.sigma[0] / lens.values[0]
+    if not share < LOOSEST:
+        return f"the stars tell the focal length to {100.0 * share:.2g} % only; give more pictures"
+    why = {}
+    psf = spots.combined(np.concatenate([one.widths_px for one in seen]))
+    if psf is None:
+        why["psf_sigma"] = f"fewer than {spots.FEWEST} stars are bright and not saturated"
+    return Calibration(
+        size_px, lens, int(sum(keep.sum() for keep in lens.used)), [one.name for one in seen], unsolved,
+        psf, _noise(seen, known, why), _hot(seen, lens, size_px), why,
+    )  # fmt: skip
+
+
+def check_sizes(seen):
+    """CalibrationError where pictures have several sizes. seen : list of Seen"""
+    sizes = {one.size_px: one.name for one in reversed(seen)}
+    if len(sizes) > 1:
+        said = ", ".join(f"{name} has {w} x {h} pixels" for (w, h), name in sizes.items())
+        raise CalibrationError(f"pictures of one camera have one size; {said}")
+
+
+def _named(one):
+    return f"{one.name} ({one.reason})"
+
+
+def _noise(seen, known, why):
+    """Noise of all pictures, None with a reason in `why`."""
+    levels = [level for one in seen for level in one.levels]
+    if not levels:
+        why["noise"] = next(
+            (one.no_levels for one in seen if one.no_levels), "too little sky is free of stars"
+        )
+        return None
+    found = noise.told(levels, known.black_dn, known.electrons_per_dn)
+    if found is None:
+        why["noise"] = "it is less than rounding to whole grey values lets see"
+        return None
+    why.update(found.why)
+    return found
+
+
+def _hot(seen, lens, size_px):
+    """HotPixels; stars are masked where the lens puts them."""
+    marks = _marks(size_px)
+
+    def shifts(n, other):
+        C = lens.attitudes[n] @ lens.attitudes[other].T
+        return lens_fit.places(lens.values, C, marks, size_px) - at_first
+
+    at_first = lens_fit.places(lens.values, np.eye(3), marks, size_px)
+    direction = hot_pixels.directions(shifts, len(seen))
+    covered = []
+    for one, C_ci in zip(seen, lens.attitudes, strict=True):
+        at = lens_fit.lens_of(lens.values, C_ci)
+        faint = pictures.faint_stars(at, size_px, one.year)
+        radii = np.concatenate([one.radius_px, np.full(len(faint), hot_pixels.NEAR_PX)])
+        covered.append(hot_pixels.near_stars(np.concatenate([one.detected_px, faint]), radii, size_px))
+    return hot_pixels.find([one.bright for one in seen], covered, direction, size_px)
+
+
+def _marks(size_px):
+    """Directions that are spread over the picture of any camera: (5, 3), the middle one first."""
+    tangent = 0.02
+    across = tangent * np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]], dtype=float)
+    u_c = np.column_stack([across, np.ones(5)])
+    return u_c / np.linalg.norm(u_c, axis=1, keepdims=True)

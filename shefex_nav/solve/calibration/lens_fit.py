@@ -1,0 +1,130 @@
+"""One lens for all pictures of a camera: weighted least squares with an attitude of each picture.
+
+In: named stars with centroids and covariances, picture by picture. Out: the lens and its covariance, in which
+nothing is known of the attitudes: they are eliminated (Schur complement), so that the work grows with the
+number of pictures. A shift of the principal point looks nearly like a turn of the camera, and decentring like
+that shift; all are adjusted together, with the priors of `lens.spread` and one for the principal point, so
+that what the stars do not tell keeps a sigma as large as that of lenses nobody has measured.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.rotation import dcm_from_rotvec
+from shefex_nav.solve import lens as lenses
+from shefex_nav.solve.adjust import OUTLIER, noise_of
+
+NAMES = ("focal_length_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
+WIDER = (
+    3.0  # than the priors of a single picture: here the stars are many, and unusual lenses are to be found
+)
+OFF_CENTRE = 0.02  # of the diagonal, 1 sigma: where optical axes are before anybody measures
+STEPS, SMALL = 30, 1e-4  # steps at most; a step of so many sigma of each parameter is the last
+TOLD = 0.5  # of the prior's sigma: a parameter that keeps more was not told by the stars
+
+
+class Sights(NamedTuple):
+    """Named stars of one picture."""
+
+    C_ci: np.ndarray  # (3, 3) first attitude
+    u_i: np.ndarray  # (n, 3) directions as the moving camera sees them
+    xy_px: np.ndarray  # (n, 2)
+    P_px: np.ndarray  # (n, 2, 2) px^2
+
+
+class LensFit(NamedTuple):
+    """The lens of all pictures."""
+
+    values: np.ndarray  # (8,) of NAMES
+    covariance: np.ndarray  # (8, 8), attitudes marginalised
+    prior: np.ndarray  # (8,) standard deviations before the pictures; inf for the focal length
+    attitudes: list  # (3, 3) C_ci of each picture
+    used: list  # (n,) bool of each picture: False for a star that does not belong there
+    residual_px: float  # RMS of the stars used, both axes together
+    floor_px: float  # error that all centroids have besides their own
+    multiple: float  # of their own covariances
+
+    @property
+    def sigma(self):
+        """Standard deviations of the eight: (8,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def is_told(self):
+        """Which parameters the stars tell, not the prior: (8,) bool."""
+        return self.sigma < TOLD * self.prior
+
+
+def fit(sights, first, size_px):
+    """LensFit of Sights. first : Lens near it, whose attitude is not looked at;  size_px : (width, height)"""
+    spread = WIDER * lenses.spread(0.5 * float(np.hypot(*size_px)) / first.focal_px)
+    off = OFF_CENTRE * float(np.hypot(*size_px))
+    prior = np.concatenate([[np.inf, off, off], spread])
+    values = np.array([first.focal_px, *lenses.middle(size_px), *first.k])
+    expected = np.array([0.0, *lenses.middle(size_px), *np.zeros(5)])
+    attitudes = [one.C_ci for one in sights]
+    used = [np.ones(len(one.u_i), dtype=bool) for one in sights]
+    for _ in range(STEPS):
+        equations = [_linear(*both, values, size_px) for both in zip(sights, attitudes, strict=True)]
+        residual = np.concatenate([e[keep] for (_, e), keep in zip(equations, used, strict=True)])
+        P_px = np.concatenate([one.P_px[keep] for one, keep in zip(sights, used, strict=True)])
+        multiple, floor2 = noise_of(residual, P_px, 3.0 * len(sights) + len(NAMES))
+        W = [np.linalg.inv(multiple * one.P_px + floor2 * np.eye(2)) for one in sights]
+        used = [_fits(e, w) for (_, e), w in zip(equations, W, strict=True)]
+        change, covariance, turns = _step(equations, W, used, values - expected, prior)
+        values = values + change
+        attitudes = [dcm_from_rotvec(turn) @ C for turn, C in zip(turns, attitudes, strict=True)]
+        if (np.abs(change) < SMALL * np.sqrt(np.diag(covariance))).all():
+            break
+    rms = float(np.sqrt((residual**2).sum(axis=1).mean()))
+    return LensFit(values, covariance, prior, attitudes, used, rms, float(np.sqrt(floor2)), float(multiple))
+
+
+def lens_of(values, C_ci):
+    """Lens of eight values, about the middle of the picture: without the principal point."""
+    return lenses.Lens(C_ci, float(values[0]), tuple(values[3:].tolist()))
+
+
+def places(values, C_ci, u_i, size_px):
+    """Pixels of directions by eight values: (n, 2), NaN behind the camera."""
+    at, _ = lenses.project(lens_of(values, C_ci), u_i, size_px)
+    return at + values[1:3] - lenses.middle(size_px)
+
+
+def _linear(one, C_ci, values, size_px):
+    """Jacobian (n, 2, 11) by turn and the eight, and residual (n, 2) [px], of a picture."""
+    at = lens_of(values, C_ci)
+    predicted, ideal = lenses.project(at, one.u_i, size_px)
+    J = lenses.jacobian(at, ideal)
+    by_point = np.broadcast_to(np.eye(2), (len(ideal), 2, 2))
+    J = np.concatenate([J[:, :, :3], J[:, :, 3:4] / values[0], by_point, J[:, :, 4:]], axis=2)
+    return J, one.xy_px - predicted - (values[1:3] - lenses.middle(size_px))
+
+
+def _fits(residual, W):
+    """Which stars are where the lens puts them; all, where most are not: (n,) bool."""
+    near = np.einsum("ni,nij,nj->n", residual, W, residual) < OUTLIER**2
+    return near if near.sum() >= max(4, 0.6 * len(near)) else np.ones(len(near), dtype=bool)
+
+
+def _step(equations, W, used, off, prior):
+    """Gauss-Newton step: change of the eight (8,), covariance (8, 8), turn of each picture (m, 3).
+
+    off : (8,) values minus what the prior expects
+    """
+    scale = np.zeros(len(NAMES))
+    N, b = np.diag(prior**-2.0), -off * prior**-2.0
+    parts = []
+    for (J, e), w, keep in zip(equations, W, used, strict=True):
+        WJ = w[keep] @ J[keep]
+        M = np.einsum("nij,nik->jk", J[keep], WJ)
+        r = np.einsum("nij,ni->j", WJ, e[keep])
+        across = np.linalg.solve(M[:3, :3], np.column_stack([M[:3, 3:], r[:3]]))  # the attitude eliminated
+        N += M[3:, 3:] - M[3:, :3] @ across[:, :-1]
+        b += r[3:] - M[3:, :3] @ across[:, -1]
+        parts.append(across)
+    scale = 1.0 / np.sqrt(np.diag(N))
+    covariance = scale[:, None] * np.linalg.inv(scale[:, None] * N * scale) * scale
+    change = covariance @ b
+    return change, covariance, [across[:, -1] - across[:, :-1] @ change for across in parts]

@@ -1,0 +1,222 @@
+"""Calibration from pictures: what it finds against the camera that made them, and when it refuses."""
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calibration_shots import (
+    BLACK_DN,
+    PER_DN,
+    PSF_PX,
+    READ_NOISE,
+    SIZE_PX,
+    YEAR,
+    camera_of,
+    shoot,
+)
+from PIL import Image
+from scipy.stats import chi2
+from typer.testing import CliRunner
+
+from shefex_nav.commands.main import app
+from shefex_nav.frames import camera_file
+from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
+from shefex_nav.papers.stills import random_attitude
+from shefex_nav.scenario import load
+from shefex_nav.solve.calibration import calibrate, hot_pixels, lens_fit, noise, pictures
+from shefex_nav.solve.header import Taken
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+TOLD = pictures.Told(15.0, YEAR)
+SKIES = 2.0, 20.0, 60.0, 120.0  # electrons a pixel
+KNOWN = calibrate.Known(BLACK_DN, None)
+
+
+def looked(seed, n=8, skies=SKIES, q_ic=None):
+    """Camera, and Seen of n pictures of it."""
+    rng = np.random.default_rng([8117, seed])
+    camera = camera_of(rng)
+    images = [shoot(rng, camera, background=skies[k % len(skies)], q_ic=q_ic) for k in range(n)]
+    return camera, [pictures.look(f"{k}.png", image, Taken(YEAR), TOLD) for k, image in enumerate(images)]
+
+
+@pytest.fixture(scope="module")
+def sets():
+    """(camera, Calibration) of drawn cameras."""
+    return [(camera, calibrate.of_seen(seen, KNOWN)) for camera, seen in map(looked, range(10))]
+
+
+def nees(found, true):
+    """Squared error of the lens over its covariance, of all that the stars tell at 15 deg and more."""
+    told = slice(0, 7)  # k3 keeps its prior in a field so narrow
+    d = (found.lens.values - true)[told]
+    return d @ np.linalg.solve(found.lens.covariance[told, told], d)
+
+
+def test_errors_of_the_lens_are_as_large_as_its_covariance_says(sets):
+    low, high = chi2.ppf([0.0005, 0.9995], 7 * len(sets))
+    assert low < sum(nees(found, camera.values) for camera, found in sets) < high
+
+
+def test_a_lens_of_other_pictures_is_found_as_well(monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    theirs, squares, size_px = importlib.import_module("pictures"), [], (1024, 768)
+    for number, width_deg in enumerate((20.0, 40.0, 20.0)):
+        rng = np.random.default_rng([9001, number])
+        lens, told = theirs.draw_lens(rng, "brown", size_px, width_deg), pictures.Told(width_deg, theirs.YEAR)
+        shots = [theirs.shoot(rng, width_deg, "brown", size_px=size_px, lens=lens) for _ in range(8)]
+        still = {"velocity_i": np.zeros(3)}  # their sky has no aberration
+        seen = [pictures.look("theirs", shot.image, Taken(theirs.YEAR), told, **still) for shot in shots]
+        found, (k1, k2, k3, p1, p2) = calibrate.of_seen(seen), lens.k
+        true = np.array([lens.focal_px, 511.5, 383.5, k1, k2, p1, p2, k3])
+        assert found.lens.values[0] == pytest.approx(lens.focal_px, rel=5e-4)
+        assert len(found.hot.excess) == 0
+        squares.append(nees(found, true))
+    low, high = chi2.ppf([0.0005, 0.9995], 7 * len(squares))
+    assert low < sum(squares) < high
+
+
+def test_the_stars_tell_the_focal_length_to_a_ten_thousandth(sets):
+    for camera, found in sets:
+        assert found.lens.sigma[0] < 2e-4 * camera.values[0]
+        assert found.lens.is_told[:4].all()
+        assert not found.lens.is_told[7]  # k3 in a field of 15 deg
+
+
+def test_detector_and_spots_are_those_that_made_the_pictures(sets):
+    pulls = []
+    for _, found in sets:
+        gain, read_noise = found.noise.gain, found.noise.read_noise
+        assert gain[0] == pytest.approx(PER_DN, rel=0.04)
+        assert read_noise[0] == pytest.approx(READ_NOISE, rel=0.05)
+        assert found.psf_sigma[0] == pytest.approx(PSF_PX, rel=0.03)
+        pulls.append([(gain[0] - PER_DN) / gain[1], (read_noise[0] - READ_NOISE) / read_noise[1]])
+    low, high = chi2.ppf([0.0005, 0.9995], len(pulls))
+    for squares in (np.array(pulls) ** 2).sum(axis=0):
+        assert low < squares < high
+
+
+def test_hot_pixels_are_found_and_no_star_is_taken_for_one(sets):
+    for camera, found in sets:
+        true = {tuple(one) for one in camera.hot.tolist()}
+        at = {tuple(one) for one in found.hot.row_column.tolist()}
+        assert at <= true
+        assert len(at) >= 0.95 * len(true)
+
+
+def test_one_level_of_the_sky_tells_no_gain():
+    _, seen = looked(50, n=4, skies=(20.0,))
+    found = calibrate.of_seen(seen, calibrate.Known(BLACK_DN, PER_DN))
+    assert found.noise.gain is None
+    assert "too alike" in found.why["gain"]
+    assert found.noise.read_noise[0] == pytest.approx(READ_NOISE, rel=0.03)  # with the gain told
+    assert calibrate.of_seen(seen).noise.read_noise is None
+
+
+def test_pictures_that_look_the_same_way_tell_no_hot_pixels():
+    q_ic = random_attitude(np.random.default_rng(3))
+    _, seen = looked(51, n=4, q_ic=q_ic)
+    found = calibrate.of_seen(seen, KNOWN)
+    assert "one direction" in found.hot.why
+    assert len(found.hot.excess) == 0
+    turned = quat_multiply(q_ic, quat_from_rotvec(np.array([1e-3, 0.0, 0.0])))  # 2.5 px
+    _, seen = looked(51, n=4, q_ic=turned)
+    assert calibrate.of_seen(seen, KNOWN).hot.why
+
+
+def test_a_star_in_a_still_sky_is_no_hot_pixel_even_when_it_is_bright():
+    one = hot_pixels.Bright(np.array([5005]), np.array([90.0]), 2.0)
+    free = [np.zeros((100, 100), dtype=bool)] * 4
+    seen = [one, one, one, hot_pixels.Bright(np.zeros(0, dtype=int), np.zeros(0), 2.0)]
+    assert len(hot_pixels.find([one] * 4, free, np.arange(4), (100, 100)).excess) == 1
+    assert len(hot_pixels.find(seen, free, np.arange(4), (100, 100)).excess) == 0  # not in all
+    near = [np.ones((100, 100), dtype=bool)] * 2 + free[:2]
+    assert len(hot_pixels.find([one] * 4, near, np.arange(4), (100, 100)).excess) == 0  # a star twice
+
+
+def test_variance_over_mean_tells_the_gain_that_made_it():
+    rng = np.random.default_rng(6)
+    g, r, black = 3.0, 9.0, 40.0
+    found = []
+    for electrons in (5.0, 100.0, 400.0):
+        values = (rng.poisson(electrons, (400, 400)) + r * rng.standard_normal((400, 400))) / g + black
+        found += noise.levels(np.rint(values).astype(np.float32), np.zeros((400, 400), dtype=bool))
+    told = noise.told(found, black)
+    assert abs(told.gain[0] - g) < 4.0 * told.gain[1] < 0.1
+    assert abs(told.read_noise[0] - r) < 4.0 * told.read_noise[1] < 0.4
+
+
+def test_few_stars_and_other_sizes_are_refused():
+    _, seen = looked(52, n=2)
+    nine = [lens_fit.Sights(one.sights.C_ci, *(part[:9] for part in one.sights[1:])) for one in seen]
+    few = [one._replace(sights=sights) for one, sights in zip(seen, nine, strict=True)]
+    assert "18 stars are named" in calibrate.of_seen(few)
+    with pytest.raises(calibrate.CalibrationError, match=r"one size; .*0\.png has 659 x 493"):
+        calibrate.of_seen([seen[0], seen[1]._replace(size_px=(640, 480))])
+    unsolved = [pictures.Unsolved("cloud.png", "too_few_stars")]
+    assert "cloud.png (too_few_stars)" in calibrate.of_seen(unsolved)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Pictures of one camera, in files, and one of clouds."""
+    to = tmp_path_factory.mktemp("calibrate")
+    rng = np.random.default_rng(77)
+    camera = camera_of(rng)
+    for k in range(8):
+        Image.fromarray(shoot(rng, camera, background=SKIES[k % 4])).save(to / f"p{k}.png")
+    cloud = np.rint(rng.normal(30.0, 2.2, SIZE_PX[::-1])).astype(np.uint8)
+    Image.fromarray(cloud).save(to / "cloud.png")
+    return to
+
+
+def called(*words):
+    return CliRunner().invoke(app, ["calibrate", *map(str, words)])
+
+
+def test_the_file_that_is_written_solves_the_pictures_that_the_nominal_camera_does_not(folder):
+    files, told, out = sorted(folder.glob("p*.png")), "shefex2_andoya", folder / "cam.yaml"
+    one = called(*files, folder / "cloud.png", "--camera", told, "--epoch", YEAR, "--output", out, "--json")
+    assert one.exit_code == 0, one.output
+    numbers = json.loads(one.stdout)
+    assert [unsolved["reason"] for unsolved in numbers["unsolved"]] == ["too_few_stars"]
+    again = called(*files, "--camera", told, "--epoch", YEAR, "--output", out)
+    assert again.exit_code == 2
+    assert "exists already" in again.output
+
+    def solved(camera):
+        words = ["solve", *map(str, files), "--camera", str(camera), "--epoch", str(YEAR), "--json"]
+        lines = CliRunner().invoke(app, words).stdout.splitlines()
+        return [row for row in map(json.loads, lines) if row["status"] == "ok"]
+
+    calibrated = solved(out)
+    assert len(calibrated) == len(files)
+    assert len(solved(told)) < len(files)
+    assert all(row["residual_px"] < 0.3 for row in calibrated)
+    detector = camera_file.base(out).detector
+    assert detector.conversion == pytest.approx(numbers["gain_electrons_per_dn"]["value"] * 10**1.2, rel=1e-3)
+
+
+def test_its_section_stands_in_a_scenario(folder):
+    files, out = sorted(folder.glob("p*.png")), folder / "section.yaml"
+    assert called(*files, "--camera", "shefex2_andoya", "--epoch", YEAR, "--output", out).exit_code == 0
+    tree = camera_file.base(out).tree
+    text = load.normalised({"extends": "shefex2_andoya.yaml", "star_camera": tree["star_camera"]})
+    (folder / "flight.yaml").write_text(text)
+    scenario = load.load(folder / "flight.yaml")
+    assert scenario.star_camera.optics.focal_length == pytest.approx(
+        camera_file.base(out).camera.params.camera.pinhole.focal_length_px * 9.9e-6, rel=1e-9
+    )
+
+
+def test_what_cannot_be_calibrated_is_said_with_its_exit_code(folder):
+    cloud = called(folder / "cloud.png", "--epoch", YEAR, "--fov", "15 deg")
+    assert cloud.exit_code == 1
+    assert "none of the 1 pictures is solved" in cloud.output
+    undated = called(folder / "p0.png", "--fov", "15 deg")
+    assert undated.exit_code == 2
+    no_base = called(folder / "p0.png", "--output", folder / "x.yaml")
+    assert no_base.exit_code == 2
+    assert "needs --camera" in no_base.output
