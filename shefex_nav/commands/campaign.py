@@ -15,6 +15,14 @@ from shefex_nav.commands.printing import print_json, say
 
 OUT = Path("logs/campaigns")
 MOST_LOST = 5  # that are named
+Sweep = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KEY=A,B,C",
+        help="Fly a campaign for each of the values, with the same draws, and compare them; several times: "
+        "all combinations. imu=stim300,adis16505_1 means instruments.",
+    ),
+]
 
 
 def campaign(
@@ -38,14 +46,7 @@ def campaign(
         ),
     ] = None,
     overrides: Overrides = None,
-    sweep: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KEY=A,B,C",
-            help="Fly a campaign for each of the values, with the same draws, and compare them; several "
-            "times: all combinations. imu=stim300,adis16505_1 means instruments.",
-        ),
-    ] = None,
+    sweep: Sweep = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
     ] = False,
