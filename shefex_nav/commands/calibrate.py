@@ -69,9 +69,10 @@ def calibrate(
         raise typer.Exit(1)
     _show(found, json)
     if output is not None:
+        from shefex_nav.files import put
         from shefex_nav.frames import calibrated
 
-        output.write_text(calibrated.written(found, base), encoding="utf-8")
+        put(output, calibrated.written(found, base))
         say(f"wrote {output}")
 
 

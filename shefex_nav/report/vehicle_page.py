@@ -101,11 +101,8 @@ def _write_png(path, drawn):
 
     parts = []
     for figure in drawn:
-        stream = BytesIO()
-        style.save(figure, stream)
-        stream.seek(0)
-        parts.append(image.imread(stream)[..., :3])
+        parts.append(image.imread(BytesIO(style.png(figure)))[..., :3])
     width = min(part.shape[1] for part in parts)
     stream = BytesIO()
     image.imsave(stream, np.vstack([part[:, :width] for part in parts]), format="png")
-    path.write_bytes(stream.getvalue())
+    put(path, stream.getvalue())

@@ -346,6 +346,14 @@ def svg(figure):
 
 
 @styled
+def png(figure, dpi=150):
+    """A figure that was drawn with STYLE as PNG: bytes."""
+    out = BytesIO()
+    figure.savefig(out, format="png", dpi=dpi)
+    return out.getvalue()
+
+
+@styled
 def save(figure, path, dpi=150):
     """Write a figure that was drawn with STYLE; the ending of the name says how (.png, .svg, .pdf)."""
     write(figure, path, dpi)
