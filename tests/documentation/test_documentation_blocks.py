@@ -23,8 +23,16 @@ def registers():
         one.update(before)
 
 
+CAMPAIGNS = {"docs/campaigns.md", "docs/how-to/software.md"}  # fly several, half a minute each
+
+
+def named(name):
+    """Parameter of a page."""
+    return pytest.param(name, marks=pytest.mark.slow) if name in CAMPAIGNS else name
+
+
 @pytest.mark.filterwarnings("ignore:Matplotlib is currently using agg")
-@pytest.mark.parametrize("name", [name for name in NAMES if BLOCKS[name]])
+@pytest.mark.parametrize("name", [named(name) for name in NAMES if BLOCKS[name]])
 def test_blocks_of_the_page_run(name, registers, tmp_path, monkeypatch):
     session = Session(tmp_path, monkeypatch)
     for block in BLOCKS[name]:
