@@ -20,11 +20,12 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-
-import numpy as np
+from typing import NamedTuple
 
 WARM = 10  # missions that may load and keep what they like
 MOST_MB = 1.0  # a mission
+MEMORY = "memory_mb"
+OBSERVED = MEMORY, "descriptors", "threads", "files"
 SCENARIOS = ("shefex2_andoya", "rexus_like", "night_sky", "imu_faults", "shefex2_aps_rolling")
 
 
@@ -55,28 +56,32 @@ def fly(name, seed):
     return run.data.last_t_s - run.data.mission.start_s
 
 
-def slope(values):
-    """Growth per mission and its 95 % interval: median of the slopes of all pairs (Sen, 1968)."""
+class Growth(NamedTuple):
+    """Change a mission: the median of the slopes of all pairs with its 95 % interval (Sen, 1968)."""
+
+    slope: float
+    low: float
+    high: float
+    grows: bool
+
+
+def growth(values, name):
+    """Growth of one of OBSERVED over the missions."""
     from scipy.stats import theilslopes
 
     found = theilslopes(values)
-    return found.slope, found.low_slope, found.high_slope
+    more = found.slope >= MOST_MB if name == MEMORY else values[-1] > values[0] and found.slope > 0.0
+    return Growth(*map(float, (found.slope, found.low_slope, found.high_slope)), bool(more))
 
 
-def report(rows):
-    """Table of what grows. -> whether anything does"""
-    grows = False
-    late = rows[WARM:]
-    for name in ("memory_mb", "descriptors", "threads", "files"):
-        values = np.array([row[name] for row in late], dtype=float)
-        growth, low, high = slope(values)
-        bad = growth >= MOST_MB if name == "memory_mb" else values[-1] > values[0] and growth > 0.0
-        grows |= bool(bad)
+def report(rows, growths):
+    """Table of what grows."""
+    for name, one in growths.items():
+        values, word = [float(row[name]) for row in rows], "   GROWS" if one.grows else ""
         print(
-            f"  {name:12} {values[0]:8.1f} -> {values[-1]:8.1f}   most {values.max():8.1f}   "
-            f"{growth:+8.4f} a mission ({low:+.4f} to {high:+.4f}){'   GROWS' if bad else ''}"
+            f"  {name:12} {values[0]:8.1f} -> {values[-1]:8.1f}   most {max(values):8.1f}   "
+            f"{one.slope:+8.4f} a mission ({one.low:+.4f} to {one.high:+.4f}){word}"
         )
-    return grows
 
 
 def main():
@@ -102,11 +107,15 @@ def main():
             if given.keep:
                 with given.keep.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
+    growths = {name: growth([row[name] for row in rows[WARM:]], name) for name in OBSERVED}
     if given.json:
-        print(json.dumps(rows))
-        return
-    print(f"{len(rows)} missions, {', '.join(given.scenarios)}, seeds {given.seed} on")
-    sys.exit(report(rows))
+        print(
+            json.dumps({"missions": rows, "growth": {name: one._asdict() for name, one in growths.items()}})
+        )
+    else:
+        print(f"{len(rows)} missions, {', '.join(given.scenarios)}, seeds {given.seed} on")
+        report(rows[WARM:], growths)
+    sys.exit(any(one.grows for one in growths.values()))
 
 
 if __name__ == "__main__":

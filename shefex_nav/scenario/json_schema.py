@@ -31,7 +31,8 @@ def json_schema(model=Scenario, title="shefex_nav scenario"):
         "description": "Scenario file, relative to this one, or name of one that comes with the program, "
         "whose values hold where this file gives none",
     }
-    blocks["Scenario"] = complete
+    name = model.NAME if hasattr(model, "NAME") else model.__name__
+    blocks[name] = complete
     parts = {f"{name}.partial": _partial(block) for name, block in blocks.items()}
     for block in blocks.values():
         _complete_by_use(block, blocks)
@@ -39,8 +40,8 @@ def json_schema(model=Scenario, title="shefex_nav scenario"):
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": title,
         "if": {"required": [EXTENDS]},
-        "then": {"$ref": "#/$defs/Scenario.partial"},
-        "else": {"$ref": "#/$defs/Scenario"},
+        "then": {"$ref": f"#/$defs/{name}.partial"},
+        "else": {"$ref": f"#/$defs/{name}"},
         "$defs": blocks | parts,
     }
 

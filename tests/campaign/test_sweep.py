@@ -22,6 +22,7 @@ requirements: {misleading: 0 %}
         ("imu=stim300, adis16505_1", "imu.use", ("stim300", "adis16505_1")),
         ("gps.use=a,b", "gps.use", ("a", "b")),
         ("gps.range_noise=1 m,1.5 m", "gps.range_noise", ("1 m", "1.5 m")),
+        ("a=[[1, 2], [3]],[[4]]", "a", ("[[1, 2], [3]]", "[[4]]")),
         ("gps.antenna=[0 m, 1 m], [2 m]", "gps.antenna", ("[0 m, 1 m]", "[2 m]")),
     ],
 )
@@ -74,7 +75,7 @@ def test_a_noisier_receiver_is_worse_in_every_pair(tmp_path, monkeypatch, comman
     ]
     assert [row["difference"]["n"] for row in figures] == [4, 4, 4]
     assert [row["difference"]["verdict"] for row in figures] == ["none", "b", "b"]
-    assert all(one["met"] == one["judged"] == 4 for one in found["combinations"])
+    assert all(one["met"] == one["runs"] == 4 for one in found["combinations"])
     assert len(list((tmp_path / "out").iterdir())) == 4
 
     monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", None)  # all has flown
@@ -83,6 +84,29 @@ def test_a_noisier_receiver_is_worse_in_every_pair(tmp_path, monkeypatch, comman
     lines = [line.split() for line in again.out.splitlines()]
     ranked = [line[0] for line in lines if line[-4:-3] and "of" in line and line[0] in "ABCD"]
     assert set(ranked[:2]) == {"C", "D"}
+
+
+def test_runs_that_fail_are_told(tmp_path, monkeypatch, command):
+    """Every run fails, and nothing is required."""
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", HereLane)
+    failing = SHORT.replace("requirements: {misleading: 0 %}\n", "")
+    (tmp_path / "short.yaml").write_text(failing)
+
+    def fail(*given):
+        raise ValueError("no flight")
+
+    monkeypatch.setattr("shefex_nav.campaign.flight._records", fail)
+    words = "campaign", tmp_path / "short.yaml", "--runs", "1", "--out", tmp_path / "out"
+    done = command(*words, "--sweep", "gps.range_noise=30 m,1 m")
+    assert done.code == 1, done.err
+    rows = [line.split() for line in done.out.splitlines() if line.split()[:1] in (["A"], ["B"])]
+    assert [row[3:] for row in rows] == [["-", "0", "of", "1", "-", "-", "-"]] * 2
+    assert "as nothing is required" in done.out
+
+
+def test_values_that_are_one_scenario(tmp_path):
+    with pytest.raises(CompareError, match="are the same scenario"):
+        sweep.planned("night_sky", [sweep.axis("gps.range_noise=10 m,10.0 m")], (), tmp_path)
 
 
 @pytest.mark.parametrize("more", [("--engine", "dask://a:1"), ("--keep", "failed"), ("--dry-run",)])

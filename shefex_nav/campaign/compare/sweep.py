@@ -4,6 +4,7 @@ The runs of all combinations draw the same, so they are compared in pairs like a
 """
 
 import re
+import statistics
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -12,15 +13,15 @@ from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.compare import comparison, paired, parts, sides
 from shefex_nav.campaign.compare.flying import DIGITS, Flight
 from shefex_nav.campaign.compare.given import CAMPAIGN, CompareError
+from shefex_nav.campaign.compare.quantities import QUANTITIES
 from shefex_nav.campaign.parts import Part
-from shefex_nav.scenario import instruments, load
+from shefex_nav.scenario import instruments, load, software
 from shefex_nav.scenario.use import USE
 
 SHOWN = tuple(  # of `quantities`: the first that there is
     (f"{quantity} at entry", f"{quantity}, rms of the run")
     for quantity in ("position", "velocity", "attitude")
 )
-_APART = re.compile(r",(?![^\[{(]*[\]})])")  # a comma that is in no bracket
 
 
 class Axis(NamedTuple):
@@ -33,7 +34,7 @@ class Axis(NamedTuple):
 def axis(text):
     """Axis of KEY=A,B,C; CompareError. `imu=stim300,adis16505` means instruments: imu.use."""
     key, equals, given = text.partition("=")
-    values = tuple(value.strip() for value in _APART.split(given))
+    values = tuple(value.strip() for value in _parts(given))
     if not equals or not key.strip() or not all(values):
         raise CompareError(f"--sweep {text}: expected KEY=A,B,C, such as imu=stim300,adis16505_1")
     twice = [value for value in values if values.count(value) > 1]
@@ -42,6 +43,18 @@ def axis(text):
         raise CompareError(f"--sweep {text}: {what}; expected two or more that differ")
     key = key.strip()
     return Axis(f"{key}.{USE}" if tuple(key.split(".")) in instruments.SECTIONS else key, values)
+
+
+def _parts(text):
+    """A text at its commas, but for those in brackets: list."""
+    found, depth = [""], 0
+    for letter in text:
+        depth += (letter in "[{(") - (letter in ")}]")
+        if letter == "," and depth == 0:
+            found.append("")
+        else:
+            found[-1] += letter
+    return found
 
 
 def planned(scenario, axes, overrides, out):
@@ -59,9 +72,19 @@ def planned(scenario, axes, overrides, out):
     found = []
     for settings in combined:
         loaded = load.load(scenario, (*overrides, *(f"{key}={value}" for key, value in settings.items())))
+        software.refuse_reached(loaded)
         label = ", ".join(f"{key} {value}" for key, value in settings.items())
         found.append((Flight(loaded, label, out / _folder(loaded, settings)), settings))
+    _check_different([one for one, _ in found])
     return found
+
+
+def _check_different(flights):
+    """Refuse combinations that are one scenario: 10 m and 10.0 m."""
+    known = {}
+    for one in flights:
+        if (other := known.setdefault(repr(one.scenario.model_dump()), one)) is not one:
+            raise CompareError(f"--sweep: '{other.label}' and '{one.label}' are the same scenario")
 
 
 def _folder(scenario, settings):
@@ -79,50 +102,70 @@ def compared(flights):
 
 def tables(every, found, settings):
     """list of campaign.parts.Part. settings : {key: value} of each side, in their order"""
-    return [_combinations(every, found, settings), _pairs(found, every)]
+    return [_combinations(every, settings), _pairs(found, every)]
 
 
 def result(every, settings):
     """Plain dict of the combinations, for JSON: what `compare` has not."""
-    return [
-        {"letter": side.letter, "settings": own, "met": _met(side)[0], "judged": _met(side)[1]}
-        for side, own in zip(every, settings, strict=True)
-    ]
+    found = []
+    for side, own in zip(every, settings, strict=True):
+        met = _met(side)
+        found.append({"letter": side.letter, "settings": own, "runs": len(side.runs), "met": met})
+    return found
 
 
 def _met(side):
-    """(runs that met every requirement that can be judged, runs) of a Side; a failed run meets none."""
-    kept = [not one.failed and all(j.passed for j in one.judged if j.judgeable) for one in side.runs.values()]
-    return sum(kept), len(kept)
+    """Runs of a Side that met all that is required and can be judged; None if nothing is."""
+    if not any(one.judgeable for run in side.runs.values() for one in run.judged):
+        return None
+    return sum(
+        not run.failed and all(one.passed for one in run.judged if one.judgeable)
+        for run in side.runs.values()
+    )
 
 
-def _shown(found):
-    """Names of the figures that are told: of those of the entry that some pair has, else of the run."""
-    there = {row.quantity.name for one in found for row in one.rows if row.difference is not None}
-    return [next((name for name in names if name in there), names[-1]) for names in SHOWN]
+def _shown(every):
+    """Quantities that are told: of those of the entry that a side has, else of the run."""
+    by_name = {one.name: one for one in QUANTITIES}
+    for names in SHOWN:
+        there = (name for name in names if any(_median(side, by_name[name]) is not None for side in every))
+        yield by_name[next(there, names[-1])]
 
 
-def _combinations(every, found, settings):
-    """One row a combination, the best first: most runs that met all, then by the attitude at entry."""
-    names = _shown(found)
-    units = {row.quantity.name: row.quantity.unit for row in found[0].rows}
-    medians = {every[0].letter: {row.quantity.name: row.a for row in found[0].rows}}
-    medians |= {one.b.letter: {row.quantity.name: row.b for row in one.rows} for one in found}
-    rows = []
+def _median(side, quantity):
+    """Median over the runs of a Side that came to their end, None without any."""
+    found = [quantity.figure(one.get) for one in side.runs.values() if not one.failed]
+    known = [value for value in found if value is not None]
+    return statistics.median(known) if known else None
+
+
+def _combinations(every, settings):
+    """One row a combination, the best first: by the runs that met all, then by the attitude."""
+    shown, rows = list(_shown(every)), []
     for side, own in zip(every, settings, strict=True):
-        met, runs = _met(side)
-        samples = [medians[side.letter].get(name) for name in names]
-        shown = ["-" if sample is None else parts.number(sample.median) for sample in samples]
-        last = float("inf") if not samples or samples[-1] is None else samples[-1].median
-        rows.append(((-met, last), (side.letter, *own.values(), f"{met} of {runs}", *shown)))
-    heads = "", *settings[0], ">all required met", *(f">{name} [{units[name]}]" for name in names)
-    lines = ("Medians of the runs; the best combination stands first, by requirements met and attitude.",)
+        met, medians = _met(side), [_median(side, one) for one in shown]
+        flown = sum(not one.failed for one in side.runs.values())
+        cells = "-" if met is None else f"{met} of {len(side.runs)}", f"{flown} of {len(side.runs)}"
+        numbers = ["-" if value is None else parts.number(value) for value in medians]
+        last = float("inf") if medians[-1] is None else medians[-1]
+        rows.append(((-(met or 0), last), (side.letter, *own.values(), *cells, *numbers)))
+    figures = (f">{one.name} [{one.unit}]" for one in shown)
+    heads = "", *settings[0], ">all required met", ">flown to the end", *figures
+    ranks = (
+        "the attitude alone, as nothing is required"
+        if not any(map(_met, every))
+        else ("the runs that met all that is required, then the attitude")
+    )
+    lines = (
+        f"Medians of the runs that flew to their end. The first is the best by {ranks}; of many combinations "
+        "that are equally good one stands first by chance.",
+    )
     return Part("Combinations", heads, tuple(row for _, row in sorted(rows, key=lambda one: one[0])), lines)
 
 
 def _pairs(found, every):
     """Each combination against the first, in pairs of one seed."""
-    rows, names = [], _shown(found)
+    rows, names = [], {one.name for one in _shown(every)}
     for one in found:
         for row in (row for row in one.rows if row.quantity.name in names and row.difference is not None):
             low, high = row.difference.low, row.difference.high
@@ -134,7 +177,8 @@ def _pairs(found, every):
     heads = "", "against A", ">mean difference", f">{100.0 * paired.CONFIDENCE:.0f} % interval", "verdict"
     folders = [f"{side.letter}: {side.where}" for side in every]
     lines = (
-        "Runs of one seed in pairs; all figures of two: `shefex-nav compare` with their folders.",
+        "Runs of one seed in pairs; of twenty rows without a difference, one shows one by chance.",
+        "All figures of two: `shefex-nav compare` with their folders.",
         *folders,
     )
     return Part(f"Against A ({every[0].label})", heads, tuple(rows), lines)
