@@ -55,8 +55,7 @@ def calibrate(
 
     year = None if epoch is None else julian_year(epoch)
     base, given = _given(camera, None if fov is None else field_of_view(fov), year)
-    if output is not None:
-        check_file(output, "--output", force=force, given=(*images, *base.files))
+    _check_output(output, force, images, base)
     seen = []
     with counter(len(images), lambda done, words: say(f"{done} of {len(images)}: {words}")) as count:
         for image in images:
@@ -92,6 +91,12 @@ def _check(images, camera, fov, output):
     if output is not None and camera is None:
         words = "needs --camera: pixel size, black level and amplifier are not in pictures"
         raise typer.BadParameter(words, param_hint="--output")
+
+
+def _check_output(output, force, images, base):
+    """Refuse an output that exists, or is one of the files that are read. base : camera_file.Base or None"""
+    if output is not None:
+        check_file(output, "--output", force=force, given=(*images, *base.files))
 
 
 def _given(camera, fov_deg, year):
