@@ -5,6 +5,7 @@ or bad input.
 """
 
 from math import atan, degrees
+from os.path import realpath
 from pathlib import Path
 from typing import Annotated
 
@@ -48,12 +49,13 @@ def calibrate(
 
     The pictures may look anywhere; ten in different directions and exposures tell more than a hundred alike.
     """
-    _check(images, camera, fov, output, force)
+    _check(images, camera, fov, output)
     from shefex_nav.solve.calibration import calibrate as calibration
     from shefex_nav.solve.calibration import pictures
 
     year = None if epoch is None else julian_year(epoch)
     base, given = _given(camera, None if fov is None else field_of_view(fov), year)
+    _check_output(output, force, images, base)
     seen = []
     with counter(len(images), lambda done, words: say(f"{done} of {len(images)}: {words}")) as count:
         for image in images:
@@ -61,7 +63,7 @@ def calibrate(
             if year is not None:
                 taken = taken._replace(julian_year=year)
             seen.append(pictures.look(str(image), values, taken, given))
-            calibration.check_sizes([one for one in seen if isinstance(one, pictures.Seen)])
+            calibration.check_together([one for one in seen if isinstance(one, pictures.Seen)])
             count(_words(seen[-1]))
     found = calibration.of_seen(seen, *(() if base is None else [_known(base)]))
     if isinstance(found, str):
@@ -76,18 +78,25 @@ def calibrate(
         say(f"wrote {output}")
 
 
-def _check(images, camera, fov, output, force):
+def _check(images, camera, fov, output):
     """Refuse options that do not go together."""
     if camera is not None and fov is not None:
         raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
-    twice = [str(one) for n, one in enumerate(images) if one in images[:n]]
-    if twice:
-        raise typer.BadParameter(f"{twice[0]} is given twice", param_hint="IMAGE...")
+    firsts = {}
+    for one in images:
+        first = firsts.setdefault(realpath(one), one)
+        if first is not one:
+            again = "" if first == one else f", as {first} and as {one}"
+            raise typer.BadParameter(f"{first} is given twice{again}", param_hint="IMAGE...")
+    if output is not None and camera is None:
+        words = "needs --camera: pixel size, black level and amplifier are not in pictures"
+        raise typer.BadParameter(words, param_hint="--output")
+
+
+def _check_output(output, force, images, base):
+    """Refuse an output that exists, or is one of the files that are read. base : camera_file.Base or None"""
     if output is not None:
-        if camera is None:
-            words = "needs --camera: pixel size, black level and amplifier are not in pictures"
-            raise typer.BadParameter(words, param_hint="--output")
-        check_file(output, "--output", force=force, given=images)
+        check_file(output, "--output", force=force, given=(*images, *base.files))
 
 
 def _given(camera, fov_deg, year):
@@ -97,10 +106,15 @@ def _given(camera, fov_deg, year):
     if camera is None:
         return None, Told(fov_deg, year)
     from shefex_nav.frames import calibrated, camera_file
+    from shefex_nav.solve.image import FOV_DEG, NARROWEST_DEG
 
     base = camera_file.base(camera)
     hole = base.camera.params.camera.pinhole
     fov_deg = degrees(2.0 * atan(0.5 * hole.width_px / hole.focal_length_px))
+    low, high = NARROWEST_DEG, FOV_DEG[1]
+    if not low <= fov_deg <= high:
+        words = f"{camera}: the field of view is {fov_deg:.3g} deg wide; expected {low:g} to {high:g} deg"
+        raise typer.BadParameter(words, param_hint="--camera")
     return base, calibrated.told(base, fov_deg, year)
 
 

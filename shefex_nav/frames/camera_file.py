@@ -66,6 +66,7 @@ class Base(NamedTuple):
     detector: Block  # section of the file
     gain_db: float
     tree: dict  # of a camera file
+    files: tuple  # paths of the texts that it is made of
 
 
 def read(path):
@@ -79,12 +80,13 @@ def read(path):
 def base(path):
     """Base of the same."""
     path = layers.file_of(path)
-    tree, _ = layers.extended(path, layers.Texts())
+    texts = layers.Texts()
+    tree, _ = layers.extended(path, texts)
     if any(key in tree for key in FLIGHT):
         scenario = load.load(path)
         camera = of_scenario(scenario)
         detector, gain_db = scenario.star_camera.detector, scenario.star_tracker.exposure.gain
-        return Base(camera, detector, gain_db, _tree_of(scenario))
+        return Base(camera, detector, gain_db, _tree_of(scenario), tuple(texts))
     given, _, _ = load.load_as(
         lambda provided: CameraFile,
         path,
@@ -100,7 +102,7 @@ def base(path):
     camera = _star_camera(sensor, settings(given.star_tracker), hole, bad, given.epoch)
     if given.distortion is not None:
         camera = replace(camera, distortion=given.distortion)
-    return Base(camera, sensor.detector, given.star_tracker.exposure.gain, tree)
+    return Base(camera, sensor.detector, given.star_tracker.exposure.gain, tree, tuple(texts))
 
 
 def of_scenario(scenario, bad_pixels=()):

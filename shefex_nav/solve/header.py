@@ -5,13 +5,14 @@ centre of the Earth, axes of the ICRS) are read; what else a file says, such as 
 """
 
 from datetime import UTC, datetime
-from math import isfinite
+from math import hypot, isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of pictures and of the sky
 DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
+FASTEST = 1e6  # m/s, of a camera: five times the fastest probe (Parker, 1.92e5 m/s)
 
 
 class Taken(NamedTuple):
@@ -32,6 +33,10 @@ def of_header(header):
     if any(given) and not all(given):
         missing = VELOCITY[given.index(False)]
         raise ValueError(f"{missing}: is missing; expected all of {', '.join(VELOCITY)}, in m/s, or none")
+    if all(given) and not hypot(*velocity) < FASTEST:
+        raise ValueError(
+            f"{', '.join(VELOCITY)}: expected a speed below {FASTEST:g} m/s, got {hypot(*velocity):g} m/s"
+        )
     return Taken(year_of(header), exposure_s, np.array(velocity) if all(given) else None)
 
 

@@ -172,7 +172,8 @@ def grey(values, name="image"):
     if values.ndim == 3:
         colours = 3 if values.shape[2] >= 3 else 1
         values = values[:, :, :colours].mean(axis=2, dtype=np.float32)
-    values = np.ascontiguousarray(values, dtype=np.float32)
+    with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused
+        values = np.ascontiguousarray(values, dtype=np.float32)
     if not np.isfinite(values.sum(dtype=np.float64)):
         raise PictureError(f"{name}: contains NaN or infinite values")
     return values

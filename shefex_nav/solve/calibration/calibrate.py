@@ -46,7 +46,7 @@ def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
     seen = [one for one in seen if not isinstance(one, Unsolved)]
     if not seen:
         return f"none of the {len(unsolved)} pictures is solved: {', '.join(map(_named, unsolved))}"
-    check_sizes(seen)
+    check_together(seen)
     size_px, n_named = seen[0].size_px, sum(len(one.sights.u_i) for one in seen)
     if n_named < FEWEST_STARS:
         return (
@@ -68,12 +68,25 @@ def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
     )  # fmt: skip
 
 
-def check_sizes(seen):
-    """CalibrationError where pictures have several sizes. seen : list of Seen"""
+def check_together(seen):
+    """CalibrationError where pictures have several sizes or depths, or are one. seen : list of Seen"""
     sizes = {one.size_px: one.name for one in reversed(seen)}
     if len(sizes) > 1:
         said = ", ".join(f"{name} has {w} x {h} pixels" for (w, h), name in sizes.items())
         raise CalibrationError(f"pictures of one camera have one size; {said}")
+    depths = {one.depth: one.name for one in reversed(seen)}
+    if 8 in depths and 16 in depths:
+        raise CalibrationError(
+            "pictures of one camera have one depth; "
+            f"{depths[8]} has 8 bits a pixel, {depths[16]} grey values above 255"
+        )
+    firsts = {}
+    for one in seen:
+        first = firsts.setdefault(one.digest, one)
+        if first is not one:  # its errors would count as new ones, and all sigmas come out too small
+            raise CalibrationError(
+                f"{one.name} has the grey values of {first.name}: it is the same picture; give it once"
+            )
 
 
 def _named(one):

@@ -4,6 +4,7 @@ Pictures are read one after the other, so that few are in memory at once; of eac
 calibration needs.
 """
 
+from hashlib import sha256
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ class Told(NamedTuple):
 
     fov_deg: float | None = None
     julian_year: float | None = None
-    raw: tuple | None = None  # (size_px, bits) of files without a header
+    detector: tuple | None = None  # (size_px, bits) of the camera
 
 
 class Seen(NamedTuple):
@@ -43,6 +44,8 @@ class Seen(NamedTuple):
     detected_px: np.ndarray  # (n, 2) named stars
     radius_px: np.ndarray  # (n,)
     year: float
+    depth: int  # 8: bits as stored; 16: grey values above 255; 0: not told, as of developed pictures
+    digest: bytes  # of the grey values
 
 
 class Unsolved(NamedTuple):
@@ -55,25 +58,52 @@ class Unsolved(NamedTuple):
 def read(path, given):
     """Grey values as stored, and Taken, of a file. given : Told
 
-    Raises PictureError, which names the file.
+    Raises PictureError, which names the file: it cannot be read, is not of the camera, or has no date.
     """
+    values, taken = _stored(path, given)
+    if taken.julian_year is None:  # the aberration of another day would change the focal length by up to 2e-4
+        words = "does not say when it was taken, and pictures without a date are refused"
+        ways = "give --epoch YEAR, an epoch in the file of --camera, or DATE-OBS in a header"
+        raise picture.PictureError(f"{path}: {words}; {ways}")
+    if given.detector is not None:
+        _check_detector(path, values, *given.detector)
+    return values, taken
+
+
+def _stored(path, given):
+    """Grey values, and Taken, whose year is None where neither the file nor `given` says it."""
     if path.suffix.lower() in picture.RAW:
-        if given.raw is None:
+        if given.detector is None:
             raise picture.PictureError(
                 f"{path}: holds grey values alone; --camera says their number and depth"
             )
-        return picture.raw(path, *given.raw), Taken(given.julian_year)
+        return picture.raw(path, *given.detector), Taken(given.julian_year)
     stored = picture.stored(path)
     try:
         taken = of_header(stored.header)
     except ValueError as error:
         raise picture.PictureError(f"{path}: {error}") from None
     years = taken.julian_year, stored.julian_year, given.julian_year
-    year = next((one for one in years if one is not None), None)
-    if year is None:  # the aberration of another day would change the focal length by up to 2e-4
-        words = "does not say when it was taken; give DATE-OBS, --epoch YEAR, or an epoch in the camera file"
-        raise picture.PictureError(f"{path}: {words}")
-    return stored.values, taken._replace(julian_year=year)
+    return stored.values, taken._replace(julian_year=next((one for one in years if one is not None), None))
+
+
+def _check_detector(path, values, size_px, bits):
+    """PictureError where a detector of this size and depth does not give such a picture."""
+    height, width = values.shape[:2]
+    if (width, height) != tuple(size_px):
+        raise picture.PictureError(
+            f"{path}: has {width} x {height} pixels, the detector of --camera {size_px[0]} x {size_px[1]}"
+        )
+    if _no_levels(path, values):  # such values are not the detector's, and tell nothing but the lens
+        return
+    if bits > 8 and values.dtype.itemsize == 1:
+        raise picture.PictureError(f"{path}: has 8 bits a pixel, the grey values of --camera {bits}")
+    low, high = values.min(), values.max()
+    if low < 0 or high >= 2**bits:
+        raise picture.PictureError(
+            f"{path}: has grey values from {low:g} to {high:g}; those of --camera have {bits} bits, "
+            f"0 to {2**bits - 1}"
+        )
 
 
 def velocity_of(taken):
@@ -112,7 +142,7 @@ def look(name, values, taken, given, *, velocity_i=None):
     widths = spots.widths(grey, flat, bright_stars, sigma)
     return Seen(
         name, size_px, sights, lens, widths, levels, no_levels, hot_pixels.bright(flat, sigma),
-        found.xy_px[known], radius, year,
+        found.xy_px[known], radius, year, 0 if no_levels else _depth(values), sha256(grey).digest(),
     )  # fmt: skip
 
 
@@ -135,10 +165,17 @@ def faint_stars(lens, size_px, year):
     return at[((at > -SPOT_PX) & (at < np.asarray(size_px) + SPOT_PX)).all(axis=1)]
 
 
+def _depth(values):
+    """Depth of grey values, as of Seen."""
+    return 8 if values.dtype.itemsize == 1 else 16 * int(values.max() > 255)
+
+
 def _no_levels(name, values):
     """Why the noise of a picture is not the detector's; empty if it is."""
     if str(name).lower().endswith(LOSSY):
         return "the pictures are compressed with loss, which changes noise"
     if values.ndim == 3 and values.shape[2] >= 3:
         return "the pictures are in colour: values of neighbours are mixed in them"
+    if values.dtype.kind == "f" and (values % 1.0 != 0.0).any():
+        return "the grey values are not whole: they are no longer those of the detector"
     return ""
