@@ -35,7 +35,9 @@ UNITS = {  # in m, deg, m/s
 }
 FORECAST = "geopotential_height", "wind_direction", "wind_speed"  # of height, direction, speed
 BARE = {"hght": "m", "drct": "deg", "sknt": "knot"}  # columns of Wyoming, whose name tells the unit
-HEAD = re.compile(r"(?P<name>.*[^\s_(\[])[\s_]*(?:[(\[](?P<inside>[^)\]]*)[)\]]|(?<=[\s_])(?P<last>[^\s_()\[\]]+))$")
+HEAD = re.compile(
+    r"(?P<name>.*[^\s_(\[])[\s_]*(?:[(\[](?P<inside>[^)\]]*)[)\]]|(?<=[\s_])(?P<last>[^\s_()\[\]]+))$"
+)
 LEVEL = re.compile(r"wind_speed_(\d+)hPa$")
 
 
@@ -123,10 +125,8 @@ def _read_as(path, units, geopotential):
     units = {what: unit.strip().lower() for what, unit in units.items()}
     for what, unit in units.items():
         if unit not in UNITS[what]:
-            raise SoundingError(
-                f"{path}: the {what} of the wind is in {unit or 'no unit'!r}; expected one of "
-                f"{', '.join(UNITS[what])}"
-            )
+            told = f"is in {unit!r}" if unit else "has no unit"
+            raise SoundingError(f"{path}: the {what} {told}; expected one of {', '.join(UNITS[what])}")
     return _Read(path, units, geopotential or units["height"] == "gpm")
 
 
@@ -135,16 +135,22 @@ def _line_with(text, word):
 
 
 def _wyoming_list(path, text):
-    """_Rows of the text list: columns end where their names end; a unit below each."""
+    """_Rows of the text list: columns end where their names end; a unit below the middle of each."""
     lines = text.splitlines()
     k = next(n for n, line in enumerate(lines) if "HGHT" in line)
-    ends = {match.group().lower(): match.end() for match in re.finditer(r"\S+", lines[k])}
+    heads = list(re.finditer(r"\S+", lines[k]))
+    ends = {head.group().lower(): head.end() for head in heads}
     names = {what: next((n for n in names if n in ends), None) for what, names in WANTED.items()}
     _all_there(path, names)
     if k + 1 == len(lines):
         raise SoundingError(f"{path}: ends after line {k + 1}, the names of its columns")
-    units = {match.end(): match.group() for match in re.finditer(r"\S+", lines[k + 1])}
-    told = {what: units.get(ends[name], BARE.get(name, "")) for what, name in names.items()}
+    units = {
+        head.group().lower(): unit.group()
+        for unit in re.finditer(r"\S+", lines[k + 1])
+        for head in heads
+        if unit.start() < head.end() and head.start() < unit.end()
+    }
+    told = {what: units.get(name, "") for what, name in names.items()}
     read, width, rows = _read_as(path, told, names["height"] == "hght"), 7, []
     for n, line in enumerate(lines[k + 2 :], k + 3):
         cells = [line[max(0, ends[name] - width) : ends[name]] for name in names.values()]
@@ -268,6 +274,6 @@ def _asked(path, holder, key, kind):
 
 def _unlike(path, words):
     return SoundingError(
-        f"{path}: no answer of Open-Meteo with hourly winds at pressure levels ({words}); ask for wind_speed, "
-        "wind_direction and geopotential_height at levels of hPa"
+        f"{path}: no answer of Open-Meteo with hourly winds at pressure levels ({words}); ask for "
+        "wind_speed, wind_direction and geopotential_height at levels of hPa"
     )

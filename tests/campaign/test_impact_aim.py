@@ -99,5 +99,5 @@ def test_a_body_that_is_not_followed_is_refused_before_a_flight(monkeypatch):
         raise AssertionError("flown")
 
     monkeypatch.setattr(aim, "land", land)
-    with pytest.raises(landing.ImpactError, match="S44 is not followed to the ground; there is payload$"):
+    with pytest.raises(landing.ImpactError, match=r"S44 is not followed to the ground; there is payload$"):
         aim.aim(load.load("rexus_like"), 1.18, 0.36, 1, 360.0, "S44")

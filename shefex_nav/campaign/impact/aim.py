@@ -5,8 +5,8 @@ where azimuth and elevation are not. The derivative is taken by two flights more
 each flight (C. G. Broyden, A class of methods for solving nonlinear simultaneous equations, Mathematics of
 Computation 19, 1965). A vehicle that steers by valves, or tumbles, does not land quite where a smooth
 function would have it: the iteration ends within 5 m of the place, or else, with the best of its flights,
-within a thousandth of the distance from the launcher. Trials stay within the tilt that a launcher may have; one
-that cannot be flown is taken back by half a step.
+within a thousandth of the distance from the launcher. Trials stay within the tilt that a launcher may
+have; one that cannot be flown is taken back by half a step.
 """
 
 import math
