@@ -1,4 +1,8 @@
-"""`shefex-nav impact`: where a rocket and its stages land, and how the launcher is set for a wished place."""
+"""`shefex-nav impact`: where a rocket and its stages land, and how the launcher is set for a wished place.
+
+Exit codes: 0 done, 1 written, but a run of --runs failed or did not land (the table says which and why),
+2 bad input, or a flight that cannot be.
+"""
 
 import math
 from pathlib import Path
@@ -10,9 +14,6 @@ from shefex_nav.commands.flights import about
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
 from shefex_nav.commands.output_files import make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
-
-FILES = "impact.json", "impact.kml", "impact.geojson", "landings.json", "map.png", "landings.png"
-
 
 Runs = Annotated[
     int, typer.Option(min=0, help="Flights with the scenario's dispersions; 0: one as it is told.")
@@ -39,7 +40,9 @@ WishedOf = Annotated[
 Folder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for figures, KML, GeoJSON and JSON.")
 ]
-Overwrite = Annotated[bool, typer.Option("--force", help="Overwrite such files in it.")]
+Overwrite = Annotated[
+    bool, typer.Option("--force", help="Overwrite such files in it, and take away those of another study.")
+]
 
 
 def impact(
@@ -65,8 +68,9 @@ def impact(
     if aim_body is not None and aim is None:
         raise typer.BadParameter("says what is aimed with --aim", param_hint="--aim-body")
     place = None if aim is None else _place(aim)
+    _check_winds(wind or ())
     if output is not None:
-        _check_folder(output, force)
+        _check_folder(output, studying.FILES, force)
     asked = studying.Asked(
         scenario,
         tuple(overrides or ()),
@@ -91,6 +95,8 @@ def impact(
         make_folder(output, "--output")
         studying.write(output, result, found)
         say(f"wrote {output}")
+    if found["failed"]:
+        raise typer.Exit(1)
 
 
 def _height(text):
@@ -112,10 +118,17 @@ def _place(text):
     return math.radians(latitude), math.radians(longitude)
 
 
-def _check_folder(folder, force):
+def _check_winds(files):
+    for one in files:
+        if one.is_dir() or not one.exists():
+            words = f"{one} is a folder; give a file" if one.is_dir() else f"there is no file {one}"
+            raise typer.BadParameter(words, param_hint="--wind")
+
+
+def _check_folder(folder, names, force):
     if folder.exists() and not folder.is_dir():
         raise typer.BadParameter(f"{folder} is no folder", param_hint="--output")
-    there = [name for name in FILES if (folder / name).exists()]
+    there = [name for name in names if (folder / name).exists()]
     if there and not force:
         words = f"{folder / there[0]} exists already; choose another folder or add --force"
         raise typer.BadParameter(words, param_hint="--output")

@@ -39,10 +39,10 @@ def vehicle(
     with about(scenario):
         looked = look.look(loaded)
     found = look.summary(looked)
+    warn(loaded, look.warnings(looked))
     if json:
         print_json(found)
     else:
-        warn(loaded, look.warnings(looked))
         stdout(120).print(vehicle_page.table(found))
     if output is not None:
         vehicle_page.write(output, looked, found)

@@ -1,17 +1,17 @@
 """Winds of the day from files as weather services give them -> the table of wind of a scenario.
 
 Read are soundings of the University of Wyoming, its text list and its CSV, or any CSV whose columns are named
-likewise, and answers of Open-Meteo with winds at pressure levels (JSON). Units are those that the file names.
-Heights there are geopotential above mean sea level; they become geometric, z = R h / (R - h) with
-R = 6356.766 km (US Standard Atmosphere 1976), and count as heights above the ellipsoid: the geoid, up to
-110 m off, is not known.
+likewise, and answers of Open-Meteo with winds at pressure levels (JSON). Units are those that the file names;
+what has none, or one that is not known, is refused. Heights are above mean sea level. Those that are called
+geopotential, or HGHT, or are in gpm, become geometric, z = R h / (R - h) with R = 6356.766 km (US Standard
+Atmosphere 1976). They count as heights above the ellipsoid: the geoid, up to 110 m off, is not known.
 """
 
 import csv
 import json
 import math
 import re
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,13 +20,24 @@ from shefex_nav.errors import UserError
 RADIUS = 6356766.0  # m
 APART = 50.0  # m; rows that are closer to the one before are left out
 NEAREST = timedelta(minutes=90)  # of an hour of a forecast to lift-off
-SPEEDS = {"m/s": 1.0, "ms": 1.0, "kt": 1852 / 3600, "kn": 1852 / 3600, "knot": 1852 / 3600, "km/h": 1 / 3.6}
-SPEEDS |= {"knots": 1852 / 3600, "kts": 1852 / 3600, "mph": 0.44704, "mp/h": 0.44704}
+LOWEST, HIGHEST = -1e3, 100e3  # m, of what is a height of a wind that was measured or forecast
 WANTED = {
     "height": ("height", "hght"),
     "direction": ("direction", "drct"),
     "speed": ("wind speed", "sknt", "sped"),
 }
+UNITS = {  # in m, deg, m/s
+    "height": {"m": 1.0, "gpm": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0}
+    | {"km": 1e3, "dam": 10.0, "ft": 0.3048, "feet": 0.3048, "foot": 0.3048},
+    "direction": {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1.0)},
+    "speed": {"m/s": 1.0, "ms": 1.0, "kt": 1852 / 3600, "kn": 1852 / 3600, "knot": 1852 / 3600}
+    | {"knots": 1852 / 3600, "kts": 1852 / 3600, "km/h": 1 / 3.6, "mph": 0.44704, "mp/h": 0.44704},
+}
+FORECAST = "geopotential_height", "wind_direction", "wind_speed"  # of height, direction, speed
+BARE = {"hght": "m", "drct": "deg", "sknt": "knot"}  # columns of Wyoming, whose name tells the unit
+HEAD = re.compile(
+    r"(?P<name>.*[^\s_(\[])[\s_]*(?:[(\[](?P<inside>[^)\]]*)[)\]]|(?<=[\s_])(?P<last>[^\s_()\[\]]+))$"
+)
 LEVEL = re.compile(r"wind_speed_(\d+)hPa$")
 
 
@@ -64,15 +75,22 @@ def read(path, epoch):
     return _winds(path, rows, what)
 
 
+class _Row(NamedTuple):
+    """A level of a file."""
+
+    height: float  # m, geometric, above mean sea level
+    speed: float  # m/s
+    whence: float  # deg
+    place: str  # in the file, for messages
+
+
 def _winds(path, rows, what):
-    """Winds of rows (geopotential height m, speed m/s, direction deg), those that are not finite left out."""
+    """Winds of _Rows in any order; those that are not finite are left out."""
     found = []
-    for height, speed, whence in sorted(rows, key=lambda row: row[0]) if what != "sounding" else rows:
-        if not all(map(math.isfinite, (height, speed, whence))):
-            continue
+    whole = [row for row in rows if all(map(math.isfinite, row[:3]))]
+    for height, speed, whence, place in sorted(whole, key=lambda row: row.height):
         if speed < 0.0 or not -360.0 <= whence <= 360.0:
-            raise SoundingError(f"{path}: {speed:g} m/s from {whence:g} deg is no wind")
-        height = RADIUS * height / (RADIUS - height)
+            raise SoundingError(f"{path}, {place}: {speed:g} m/s from {whence:g} deg is no wind")
         if not found or height >= found[-1][0] + APART:
             found.append((height, speed, whence))
     if len(found) < 2:
@@ -83,48 +101,106 @@ def _winds(path, rows, what):
     return Winds(*zip(*found, strict=True), f"{what}, {len(found)} heights, {reach}")
 
 
+class _Read(NamedTuple):
+    """How the values of a file become those of a _Row."""
+
+    path: object
+    units: dict  # {height, direction, speed: as the file tells it}
+    geopotential: bool  # the heights
+
+    def row(self, place, height, whence, speed):
+        """_Row of values in the units of the file. place : in the file"""
+        factors = (UNITS[what][self.units[what]] for what in WANTED)
+        height, whence, speed = (k * v for k, v in zip(factors, (height, whence, speed), strict=True))
+        if math.isfinite(height) and not LOWEST <= height <= HIGHEST:
+            words = f"a height of {height:g} m; expected {LOWEST:g} m to {HIGHEST / 1e3:g} km"
+            raise SoundingError(f"{self.path}, {place}: {words}")
+        if self.geopotential:
+            height = RADIUS * height / (RADIUS - height)
+        return _Row(height, speed, whence, place)
+
+
+def _read_as(path, units, geopotential):
+    """_Read of units, {what: as told}; those that are not known are refused."""
+    units = {what: unit.strip().lower() for what, unit in units.items()}
+    for what, unit in units.items():
+        if unit not in UNITS[what]:
+            told = f"is in {unit!r}" if unit else "has no unit"
+            raise SoundingError(f"{path}: the {what} {told}; expected one of {', '.join(UNITS[what])}")
+    return _Read(path, units, geopotential or units["height"] == "gpm")
+
+
 def _line_with(text, word):
     return next(line for line in text.splitlines() if word in line)
 
 
 def _wyoming_list(path, text):
-    """Rows of the text list: columns end where their names end; a unit below each."""
+    """_Rows of the text list: columns end where their names end; a unit below the middle of each."""
     lines = text.splitlines()
     k = next(n for n, line in enumerate(lines) if "HGHT" in line)
-    ends = {match.group().lower(): match.end() for match in re.finditer(r"\S+", lines[k])}
+    heads = list(re.finditer(r"\S+", lines[k]))
+    ends = {head.group().lower(): head.end() for head in heads}
     names = {what: next((n for n in names if n in ends), None) for what, names in WANTED.items()}
     _all_there(path, names)
-    units = {match.end(): match.group().lower() for match in re.finditer(r"\S+", lines[k + 1])}
-    factor = _factor(path, units.get(ends[names["speed"]], "knot" if names["speed"] == "sknt" else ""))
-    width, rows = 7, []
-    for line in lines[k + 2 :]:
-        cells = [line[max(0, ends[names[what]] - width) : ends[names[what]]] for what in WANTED]
+    if k + 1 == len(lines):
+        raise SoundingError(f"{path}: ends after line {k + 1}, the names of its columns")
+    units = {
+        head.group().lower(): unit.group()
+        for unit in re.finditer(r"\S+", lines[k + 1])
+        for head in heads
+        if unit.start() < head.end() and head.start() < unit.end()
+    }
+    told = {what: units.get(name, "") for what, name in names.items()}
+    read, width, rows = _read_as(path, told, names["height"] == "hght"), 7, []
+    for n, line in enumerate(lines[k + 2 :], k + 3):
+        cells = [line[max(0, ends[name] - width) : ends[name]] for name in names.values()]
         if not re.match(r"\s*-?\d", line):
             if rows:
                 break  # the list is over
             continue
-        height, whence, speed = map(_number, cells)
-        rows.append((height, factor * speed, whence))
+        rows.append(read.row(f"line {n}", *map(_number, cells)))
     return rows
 
 
 def _columns(path, text):
-    """Rows of a CSV whose header names height, direction and speed, each with its unit behind it."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    table = list(csv.reader(lines))
-    heads = [head.strip().lower() for head in table[0]] if table else []
+    """_Rows of a CSV whose header names height, direction and speed, each with its unit behind it."""
+    table = [
+        (n, _cells(path, n, line))
+        for n, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.startswith("#")
+    ]
+    heads = [head.strip().lower() for head in table[0][1]] if table else []
     places = {
         what: next((k for k, head in enumerate(heads) if any(n in head for n in names)), None)
         for what, names in WANTED.items()
     }
     _all_there(path, places)
-    unit = re.split(r"[_\[( ]", heads[places["speed"]].rstrip("])"))[-1]
-    factor = _factor(path, "knot" if heads[places["speed"]] == "sknt" else unit)
-    rows = []
-    for row in table[1:]:
-        height, whence, speed = (_number(row[k]) if k < len(row) else math.nan for k in places.values())
-        rows.append((height, factor * speed, whence))
-    return rows
+    chosen = {what: heads[k] for what, k in places.items()}
+    geopotential = "geopotential" in chosen["height"] or "hght" in chosen["height"]
+    read = _read_as(path, {what: _unit(head, what) for what, head in chosen.items()}, geopotential)
+    return [
+        read.row(f"line {n}", *(_number(row[k]) if k < len(row) else math.nan for k in places.values()))
+        for n, row in table[1:]
+    ]
+
+
+def _cells(path, n, line):
+    """Cells of line n of a CSV; a row is one line."""
+    try:
+        if line.count('"') % 2:
+            raise csv.Error("a quotation mark has no partner")
+        return next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise SoundingError(f"{path}, line {n}: {error}") from None
+
+
+def _unit(head, what):
+    """The unit that a heading tells, such as height_m, wind speed [m/s]; '' if there is none."""
+    if head in BARE:
+        return BARE[head]
+    match = HEAD.match(head)
+    unit = (match["inside"] or match["last"] or "") if match else ""
+    return "" if any(unit in name.split() for name in WANTED[what]) else unit
 
 
 def _all_there(path, found):
@@ -137,15 +213,6 @@ def _all_there(path, found):
         )
 
 
-def _factor(path, unit):
-    if unit not in SPEEDS:
-        known = ", ".join(SPEEDS)
-        raise SoundingError(
-            f"{path}: the speed of the wind is in {unit or 'no unit'!r}; expected one of {known}"
-        )
-    return SPEEDS[unit]
-
-
 def _number(text):
     try:
         return float(text)
@@ -154,35 +221,59 @@ def _number(text):
 
 
 def _open_meteo(path, text, epoch):
-    """(rows, what) of the hour nearest to lift-off."""
+    """(_Rows, what) of the hour nearest to lift-off."""
     try:
         answer = json.loads(text)
-        hourly, units = answer["hourly"], answer["hourly_units"]
-        offset = timedelta(seconds=answer.get("utc_offset_seconds", 0))
-        times = [datetime.fromisoformat(one) - offset for one in hourly["time"]]
-        levels = [match.group(1) for name in hourly if (match := LEVEL.match(name))]
-        wanted = datetime.fromisoformat(epoch)
-        k = min(range(len(times)), key=lambda n: abs(times[n] - wanted))
-        rows = [_level(path, hourly, units, level, k) for level in levels]
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
-        words = (
-            f"no answer of Open-Meteo with hourly winds at pressure levels ({type(error).__name__}: {error})"
-        )
-        raise SoundingError(
-            f"{path}: {words}; ask for wind_speed, wind_direction and geopotential_height at levels of hPa"
-        ) from None
+    except ValueError as error:
+        raise SoundingError(f"{path}: begins as JSON and is none: {error}") from None
+    hourly, units = (_asked(path, answer, key, dict) for key in ("hourly", "hourly_units"))
+    offset = answer.get("utc_offset_seconds", 0)
+    if not isinstance(offset, int | float):
+        raise _unlike(path, f"utc_offset_seconds is {offset!r}")
+    times = [_utc(path, one, timedelta(seconds=offset)) for one in _asked(path, hourly, "time", list)]
+    levels = [match.group(1) for name in hourly if (match := LEVEL.match(name))]
+    if not times or not levels:
+        raise _unlike(path, f"{'no time' if levels else 'no wind_speed_...hPa'} in hourly")
+    wanted = _utc(path, epoch, timedelta())
+    k = min(range(len(times)), key=lambda n: abs(times[n] - wanted))
     if abs(times[k] - wanted) > NEAREST:
         raise SoundingError(f"{path}: the hour nearest to lift-off, {epoch} UTC, is {times[k].isoformat()}")
+    rows = [_level(path, hourly, units, level, k) for level in levels]
     return rows, f"forecast for {times[k].isoformat(timespec='minutes')} UTC"
 
 
+def _utc(path, text, offset):
+    """datetime without a zone, UTC. offset : of a text that names no zone"""
+    try:
+        there = datetime.fromisoformat(text)
+    except (ValueError, TypeError):
+        raise _unlike(path, f"the time {text!r} is not of ISO 8601") from None
+    return there - offset if there.tzinfo is None else there.astimezone(UTC).replace(tzinfo=None)
+
+
 def _level(path, hourly, units, level, k):
-    name = f"wind_speed_{level}hPa"
-    factor = _factor(path, units[name].lower())
-    values = (
-        hourly[name][k],
-        hourly[f"wind_direction_{level}hPa"][k],
-        hourly[f"geopotential_height_{level}hPa"][k],
+    """_Row of a pressure level, hPa, at hour k."""
+    names = {what: f"{name}_{level}hPa" for what, name in zip(WANTED, FORECAST, strict=True)}
+    read = _read_as(path, {what: _asked(path, units, name, str) for what, name in names.items()}, True)
+    values = []
+    for name in names.values():
+        column = _asked(path, hourly, name, list)
+        value = column[k] if k < len(column) else None
+        if isinstance(value, str | list | dict):
+            raise _unlike(path, f"hourly.{name} holds {value!r}")
+        values.append(math.nan if value is None else float(value))
+    return read.row(f"level {level} hPa", *values)
+
+
+def _asked(path, holder, key, kind):
+    """A value of a kind that an answer has to hold."""
+    if not isinstance(holder.get(key), kind):
+        raise _unlike(path, f"{'another' if key in holder else 'no'} {key!r}")
+    return holder[key]
+
+
+def _unlike(path, words):
+    return SoundingError(
+        f"{path}: no answer of Open-Meteo with hourly winds at pressure levels ({words}); ask for "
+        "wind_speed, wind_direction and geopotential_height at levels of hPa"
     )
-    speed, whence, height = (math.nan if value is None else float(value) for value in values)
-    return height, factor * speed, whence

@@ -252,7 +252,8 @@ def test_command_writes_what_it_says(rocket, tmp_path, monkeypatch, capsys):
     code, said = command("--runs", 4, "--output", folder)
     assert code == 0 and "standard error" in said.out and "39.3 %" in said.out
     found = json.loads((folder / "impact.json").read_text())
-    assert len(json.loads((folder / "landings.json").read_text())["Orion"]) == 4
+    landings = json.loads((folder / "landings.json").read_text())["landings"]["Orion"]
+    assert [one["run"] for one in landings] == [0, 1, 2, 3]
     assert found["ground_m"] == 360.0 and found["ellipses"][1]["levels"][2]["sigma"] == 3
     assert (folder / "map.png").read_bytes()[:4] == (folder / "landings.png").read_bytes()[:4] == b"\x89PNG"
     assert command("--output", folder)[0] == 2

@@ -134,6 +134,7 @@ def test_command_prints_a_table_and_writes_page_and_picture(tmp_path, monkeypatc
     )
     code, said = command("--json", "--output", tmp_path / "v.png")
     assert json.loads(said.out)["configurations"][0]["mass_kg"][0] == pytest.approx(542.0)
+    assert re.search(r"warning: \S*rexus_like\.yaml:\d+", "".join(said.err.split("\n")))
     assert (tmp_path / "v.png").read_bytes()[:4] == b"\x89PNG"
     assert command("--output", tmp_path / "v.png")[0] == 2
     assert command("--output", tmp_path / "v.pdf")[0] == 2

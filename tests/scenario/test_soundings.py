@@ -27,6 +27,7 @@ CSV = """time,pressure_hPa,geopotential height_m,temperature_C,wind direction_de
 2011-02-22 11:00:10,1011.0,40,-20.0,321,2.1
 2011-02-22 11:30:00,500.0,5180,-38.1,285,16.0
 """
+PLAIN = "height_m,wind direction_degree,wind speed_m/s\n"
 
 
 def forecast(**changed):
@@ -35,8 +36,14 @@ def forecast(**changed):
         hourly[f"wind_speed_{level}hPa"] = [0.0, speed]
         hourly[f"wind_direction_{level}hPa"] = [10, 250]
         hourly[f"geopotential_height_{level}hPa"] = [height, height]
-    units = dict.fromkeys(hourly, "km/h")
+    told = {"wind_speed": "km/h", "wind_direction": "°", "geopotential_height": "m", "time": "iso8601"}
+    units = {name: next(unit for begins, unit in told.items() if name.startswith(begins)) for name in hourly}
     return json.dumps({"utc_offset_seconds": 3600, "hourly": hourly, "hourly_units": units} | changed)
+
+
+def forecast_in(**changed):
+    """The forecast with other units."""
+    return forecast(hourly_units=json.loads(forecast())["hourly_units"] | changed)
 
 
 def read(tmp_path, text):
@@ -75,19 +82,101 @@ def test_the_scenario_flies_in_them(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        (PLAIN.replace("height_m", "height_fathom"), "the height is in 'fathom'; expected one of m, gpm"),
+        (PLAIN.replace("height_m", "height"), "the height has no unit"),
+        (PLAIN.replace("_degree", "_mil"), "the direction is in 'mil'"),
+        (PLAIN.replace("_degree", ""), "the direction has no unit"),
+        (PLAIN.replace("speed_m/s", "speed"), "the speed has no unit; expected one of m/s"),
+        (LIST.replace(" hPa     m ", " hPa    yd "), "the height is in 'yd'"),
+        (LIST.replace("deg", "gon"), "the direction is in 'gon'"),
+        (LIST.replace("deg", "   "), "the direction has no unit"),
+        (LIST[: LIST.index("    hPa")], "ends after line 4, the names of its columns"),
+        (PLAIN + "0,2,3\n6356766,2,3\n", "winds.txt, line 3: a height of 6.35677e[+]06 m; expected -1000 m"),
+        (PLAIN + "0,2,3\n9000,2,3\n-5000,2,3\n", "winds.txt, line 4: a height of -5000 m"),
+        (LIST.replace(" 30480", "630480"), "winds.txt, line 11: a height of 630480 m"),
+        (PLAIN + '0,2,3\n900,"2,3\n1900,2,3\n', "winds.txt, line 3: a quotation mark has no partner"),
+        (PLAIN + '0,2,3\n900,"2"x,3\n1900,2,3\n', "winds.txt, line 3: ',' expected"),
+        (forecast_in(wind_speed_500hPa="furlong"), "the speed is in 'furlong'"),
+        (forecast_in(wind_direction_500hPa="mil"), "the direction is in 'mil'"),
+        (forecast_in(geopotential_height_500hPa="yd"), "the height is in 'yd'"),
+        (forecast_in(geopotential_height_500hPa=None), "another 'geopotential_height_500hPa'"),
+        ("{1}", "begins as JSON and is none"),
+        (forecast(hourly={"time": ["2011-02-22T13:00"]}), "no wind_speed_...hPa in hourly"),
+        (forecast().replace('"2011-02-22T14:00"', "1298383200"), "time 1298383200 is not of ISO 8601"),
+        (forecast(utc_offset_seconds="an hour"), "utc_offset_seconds is 'an hour'"),
         ("a,b\n1,2\n", "no column for height and direction and speed"),
         (CSV.replace("wind speed_m/s", "wind speed_furlong"), "'furlong'; expected one of m/s"),
-        ("height_m,direction,wind speed_m/s\n1,2,3\n", "1 rows with height"),
-        ("height_m,direction,wind speed_m/s\n1,2,-3\n900,2,3\n", "is no wind"),
+        (PLAIN + "1,2,3\n", "1 rows with height"),
+        (PLAIN + "1,2,-3\n900,2,3\n", "winds.txt, line 2: -3 m/s from 2 deg is no wind"),
         ("{}", "no answer of Open-Meteo"),
         (forecast(utc_offset_seconds=-36000), "the hour nearest to lift-off"),
     ],
 )
 def test_what_cannot_be_read_is_told(tmp_path, text, words):
-    with pytest.raises(SoundingError, match=words):
+    with pytest.raises(SoundingError, match=words) as refused:
         read(tmp_path, text)
+    assert "Error" not in str(refused.value)  # that is for programmers
 
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(SoundingError, match="No such file"):
         soundings.read(tmp_path / "none.csv", EPOCH)
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "height"),
+    [
+        ("geopotential height_m", (0, 30480), 30626.8),  # US76: Z = 30627 m at H = 30480 m
+        ("HGHT", (0, 30480), 30626.8),
+        ("height [gpm]", (0, 30480), 30626.8),
+        ("geopotential height (ft)", (0, 100000), 30626.8),
+        ("height_m", (0, 30480), 30480.0),
+        ("geometric height [km]", (0, 30.48), 30480.0),
+        ("height_ft", (0, 100000), 30480.0),
+    ],
+)
+def test_heights_are_of_the_kind_and_unit_of_their_heading(tmp_path, head, rows, height):
+    text = f"{head},wind direction_degree,wind speed_m/s\n" + "".join(f"{row},90,5\n" for row in rows)
+    assert read(tmp_path, text).height == pytest.approx((0.0, height), abs=0.2)
+
+
+def test_directions_in_radians(tmp_path):
+    found = read(tmp_path, PLAIN.replace("degree", "rad") + "0,1.5707963,5\n900,3.1415927,5\n")
+    assert found.whence == pytest.approx((90.0, 180.0))
+
+
+def test_a_text_list_in_feet(tmp_path):
+    text = LIST.replace(" hPa     m ", " hPa    ft ").replace(" 30480", "100000")
+    assert read(tmp_path, text).height[-1] == pytest.approx(30626.8, abs=0.2)
+
+
+def test_a_forecast_in_feet(tmp_path):
+    feet = dict.fromkeys(("geopotential_height_1000hPa", "geopotential_height_500hPa"), "ft")
+    assert read(tmp_path, forecast_in(**feet)).height == pytest.approx((33.53, 1585.4), abs=0.1)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)])
+def test_rows_may_come_in_any_order(tmp_path, order):
+    rows = "100,10,1\n", "2000,20,2\n", "5000,30,3\n", "9000,40,4\n"
+    found = read(tmp_path, PLAIN + "".join(rows[k] for k in order))
+    assert found.height == (100.0, 2000.0, 5000.0, 9000.0) and found.speed == (1.0, 2.0, 3.0, 4.0)
+
+
+def test_levels_without_a_height_take_no_other_with_them(tmp_path):
+    """Open-Meteo names levels from high to low; one below the ground has no height."""
+    answer = json.loads(forecast())
+    hourly, units = answer["hourly"], answer["hourly_units"]
+    for level, height in ((30, 23500.0), (900, None), (200, 11800.0), (850, 1400.0)):
+        for name, value in (("wind_speed", 36.0), ("wind_direction", 90), ("geopotential_height", height)):
+            hourly[f"{name}_{level}hPa"] = [value, value]
+            units[f"{name}_{level}hPa"] = units[f"{name}_500hPa"]
+    found = read(tmp_path, json.dumps(answer))
+    assert found.height == pytest.approx((110.0, 1400.3, 5204.3, 11822.0, 23587.2), abs=0.2)
+
+
+@pytest.mark.parametrize("times", [("T12:00Z", "T13:00Z"), ("T13:00+01:00", "T14:00+01:00")])
+def test_times_of_a_forecast_may_name_their_zone(tmp_path, times):
+    hourly = json.loads(forecast())["hourly"] | {"time": [f"2011-02-22{one}" for one in times]}
+    text = forecast(hourly=hourly, utc_offset_seconds=7200)
+    found = read(tmp_path, text)
+    assert found.what.startswith("forecast for 2011-02-22T13:00 UTC") and found.speed[0] == pytest.approx(5.0)

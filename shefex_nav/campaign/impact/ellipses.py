@@ -58,6 +58,11 @@ def share(sigmas):
     return 1.0 - math.exp(-0.5 * sigmas**2)
 
 
+def missing(landings):
+    """Why so many landings have no ellipse, in words."""
+    return f"an ellipse needs {FEWEST}" if landings < FEWEST else "all are in one place: there is no ellipse"
+
+
 def ellipse(body, latitude, longitude):
     """Ellipse of landings (n,) rad; None for fewer than three, or if all are in one place."""
     if len(latitude) < FEWEST:

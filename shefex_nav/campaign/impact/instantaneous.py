@@ -48,7 +48,8 @@ def _times(flight):
     for event in flight.events:
         at.setdefault(event.name, event.t_s)
     end = min(at.get("parachute", np.inf), at["impact"])
-    last_burn = max(t for name, t in at.items() if name.startswith("burn_out"))
+    burnt_out = [t for name, t in at.items() if name.startswith("burn_out")]
+    last_burn = max(burnt_out, default=end)  # none before it hits the ground burning
     close = np.arange(at["rail_exit"], min(last_burn, end), BURNING_S)
     times = np.concatenate(
         [close, np.arange(last_burn, end, COASTING_S), [one.t_s for one in flight.dropped]]

@@ -67,6 +67,14 @@ def last_one(scenario):
     return " + ".join(["payload", *reversed(stays)])
 
 
+def followed(scenario):
+    """Names of what is followed to the ground: what flies last, then the stages whose drag is described."""
+    stages = scenario.vehicle.stages.items()
+    return last_one(scenario), *(
+        name for name, one in stages if one.separation is not None and one.spent is not None
+    )
+
+
 def land(scenario, seed, ground, *, paths=True):
     """Fly a scenario and follow everything to the ground: Landed. FlightError as of a run.
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.impact import ellipses as ellipsing
+from shefex_nav.campaign.impact import scatter
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import geodesic, geography
 from shefex_nav.report.table import number
@@ -41,12 +42,24 @@ def summary(result):
         "runs": result.runs,
         "failed": [],
         "ellipses": [_ellipse(one) for one in result.ellipses],
+        "without_ellipse": _without(result),
         "instantaneous_impact_points": _points(result.points),
     }  # fmt: skip
     if result.scattered is not None:
         found["failed"] = [{"run": run, "reason": reason} for run, reason in result.scattered.failed]
         found["dispersed"] = sorted(first.dispersions)
     return found
+
+
+def _without(result):
+    """Bodies that landed, but too few times for an ellipse."""
+    drawn = {one.body for one in result.ellipses}
+    held = {} if result.scattered is None else result.scattered.landings
+    return [
+        {"body": body, "landings": len(places), "reason": ellipsing.missing(len(places))}
+        for body, places in held.items()
+        if body not in drawn
+    ]
 
 
 def _place(latitude, longitude):
@@ -138,6 +151,9 @@ def rows(found):
         if (k := one["not_normal_at_sigma"]) is not None:
             text = f"so many within {k} sigma are not by chance: look at the landings, not at the ellipses"
             yield section, "not normal", text
+    for one in found["without_ellipse"]:
+        count = f"{one['landings']} landing{'s' * (one['landings'] > 1)}"
+        yield "dispersion", one["body"], f"{count}; {one['reason']}"
     for one in found["failed"]:
         yield "did not land", f"run {one['run']}", one["reason"]
 
@@ -217,6 +233,17 @@ def kml(result):
 
 
 def samples(result):
-    """All landings of the runs as JSON text: {body: [[latitude, longitude], ...]} deg."""
-    held = {body: np.degrees(places).tolist() for body, places in result.scattered.landings.items()}
-    return json.dumps(held) + "\n"
+    """All landings of the runs as JSON text: {landings: {body: [{run, ...}]}, failed: [{run, ...}]}."""
+    held = result.scattered
+    landings = {
+        body: [
+            {"run": run, "wind": scatter.case_of(result.cases, run).wind, **_place(*map(float, place))}
+            for run, place in zip(held.flown, places, strict=True)
+        ]
+        for body, places in held.landings.items()
+    }
+    failed = [
+        {"run": run, "wind": scatter.case_of(result.cases, run).wind, "reason": reason}
+        for run, reason in held.failed
+    ]
+    return json.dumps({"landings": landings, "failed": failed}, indent=1) + "\n"

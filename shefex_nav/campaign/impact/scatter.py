@@ -25,7 +25,21 @@ class Scattered(NamedTuple):
     """Landings of many flights."""
 
     landings: dict  # {body: (n, 2) rad, geodetic latitude and longitude} of the runs that flew
+    flown: tuple  # (n,) numbers of these runs
     failed: tuple  # of (run, reason)
+
+
+def case_of(cases, run):
+    """The Case that a run flies."""
+    return cases[run % len(cases)]
+
+
+def check(scenario):
+    """Refuse a scenario whose runs would all be the same."""
+    if not scenario.dispersions:
+        raise ImpactError(
+            f"{scenario.mission.name} has no section dispersions: every run would land in one place"
+        )
 
 
 def scatter(cases, runs, seed, ground, workers, tell=lambda words: None):
@@ -33,10 +47,7 @@ def scatter(cases, runs, seed, ground, workers, tell=lambda words: None):
 
     cases : of Case;  ground : m above the ellipsoid;  tell : function of words, called after each chunk
     """
-    if not cases[0].scenario.dispersions:
-        raise ImpactError(
-            f"{cases[0].scenario.mission.name} has no section dispersions: every run would land in one place"
-        )
+    check(cases[0].scenario)
     plans = [running.prepared(case.scenario, runs, seed)[0] for case in cases]
     parts = [list(range(k, runs, CHUNKS * workers)) for k in range(min(runs, CHUNKS * workers))]
     calls = {k: (plans, part, ground) for k, part in enumerate(parts)}
@@ -51,9 +62,10 @@ def scatter(cases, runs, seed, ground, workers, tell=lambda words: None):
     rows.sort()
     failed = tuple((run, reason) for run, reason, _ in rows if reason)
     flown = [landings for _, reason, landings in rows if not reason]
+    numbers = tuple(run for run, reason, _ in rows if not reason)
     bodies = [name for name, _, _ in flown[0]] if flown else []
     places = {body: np.array([landings[k][1:] for landings in flown]) for k, body in enumerate(bodies)}
-    return Scattered(places, failed)
+    return Scattered(places, numbers, failed)
 
 
 def fly_some(plans, runs, ground):
@@ -66,7 +78,7 @@ def fly_some(plans, runs, ground):
     samplers = [Sampler(plan, one.dispersed) for plan, one in zip(plans, patterns, strict=True)]
     found = []
     for run in runs:
-        k = run % len(plans)
+        k = case_of(range(len(plans)), run)
         job = samplers[k].job(run)
         try:
             landed = land(patterns[k].with_draws(job.draws), job.seed, ground, paths=False)

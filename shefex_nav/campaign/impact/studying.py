@@ -9,6 +9,7 @@ from shefex_nav.files import put
 from shefex_nav.scenario import load, soundings
 from shefex_nav.workers import cores
 
+FILES = "impact.json", "impact.kml", "impact.geojson", "landings.json", "map.png", "landings.png"
 RUNS_OF_A_WORKER = 10  # for fewer none is started
 
 
@@ -32,12 +33,12 @@ def study(asked, tell=lambda words: None):
     ground = asked.ground
     if own.launch is not None and ground is None:
         ground = own.launch.height
-    landing.check(own, 0.0 if ground is None else ground)
+    _check(own, asked, 0.0 if ground is None else ground)
+    days = [file and soundings.read(file, own.mission.epoch) for file in asked.winds or (None,)]
     cases, aimed = [], []
-    for file in asked.winds or (None,):
+    for file, winds in zip(asked.winds or (None,), days, strict=True):
         told, name = list(asked.overrides), "as the scenario says"
-        if file is not None:
-            winds = soundings.read(file, own.mission.epoch)
+        if winds is not None:
             told, name = [*told, winds.override()], f"{file.name}: {winds.what}"
         case = load.load(asked.scenario, told)
         if asked.place is not None:
@@ -61,8 +62,26 @@ def study(asked, tell=lambda words: None):
     )  # fmt: skip
 
 
+def _check(scenario, asked, ground):
+    """Refuse what cannot be studied, before anything is flown."""
+    landing.check(scenario, ground)
+    if asked.runs:
+        scatter.check(scenario)
+    if asked.place is not None:
+        aim.check(scenario, asked.body)
+    drawn = [name for name in scenario.dispersions if name.split(".")[0] == "wind"]
+    if asked.winds and drawn:
+        raise landing.ImpactError(
+            f"{scenario.mission.name} draws its wind ({', '.join(f'dispersions.{name}' for name in drawn)}), "
+            "and --wind puts that of a day in its place, which is not drawn; leave out one of them"
+        )
+
+
 def write(folder, result, found):
-    """Write figures, KML, GeoJSON and JSON into a folder. found : outputs.summary of the Result"""
+    """Write figures, KML, GeoJSON and JSON into a folder, and take away the FILES of another study.
+
+    found : outputs.summary of the Result
+    """
     from shefex_nav.campaign.impact import figures
     from shefex_nav.report.figures import style
 
@@ -71,5 +90,10 @@ def write(folder, result, found):
     put(folder / "impact.geojson", outputs.geojson(result))
     if result.scattered is not None:
         put(folder / "landings.json", outputs.samples(result))
-    for name, figure in figures.draw(result).items():
+    drawn = figures.draw(result)
+    for name, figure in drawn.items():
         style.save(figure, folder / f"{name}.png")
+    written = {"impact.json", "impact.kml", "impact.geojson", *(f"{name}.png" for name in drawn)}
+    written |= {"landings.json"} if result.scattered is not None else set()
+    for name in set(FILES) - written:
+        (folder / name).unlink(missing_ok=True)

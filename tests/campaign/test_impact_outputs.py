@@ -1,0 +1,163 @@
+"""What `impact` refuses before it flies, and what it writes of few, failed and several winds' runs."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from shefex_nav.campaign.impact import instantaneous, landing, outputs, scatter, studying
+from shefex_nav.commands.main import main
+
+ROCKET = """
+extends: rexus_like
+mission: {name: rexus_impact, description: Where it lands}
+dispersions:
+  launch.elevation: {normal: 0.2 deg}
+"""
+WIND = "height_m,wind direction_degree,wind speed_m/s\n0,90,2\n30000,90,2\n"
+
+
+@pytest.fixture(scope="module")
+def rocket(tmp_path_factory):
+    path = tmp_path_factory.mktemp("rocket") / "rocket.yaml"
+    path.write_text(ROCKET)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def result(rocket):
+    """Two runs."""
+    return studying.study(studying.Asked(rocket, (), (), None, 2, 1, 1, None, None))
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    def run(*words):
+        monkeypatch.setattr("sys.argv", ["shefex-nav", "impact", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def no_flight(monkeypatch):
+    def land(*args, **options):
+        raise AssertionError("flown before it was refused")
+
+    for module in (landing, scatter, studying.aim):
+        monkeypatch.setattr(module, "land", land)
+
+
+def with_runs(result, flown, failed=(), winds=("calm",)):
+    """The result of such runs, far apart from each other."""
+    places = {"payload": np.radians([[68.0 + 0.01 * run, 21.0 + 0.02 * (run % 3)] for run in flown])}
+    shapes = [studying.ellipses.ellipse(body, *there.T) for body, there in places.items()]
+    return result._replace(
+        cases=tuple(result.cases[0]._replace(wind=wind) for wind in winds),
+        landed=result.landed * len(winds),
+        scattered=scatter.Scattered(places, tuple(flown), tuple(failed)),
+        ellipses=tuple(one for one in shapes if one is not None),
+        runs=len(flown) + len(failed),
+    )
+
+
+# ---- refused ---------------------------------------------------------------------------------------------
+
+
+def test_a_wind_beside_dispersions_of_wind_is_refused(command, no_flight, tmp_path):
+    """The shipped campaign draws the wind; the message was 'must be at most 360 deg, got 440'."""
+    (tmp_path / "day.csv").write_text(WIND)
+    code, said = command("campaign", "--runs", 2, "--wind", tmp_path / "day.csv")
+    told = " ".join(said.err.split())
+    assert code == 2 and "dispersions.wind.speed, dispersions.wind.from" in told and "--wind" in told
+
+
+def test_runs_without_dispersions_are_refused_before_a_flight(command, no_flight):
+    code, said = command("rexus_like", "--runs", 2)
+    assert code == 2 and "no section dispersions" in " ".join(said.err.split())
+
+
+def test_an_unknown_body_is_refused_before_a_flight(command, no_flight, rocket):
+    code, said = command(rocket, "--aim", "68.1,20.6", "--aim-body", "S44")
+    assert code == 2 and "S44 is not followed to the ground; there is payload" in " ".join(said.err.split())
+
+
+def test_every_wind_is_read_before_a_flight(command, no_flight, rocket, tmp_path):
+    (tmp_path / "day.csv").write_text(WIND)
+    (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
+    winds = "--wind", tmp_path / "day.csv", "--wind", tmp_path / "bad.csv"
+    code, said = command(rocket, "--aim", "68.1,20.6", *winds)
+    assert code == 2 and "no column for" in " ".join(said.err.split())
+
+
+@pytest.mark.parametrize(("name", "words"), [("", "is a folder"), ("none.csv", "there is no file")])
+def test_a_wind_that_is_no_file_is_told_with_its_option(command, no_flight, rocket, tmp_path, name, words):
+    code, said = command(rocket, "--wind", tmp_path / name)
+    told = " ".join(said.err.split())
+    assert code == 2 and "--wind" in told and words in told
+
+
+# ---- written ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("runs", "count"), [(1, "1 landing"), (2, "2 landings")])
+def test_too_few_runs_for_an_ellipse_are_told(result, runs, count):
+    found = outputs.summary(with_runs(result, range(runs)))
+    assert found["without_ellipse"] == [{"body": "payload", "landings": runs, "reason": "an ellipse needs 3"}]
+    assert ("dispersion", "payload", f"{count}; an ellipse needs 3") in list(outputs.rows(found))
+
+
+def test_enough_runs_have_an_ellipse_and_no_excuse(result):
+    found = outputs.summary(with_runs(result, range(5)))
+    assert found["without_ellipse"] == [] and len(found["ellipses"]) == 1
+
+
+def test_two_flights_are_kept_with_their_runs(result):
+    assert result.scattered.flown == (0, 1) and result.scattered.failed == ()
+    kept = json.loads(outputs.samples(result))["landings"]["payload"]
+    for run, one in enumerate(kept):
+        place = np.radians([one["latitude_deg"], one["longitude_deg"]])
+        np.testing.assert_allclose(place, result.scattered.landings["payload"][run], atol=1e-12)
+
+
+def test_landings_are_kept_with_their_run_and_wind(result):
+    """Run 1 failed; in two winds the even runs fly in the first."""
+    kept = json.loads(outputs.samples(with_runs(result, (0, 2, 3), ((1, "it tumbles"),), ("calm", "gale"))))
+    assert [(one["run"], one["wind"]) for one in kept["landings"]["payload"]] == [
+        (0, "calm"), (2, "calm"), (3, "gale"),
+    ]  # fmt: skip
+    assert kept["landings"]["payload"][1]["latitude_deg"] == pytest.approx(68.02)
+    assert kept["landings"]["payload"][1]["longitude_deg"] == pytest.approx(21.04)
+    assert kept["failed"] == [{"run": 1, "wind": "gale", "reason": "it tumbles"}]
+
+
+@pytest.mark.parametrize(("failed", "code"), [((), 0), (((1, "it tumbles"),), 1)])
+def test_the_exit_code_tells_of_failed_runs(command, monkeypatch, rocket, result, tmp_path, failed, code):
+    monkeypatch.setattr(studying, "study", lambda asked, tell: with_runs(result, (0, 2, 3, 4), failed))
+    assert command(rocket, "--runs", 5, "--json")[0] == code
+    ended, said = command(rocket, "--runs", 5, "--output", tmp_path / "out")
+    assert ended == code and (tmp_path / "out" / "landings.json").exists()
+    assert ("it tumbles" in said.out) == bool(failed)
+
+
+def test_files_of_another_study_are_taken_away(command, monkeypatch, rocket, result, tmp_path):
+    monkeypatch.setattr(studying, "study", lambda asked, tell: with_runs(result, range(5)))
+    assert command(rocket, "--runs", 5, "--output", tmp_path)[0] == 0
+    (tmp_path / "notes.txt").write_text("mine")
+    assert {one.name for one in tmp_path.iterdir()} == {*studying.FILES, "notes.txt"}
+    once = result._replace(scattered=None, ellipses=(), runs=0)
+    monkeypatch.setattr(studying, "study", lambda asked, tell: once)
+    assert command(rocket, "--output", tmp_path, "--force")[0] == 0
+    left = {one.name for one in tmp_path.iterdir()}
+    assert left == {"impact.json", "impact.kml", "impact.geojson", "map.png", "notes.txt"}
+
+
+def test_a_motor_that_burns_to_the_ground_has_impact_points_until_then():
+    """No event of burn-out: a point every second from the rail to the ground."""
+    events = [SimpleNamespace(name=name, t_s=t_s) for name, t_s in (("rail_exit", 0.5), ("impact", 4.2))]
+    trajectory = SimpleNamespace(t_s=np.arange(0.0, 4.3, 0.1))
+    flight = SimpleNamespace(events=events, dropped=(), trajectory=trajectory)
+    assert instantaneous._times(flight) == pytest.approx([0.5, 1.5, 2.5, 3.5])
