@@ -1,5 +1,6 @@
 """The default mission, flown once for all tests that look at a whole run."""
 
+import gc
 import io
 import json
 import os
@@ -92,7 +93,7 @@ def here(*arguments):
     """Run the command line in this process, which has loaded everything; a fault is not caught."""
     from shefex_nav.commands.main import main
 
-    out, err, code = io.StringIO(), io.StringIO(), 0
+    out, err, code, searched = io.StringIO(), io.StringIO(), 0, gc.get_threshold()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.chdir(ROOT)
         patch.setenv("COLUMNS", "100")
@@ -101,6 +102,8 @@ def here(*arguments):
             main()
         except SystemExit as end:
             code = end.code or 0
+        finally:
+            gc.set_threshold(*searched)  # a command searches seldom, which fills a process of many
     return CommandResult(code, out.getvalue(), err.getvalue())
 
 

@@ -85,18 +85,25 @@ def impact(
     with about(scenario):
         result = studying.study(asked, say)
     found = studying.outputs.summary(result)
-    if json:
-        print_json(found)
-    else:
-        stdout(130).print(studying.outputs.table(found))
-    for name in found["not_followed"]:
-        say(f"warning: {name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag")
+    _show(found, json)
     if output is not None:
         make_folder(output, "--output")
         studying.write(output, result, found)
         say(f"wrote {output}")
     if found["failed"]:
         raise typer.Exit(1)
+
+
+def _show(found, as_json):
+    """The summary on stdout; stages that were not followed are told on stderr."""
+    from shefex_nav.campaign.impact import outputs
+
+    if as_json:
+        print_json(found)
+    else:
+        stdout(130).print(outputs.table(found))
+    for name in found["not_followed"]:
+        say(f"warning: {name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag")
 
 
 def _height(text):
