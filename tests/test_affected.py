@@ -111,7 +111,9 @@ def test_a_line_of_a_compiled_kernel_chooses_its_tests_and_not_others():
     assert {"tests/onboard/test_nav_strapdown.py", "tests/test_mission.py", "tests/test_cli.py"} < set(update)
     assert "tests/geometry/test_euler.py" not in update and "tests/solve/test_lens.py" not in update
     lens, _ = affected.select(affected.ROOT, {"shefex_nav/solve/lens.py"}, known)
-    assert "tests/solve/test_lens.py" in lens and len(lens) < 24
+    assert (
+        "tests/solve/test_lens.py" in lens and len(lens) < 48
+    )  # of 400; camera files have a lens, and what exports them
 
 
 @pytest.mark.skipif(not (affected.ROOT / ".git").exists(), reason="no repository")

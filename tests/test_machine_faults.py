@@ -104,7 +104,9 @@ def test_letters_of_other_alphabets_in_the_plainest_locale(log, tmp_path):
     assert done.returncode == 0 and (folder / "след 1.json").stat().st_size > 0
 
 
-@pytest.mark.parametrize(("without", "here"), [(("HOME", "XDG_CONFIG_HOME"), {}), ((), {"HOME": "/nowhere"})])
+@pytest.mark.parametrize(
+    ("without", "here"), [(("HOME", "XDG_CONFIG_HOME"), {}), ((), {"HOME": "/dev/null/nowhere"})]
+)
 def test_no_home(without, here, tmp_path):
     kernels = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))}
     words = "run", "night_sky", "--until", "1s", "--out", tmp_path / "night.mcap"

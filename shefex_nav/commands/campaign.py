@@ -11,7 +11,7 @@ import typer
 
 from shefex_nav.commands.flights import show_campaign
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
-from shefex_nav.commands.printing import print_json, say
+from shefex_nav.commands.printing import print_json, say, stdout
 
 OUT = Path("logs/campaigns")
 MOST_LOST = 5  # that are named
@@ -59,10 +59,9 @@ def campaign(
     if sweep:
         _check_sweep(cluster, keep, dry_run)
         from shefex_nav.campaign.compare import flying
-        from shefex_nav.commands import sweeping
 
         how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
-        raise typer.Exit(sweeping.sweep_all(how, sweep, json))
+        raise typer.Exit(_sweep(how, sweep, json))
     address = _told("--engine", running.address, cluster)
     kept = _told("--keep", running.kept, keep or ())
     loaded = load.load(scenario, overrides or ())
@@ -81,6 +80,29 @@ def _check_sweep(cluster, keep, dry_run):
     for option, given in (("--engine", cluster), ("--keep", keep), ("--dry-run", dry_run)):
         if given:
             raise typer.BadParameter("does not go with --sweep", param_hint=option)
+
+
+def _sweep(how, given, as_json):
+    """Fly what is missing and print what came of it. -> exit code, as of a campaign
+
+    how : flying.How;  given : list of KEY=A,B,C
+    """
+    from shefex_nav.campaign.compare import summary, sweep
+    from shefex_nav.commands.compare import fly
+
+    axes = [sweep.axis(text) for text in given]
+    out = how.out or OUT / f"{Path(how.scenario).stem}-seed{how.seed}-sweep"
+    flights, settings = zip(*sweep.planned(how.scenario, axes, how.overrides, out), strict=True)
+    lost = fly(flights, how)
+    every, found = sweep.compared(flights)
+    if as_json:
+        print_json(summary.summary(every, found) | {"combinations": sweep.result(every, settings)})
+    else:
+        from shefex_nav.campaign import tables
+
+        stdout(160, highlight=False).print(tables.tables(sweep.tables(every, found, settings)))
+    failed = any(one.failed for side in every for one in side.runs.values())
+    return 1 if lost or failed else 0
 
 
 def _told(option, parse, value):

@@ -70,7 +70,7 @@ def test_what_the_default_leaves_out():
         *("orbit", "ground", "trajectory", "parachute", "angle_of_attack", "damping_mach", "drag"),
         *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation", "spent"),
         *("thrust_factor", "misalignment", "offset", "axial_factor", "normal_factor"),
-        *("faintest_south", "line_time", "gradient", "software"),
+        *("faintest_south", "line_time", "gradient", "software", "deepest"),
         *("highest_speed", "highest_height"),
         *("f_number", "aperture", "transmission", "quantum_efficiency"),
         *("hot_pixel_smear", "upsets_per_frame", "trails_per_frame", "trail_longest"),

@@ -33,7 +33,7 @@ def bodies():
 
 MAY_BE_NONE = (
     *("parachute", "height", "at", "payload_aerodynamics", "faintest_south"),
-    *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time"),
+    *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time", "deepest"),
     *("cross_period", "ramp", "separation", "spent"),
     *("f_number", "aperture", "transmission", "quantum_efficiency"),
 )
