@@ -174,12 +174,14 @@ def test_two_blocks_of_one_name_are_refused(tmp_path, code):
     assert "there is a 'gyro_drift' already" in message(scenario(tmp_path))
 
 
-def test_code_that_goes_wrong_in_flight_is_named(tmp_path, code, command):
+FAULTS_OF_FLIGHT = [*FAULTS[:3], *(pytest.param(*one, marks=pytest.mark.slow) for one in FAULTS[3:])]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), FAULTS_OF_FLIGHT)
+def test_code_that_goes_wrong_in_flight_is_named(old, new, words, tmp_path, code, command):
     text = code.read_text()
-    for old, new, words in FAULTS:
-        assert old in text
-        code.write_text(text.replace(old, new, 1))
-        path = scenario(tmp_path)
-        flown = command("run", path, "--trust", "--until", "1s", "--out", tmp_path / "a.mcap")
-        assert flown.code != 0
-        assert words in flown.err and "block of states 'gyro_drift'" in flown.err, flown.err
+    assert old in text
+    code.write_text(text.replace(old, new, 1))
+    flown = command("run", scenario(tmp_path), "--trust", "--until", "1s", "--out", tmp_path / "a.mcap")
+    assert flown.code != 0
+    assert words in flown.err and "block of states 'gyro_drift'" in flown.err, flown.err

@@ -361,6 +361,7 @@ def test_rows_one_after_the_other_do_not_disturb_the_mission():
     assert np.abs(result["navigation"]["at_entry"]["attitude_error_deg"]).max() < 0.05
 
 
+@pytest.mark.slow
 def test_multi_poles_on_a_satellite():
     """The published chain without a gyro: most frames at 1 deg/s, a few at 2 deg/s, none wrong."""
     result = summary("impa")

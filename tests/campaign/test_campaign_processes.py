@@ -141,6 +141,7 @@ def test_threads_of_the_user_change_nothing(path, digest, tmp_path):
     assert (tmp_path / "2.mcap").stat().st_size > 10_000 and not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.slow
 def test_two_campaigns_on_a_dask_cluster_of_which_a_worker_is_killed(path, digest, tmp_path):
     """A scheduler and two workers, started apart on the loopback; needs the extra `cluster`.
 

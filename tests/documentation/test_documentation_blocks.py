@@ -23,12 +23,15 @@ def registers():
         one.update(before)
 
 
-CAMPAIGNS = {"docs/campaigns.md", "docs/how-to/software.md"}  # fly several, half a minute each
+FLY = {  # ten to forty seconds each
+    *("docs/campaigns.md", "docs/how-to/software.md", "docs/how-to/viewer.md", "docs/how-to/state.md"),
+    *("docs/how-to/impact.md", "docs/how-to/robustness.md"),
+}
 
 
 def named(name):
     """Parameter of a page."""
-    return pytest.param(name, marks=pytest.mark.slow) if name in CAMPAIGNS else name
+    return pytest.param(name, marks=pytest.mark.slow) if name in FLY else name
 
 
 @pytest.mark.filterwarnings("ignore:Matplotlib is currently using agg")

@@ -1,11 +1,13 @@
 """Notebook 3, with two pictures a second, and flights that end after the entry."""
 
 import numpy as np
+import pytest
 from cells import execute
 
 from shefex_nav.report import metrics
 
 
+@pytest.mark.slow
 def test_what_the_star_tracker_buys(monkeypatch):
     changes = {"star_tracker.rate": "2 Hz", "log.rate": "10 Hz"}
     found = execute("03_what_the_star_tracker_buys", monkeypatch, UNTIL_S=399.0, CHANGES=changes)

@@ -157,7 +157,7 @@ def test_exactly_at_rest_the_angles_are_numbers():
         assert getattr(found, name) == pytest.approx(np.pi)
 
 
-@pytest.mark.compiled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1])
 def test_a_revolution_in_orbit(seed):
     """GPS every second, a star fix every ten: consistent to the end, all is believed but for chance."""

@@ -32,7 +32,7 @@ def attitude_nees(run):
     return np.array(t_s), np.array(nees), np.array(sigma)
 
 
-@pytest.mark.compiled
+@pytest.mark.slow
 def test_the_azimuth_is_found_in_the_boost_and_honestly(flights):
     for run in flights:
         t_s, nees, sigma = attitude_nees(run)

@@ -79,6 +79,7 @@ def flown(tmp_path_factory):
 
 
 @needs_data
+@pytest.mark.slow
 def test_heights_of_the_flight(flown):
     """By the standard atmosphere within 20 m of the flight computer; in truth higher: the day was warm."""
     found = flown[0]["barometer"]
@@ -92,6 +93,7 @@ def test_heights_of_the_flight(flown):
 
 
 @needs_data
+@pytest.mark.slow
 def test_what_is_said_of_the_receiver(flown):
     said = {one["field"]: one["text"] for one in flown[0]["warnings"]}
     assert "for 67.8 s, from T+37.2 s to T+105.0 s" in said["data.gnss"]
@@ -101,6 +103,7 @@ def test_what_is_said_of_the_receiver(flown):
 
 
 @needs_data
+@pytest.mark.slow
 def test_the_flight_is_told_and_nothing_is_reset_again_and_again(flown):
     summary, data = flown
     assert 5.2 < summary["flight"]["apogee_km"] < 5.9

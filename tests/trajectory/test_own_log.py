@@ -25,6 +25,7 @@ def again(along, tmp_path_factory):
     return runs.fly(along, 1, log=tmp_path_factory.mktemp("again") / "own.mcap")
 
 
+@pytest.mark.slow
 def test_truth_is_that_of_the_log(again, default_data):
     was, now = default_data.truth, again.truth
     assert np.allclose(was.t_s, now.t_s, atol=1e-9) and len(was.t_s) == len(now.t_s)
@@ -55,6 +56,7 @@ def test_between_its_rows_it_is_the_flight(along, default_scenario):
     assert np.array_equal(was.burning[:n], now.burning)
 
 
+@pytest.mark.slow
 def test_events_are_those_of_the_log(again, default_data):
     was = {event.name: event.t_s for event in default_data.events}
     now = {event.name: event.t_s for event in again.events}
@@ -62,6 +64,7 @@ def test_events_are_those_of_the_log(again, default_data):
     assert all(now[name] == pytest.approx(was[name], abs=1e-9) for name in now)
 
 
+@pytest.mark.slow
 def test_the_filter_does_as_well(again, default_run):
     """Its errors are those of the flown mission but for quanta of the sensors that fall otherwise."""
     was, now = runs.open_run(default_run.log).errors(), again.errors()

@@ -102,6 +102,7 @@ def test_what_a_kill_leaves_is_gone_on_with(tmp_path):
     assert flights.read_text().splitlines()[: len(before) - 1] == before[:-1]
 
 
+@pytest.mark.slow
 def test_random_faults_fly(tmp_path):
     done = command("rexus_like", "--random-faults", 2, "--jobs", 1, "--json")
     found = json.loads(done.stdout)
