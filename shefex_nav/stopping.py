@@ -9,39 +9,38 @@ WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n
 
 
 @contextmanager
-def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
-    """A list that gets an entry with each signal; none outside of the main thread.
-
-    take : called with the list after each
-    """
-    asked = []
+def handled(handlers):
+    """Handlers of signals for a while: {number: handler}; none outside of the main thread, which alone may."""
     if threading.current_thread() is not threading.main_thread():
-        yield asked
+        yield
         return
-
-    def wish(number, frame):
-        asked.append(number)
-        take(asked)
-
-    before = {number: signal.signal(number, wish) for number in signals}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
-        yield asked
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
 @contextmanager
+def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
+    """A list that gets an entry with each signal; none outside of the main thread.
+
+    take : called with the list after each
+    """
+    asked = []
+
+    def wish(number, frame):
+        asked.append(number)
+        take(asked)
+
+    with handled(dict.fromkeys(signals, wish)):
+        yield asked
+
+
 def terminable():
-    """SIGTERM (of `kill`, a batch system, a container) is Ctrl-C: files are closed, and it is said."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    """Context in which SIGTERM (of `kill`, a batch system, a container) is Ctrl-C: files are closed."""
+    return handled({signal.SIGTERM: signal.default_int_handler})
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 
 from shefex_nav.ending import end_quickly
+from shefex_nav.stopping import handled
 
 
 def cores():
@@ -19,17 +20,9 @@ def cores():
     return os.cpu_count() or 1
 
 
-@contextmanager
 def undisturbed():
-    """A second Ctrl-C must not stop the tidying up. Only the main thread may say so."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
+    """Context in which a second Ctrl-C does not stop the tidying up."""
+    return handled({signal.SIGINT: signal.SIG_IGN})
 
 
 @contextmanager

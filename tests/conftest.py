@@ -103,7 +103,9 @@ def here(*arguments):
         except SystemExit as end:
             code = end.code or 0
         finally:
-            gc.set_threshold(*searched)  # a command searches seldom, which fills a process of many
+            gc.set_threshold(
+                *searched
+            )  # a command has Python search for cycles seldom; many would fill the memory
     return CommandResult(code, out.getvalue(), err.getvalue())
 
 

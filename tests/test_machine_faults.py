@@ -83,7 +83,7 @@ def test_names_that_are_no_text(words, command):
     """Latin-1 where names are UTF-8: neither protobuf nor Parquet nor HTML could hold it."""
     done = command(*words, os.fsdecode(b"sk\xe4.yaml"))
     assert done.code == 2
-    assert "is no text in utf-8; rename it, or set the locale that it is of" in done.err
+    assert "is not valid utf-8; rename the file, or set LC_ALL to its encoding" in done.err
 
 
 def test_a_folder_whose_name_is_no_text(log, tmp_path):

@@ -101,7 +101,9 @@ def _check_letters(args):
         try:
             one.encode()
         except UnicodeEncodeError:
-            words = f"is no text in {sys.getfilesystemencoding()}; rename it, or set the locale that it is of"
+            words = (
+                f"is not valid {sys.getfilesystemencoding()}; rename the file, or set LC_ALL to its encoding"
+            )
             raise refused.UsageError(f"{one}: {words}") from None
 
 

@@ -34,8 +34,9 @@ def vehicle(
     if output is not None:
         if output.suffix not in ENDINGS:
             raise typer.BadParameter(f"{output} has to end in {' or '.join(ENDINGS)}", param_hint="--output")
-        check_file(output, "--output", force=force, given=(scenario,))
     loaded = load.load(scenario, overrides or ())
+    if output is not None:
+        check_file(output, "--output", force=force, given=[name for name, _ in loaded.files])
     with about(scenario):
         looked = look.look(loaded)
     found = look.summary(looked)

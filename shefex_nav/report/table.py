@@ -2,12 +2,11 @@
 
 import re
 
-from rich.table import Table
 from rich.text import Text
 
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import requirements, start_rows
+from shefex_nav.report import columns, requirements, start_rows
 
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
@@ -37,17 +36,8 @@ def _pair(values, digits, unit):
 
 def summary_table(summary, judged=()):
     """rich Table of the object that `metrics.summarise` returns, and of the requirements.Judged of a run."""
-    table = Table(
-        title=f"{summary['scenario']}, seed {summary['seed']}", show_header=False, title_justify="left"
-    )
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")  # of a long path nothing is left out
-    for section, lines in rows(summary, judged):
-        for k, (name, value) in enumerate(lines):
-            table.add_row(section if k == 0 else "", name, value)
-        table.add_section()
-    return table
+    every = ((section, *line) for section, lines in rows(summary, judged) for line in lines)
+    return columns.sections(f"{summary['scenario']}, seed {summary['seed']}", every)
 
 
 def rows(summary, judged=()):

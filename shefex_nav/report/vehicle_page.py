@@ -1,7 +1,7 @@
 """The vehicle of a scenario on one page, and as a table for people."""
 
 from shefex_nav.files import put
-from shefex_nav.report import html, vehicle
+from shefex_nav.report import columns, html, vehicle
 from shefex_nav.report.figures import style
 from shefex_nav.report.figures import vehicle as figures
 from shefex_nav.report.html import element
@@ -50,19 +50,7 @@ def rows(summary):
 
 def table(summary):
     """rich Table of a summary."""
-    from rich.table import Table
-
-    shown = Table(title=f"{summary['scenario']}: the vehicle", show_header=False, title_justify="left")
-    shown.add_column(style="bold", no_wrap=True)
-    shown.add_column(no_wrap=True)
-    shown.add_column(overflow="fold")
-    before = None
-    for section, name, value in rows(summary):
-        if before not in (None, section):
-            shown.add_section()
-        shown.add_row("" if section == before else section, name, value)
-        before = section
-    return shown
+    return columns.sections(f"{summary['scenario']}: the vehicle", rows(summary))
 
 
 def write(path, looked, summary):

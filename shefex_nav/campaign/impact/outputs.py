@@ -9,7 +9,7 @@ import numpy as np
 from shefex_nav.campaign.impact import ellipses as ellipsing
 from shefex_nav.campaign.impact import scatter
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import geodesic, geography
+from shefex_nav.report import columns, geodesic, geography
 from shefex_nav.report.table import number
 
 NO_STATISTICS = "flown once; --runs draws the dispersions of the scenario"
@@ -165,20 +165,8 @@ def _degrees(place):
 
 def table(found):
     """rich Table of a summary."""
-    from rich.table import Table
-
     title = f"{found['scenario']}, seed {found['seed']}: where it lands, ground {found['ground_m']:g} m"
-    shown = Table(title=title, show_header=False, title_justify="left")
-    shown.add_column(style="bold", overflow="fold", max_width=34)
-    shown.add_column(no_wrap=True)
-    shown.add_column(overflow="fold")
-    before = None
-    for section, name, value in rows(found):
-        if before not in (None, section):
-            shown.add_section()
-        shown.add_row("" if section == before else section, name, value)
-        before = section
-    return shown
+    return columns.sections(title, rows(found), widest=34)
 
 
 # ---- maps ------------------------------------------------------------------------------------------------
