@@ -10,7 +10,7 @@ WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n
 
 @contextmanager
 def handled(handlers):
-    """Handlers of signals for a while: {number: handler}; none outside of the main thread, which alone may."""
+    """Handlers of signals for a while: {number: handler}; none outside of the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
