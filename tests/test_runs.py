@@ -11,6 +11,7 @@ from shefex_nav import runs
 from shefex_nav.records import Event, Reason
 from shefex_nav.report import figures
 from shefex_nav.scenario.load import ScenarioError
+from shefex_nav.solve.names import name_of
 
 BRIEF = {"mission.time_limit": "4 s", "star_tracker.off": "4 s"}
 
@@ -132,6 +133,24 @@ def test_a_frame_is_drawn_with_what_was_found_in_it(sky):
     assert white.plot().axes[0].images[0].get_array().min() == 1.0
     with pytest.raises(LookupError, match=r"no pixels of frame .*log\.frames"):
         frame._replace(image_dn=None).plot()
+
+
+def test_a_run_is_seen_at_a_glance(sky):
+    seen = sky.frames.middle()
+    assert seen.fix.reason == Reason.NONE and seen.image_dn is not None
+    camera, flight, *attitude = sky.glance().axes
+    assert {text.get_text() for text in camera.texts} <= {
+        name_of(hip) for hip in seen.fix.hip[seen.fix.hip > 0]
+    }
+    assert f"{(seen.fix.hip > 0).sum()} stars identified" in camera.get_title(loc="left")
+    assert len(flight.lines) >= 2 and len(attitude) == 3
+    errors = sky.errors()
+    for k, axes in enumerate(attitude):
+        drawn = next(line for line in axes.lines if line.get_label() != "_edges").get_ydata()
+        assert np.isin(np.float32(drawn), np.float32(np.degrees(errors.attitude_b[:, k]))).all()
+    blind = runs.Run(sky.data._replace(star_fixes=[]), sky.log)
+    with pytest.raises(LookupError, match="keeps no pixels of a frame with an attitude"):
+        blind.glance()
 
 
 def test_figures_are_pictures_in_a_notebook(sky):

@@ -37,29 +37,39 @@ def _picture_names(log):
         return figures.NAMES
     from shefex_nav.report import figures
 
-    return [entry.name for entry in figures.catalogue()]
+    return ["glance", *(entry.name for entry in figures.catalogue())]
+
+
+def _glance(run):
+    """The run in one Figure; None where its log keeps no pixels or no truth."""
+    try:
+        return run.glance()
+    except LookupError:
+        return None
 
 
 def _of_run(log, html, figures, as_json):
     """The report of a run; html, figures : paths, or None of what is not wanted."""
-    from shefex_nav.log import reader
     from shefex_nav.report import metrics
+    from shefex_nav.runs import open_run
 
-    data = reader.read(log)
+    run = open_run(log)
+    data = run.data
     tell_if_cut(log, data)
     tell_of_plugins(log, data.mission.plugins)
     if figures is not None:
         make_folder(figures, "--figures")
+    glance = _glance(run) if html is not None or figures is not None else None
     if html is not None:
         from shefex_nav.report import page
 
         say("Drawing; the first page on a machine takes longer.")
-        page.write(html, data, log)
+        page.write(html, data, log, glance)
         say(f"wrote {html}")
     if figures is not None:
         from shefex_nav.report import figures as pictures
 
-        for path in pictures.save_all(data, figures):
+        for path in pictures.save_all(data, figures, glance=glance):
             say(f"wrote {path}")
     show_run(metrics.summarise(data, log=log), as_json, data)
 

@@ -32,15 +32,18 @@ class Run(NamedTuple):
     digest: str  # sha256 of it; may be empty
 
 
-def write(path, data, log=None):
-    """Make the page of a RunData and write it in one piece. `log`: file that it was read from."""
+def write(path, data, log=None, glance=None):
+    """Make the page of a RunData and write it in one piece. Arguments as of `page`."""
     from pathlib import Path
 
-    put(Path(path), page(data, log))
+    put(Path(path), page(data, log, glance))
 
 
-def page(data, log=None):
-    """The page of a RunData: str."""
+def page(data, log=None, glance=None):
+    """The page of a RunData: str.
+
+    log : file that it was read from;  glance : Figure of `figures.glance`, for the head of the page
+    """
     name = data.mission.scenario if log is None else log
     run = Run(
         data,
@@ -60,10 +63,15 @@ def page(data, log=None):
     title = f"{data.mission.scenario}, seed {data.mission.seed}"
     return html.page(
         f"{title}: report of a run",
-        header=[element("h1", title), page_summary.lead(run)],
+        header=[element("h1", title), page_summary.lead(run), *([_at_a_glance(glance)] if glance else [])],
         sections=sections,
         footer=f"Report of {run.log}, made by shefex_nav {_version()}.",
     )
+
+
+def _at_a_glance(figure):
+    caption = "A frame with its identified stars named; the dashed line is its instant."
+    return html.picture(style.svg(figure), "glance", caption, caption, figure.get_size_inches())
 
 
 def _version():

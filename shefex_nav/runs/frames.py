@@ -6,9 +6,10 @@ import numpy as np
 
 from shefex_nav.log import pixels
 from shefex_nav.log.topics import epoch_ns, log_time_ns
-from shefex_nav.records import FrameTruth, StarFix
+from shefex_nav.records import FrameTruth, Reason, StarFix
 
 MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
+_TRIED = 50  # frames in turn, for one whose pixels were kept
 
 
 class SeenFrame(NamedTuple):
@@ -50,6 +51,17 @@ class Frames:
 
     def __iter__(self):
         return (self._frame(k) for k in range(len(self)))
+
+    def middle(self):
+        """SeenFrame with pixels, from the middle of the frames that gave an attitude; None without any."""
+        solved = [fix.number for fix in self._data.star_fixes if fix.reason == Reason.NONE]
+        rows = np.flatnonzero(np.isin(self._data.frames.number, solved))
+        middle = len(rows) // 2
+        for k in rows[middle : middle + _TRIED].tolist():
+            seen = self._frame(k)
+            if seen.image_dn is not None:
+                return seen
+        return None
 
     def _frame(self, k):
         frames = self._data.frames

@@ -198,6 +198,19 @@ class Run:
         names = [entry.name for entry in figures.catalogue()]
         return figures.Plots(names, lambda name: figures.draw(name, self.data))
 
+    def glance(self, t_s=None):
+        """The run in one Figure: a frame with its stars named, the flight, attitude errors inside 3 sigma.
+
+        t_s : mission time of the frame; None: the middle of those that gave an attitude
+        Raises LookupError where the log has no truth or keeps no pixels.
+        """
+        from shefex_nav.report.figures import glance
+
+        seen = self.frames.middle() if t_s is None else self.frames[t_s]
+        if seen is None or seen.image_dn is None or not len(self.data.truth.t_s):
+            raise LookupError(f"{self.log}: keeps no pixels of a frame with an attitude, or no truth")
+        return glance.glance(self.data, seen)
+
     def view(self, save=None):
         """Open the run in the rerun viewer and wait until it is closed, or save its recording (.rrd)."""
         from shefex_nav.report import viewer

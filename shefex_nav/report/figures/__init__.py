@@ -144,17 +144,20 @@ def draw(name, data):
     return getattr(import_module(f"{__name__}.{module}"), function)(data)
 
 
-def save_all(data, folder, kind="png"):
-    """Write every figure that a log has something for; `kind` is png, svg or pdf. -> list of Path"""
+def save_all(data, folder, kind="png", glance=None):
+    """Write every figure that a log has something for; `kind` is png, svg or pdf. -> list of Path
+
+    glance : Figure of `glance.glance`, which comes first; it needs pixels, which RunData do not hold
+    """
     from pathlib import Path
 
     from shefex_nav.report.figures import style
 
     written = []
-    for entry in catalogue():
-        figure = draw(entry.name, data)
+    drawn = ((entry.name, draw(entry.name, data)) for entry in catalogue())
+    for name, figure in (("glance", glance), *drawn):
         if figure is not None:
-            written.append(Path(folder) / f"{entry.name}.{kind}")
+            written.append(Path(folder) / f"{name}.{kind}")
             style.save(figure, written[-1])
     return written
 

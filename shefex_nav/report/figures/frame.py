@@ -3,13 +3,15 @@
 import numpy as np
 
 from shefex_nav.records import Reason
-from shefex_nav.report.figures import style
+from shefex_nav.report.figures import labels, style
 
 _BLACK_SIGMA, _WHITE_SIGMA = 1.0, 18.0  # of the noise: grey values that become black and white
+_STAR_SIGMA = 5.0  # what stands out so far is drawn wider than it is, or a star is a dot that nobody sees
+_STAR_PX = 1.2  # by a Gaussian of this sigma
+_STAR_DIMMED = 6.0  # over its peak: so a star, of several pixels, is brighter than a hot pixel
 _EIGHT_BITS = 255.0
 _BRIGHT = 0.25  # of the largest grey value: a sky in which no star is to be seen
 _RING = 12.0  # points, diameter
-_NAME_PX = 16.0  # from a star to its name
 _LEAST_NOISE = 0.5  # grey values; pictures without the background of the sky have none
 
 
@@ -21,15 +23,10 @@ def frame(seen):
     """
     rows, columns = seen.image_dn.shape
     figure, axes = style.single(1.05 + (style.WIDTH - 0.95) * rows / columns, _words(seen))
-    axes.grid(False)
-    axes.spines[:].set_visible(True)
-    shown = _stretched(seen.image_dn.astype(float))
-    axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none", aspect="equal")
-    if seen.fix is not None:
-        _found(axes, seen.fix)
+    picture(axes, seen)
     if seen.truth is not None:
         _missed(axes, seen)
-    axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5), xlabel="x [px]", ylabel="y [px]")
+    axes.set(xlabel="x [px]", ylabel="y [px]")
     axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
@@ -39,6 +36,18 @@ def frame(seen):
         borderaxespad=0.0,
     )
     return figure
+
+
+def picture(axes, seen):
+    """Draw a SeenFrame with pixels into axes: the sky stretched, its objects ringed, its stars named."""
+    rows, columns = seen.image_dn.shape
+    axes.grid(False)
+    axes.spines[:].set_visible(True)
+    shown = _stretched(seen.image_dn.astype(float))
+    axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none", aspect="equal")
+    axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+    if seen.fix is not None:
+        _found(axes, seen.fix)
 
 
 def _words(seen):
@@ -51,11 +60,16 @@ def _words(seen):
 
 def _stretched(image):
     """Grey values as brightness from 0 to 1: of a dark sky the stars are seen, a bright one is bright."""
+    from scipy.ndimage import gaussian_filter
+
     middle, full = np.median(image), max(_EIGHT_BITS, image.max())
     if middle > _BRIGHT * full:
         return image / full
     noise = max(1.4826 * float(np.median(np.abs(image - middle))), _LEAST_NOISE)
-    above = ((image - middle) / noise - _BLACK_SIGMA) / (_WHITE_SIGMA - _BLACK_SIGMA)
+    sigmas = (image - middle) / noise
+    wide = gaussian_filter(np.where(sigmas > _STAR_SIGMA, sigmas, 0.0), _STAR_PX)
+    shown = np.maximum(sigmas, 2.0 * np.pi * _STAR_PX**2 / _STAR_DIMMED * wide)
+    above = (shown - _BLACK_SIGMA) / (_WHITE_SIGMA - _BLACK_SIGMA)
     return np.sqrt(np.clip(above, 0.0, 1.0))
 
 
@@ -64,17 +78,15 @@ def _found(axes, fix):
     from shefex_nav.solve.names import PROPER_NAMES
 
     xy_px, named = fix.detections.xy_px, fix.hip > 0
-    kinds = (named, style.GREEN, "identified"), (~named, style.ORANGE, "other objects")
-    for chosen, colour, words in kinds:
+    kinds = (named, style.GREEN, 1.6, "identified"), (~named, "#8a6a2a", 0.7, "other objects")
+    for chosen, colour, width, words in kinds:
         axes.plot(
-            *xy_px[chosen].T, "o", mfc="none", mec=colour, ms=_RING, mew=1.5, label=f"{chosen.sum()} {words}"
-        )
-    for (x, y), hip in zip(xy_px[named], fix.hip[named].tolist(), strict=True):
-        up = y > 0.9 * axes.images[0].get_array().shape[0]
-        axes.text(
-            x, y - _NAME_PX if up else y + _NAME_PX, PROPER_NAMES.get(hip, f"HIP {hip}"), color="#7be3b8",
-            fontsize=9, ha="center", va="bottom" if up else "top", clip_on=True,
+            *xy_px[chosen].T, "o", mfc="none", mec=colour, ms=_RING, mew=width,
+            label=f"{chosen.sum()} {words}",
         )  # fmt: skip
+    order = np.flatnonzero(named)  # the brightest first
+    names = [PROPER_NAMES.get(hip, f"HIP {hip}") for hip in fix.hip[order].tolist()]
+    labels.place(axes, xy_px[order], names, avoid=xy_px, colour="#7be3b8")
 
 
 def _missed(axes, seen):

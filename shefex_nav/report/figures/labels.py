@@ -8,11 +8,11 @@ _AROUND = np.radians([90, 60, 120, 30, 150, 0, 180, -30, -150, -60, -120, -90]) 
 _AWAY = (14.0, 24.0, 38.0, 54.0, 72.0)  # points from the place to the name, likewise
 
 
-def place(axes, xy, names, *, avoid=None):
+def place(axes, xy, names, *, avoid=None, colour="black"):
     """Annotate points of the data of an axes; what finds no room has a dot, but no name.
 
     Call it when the limits are settled. xy : (n, 2), the most important first;  names : n texts;
-    avoid : (m, 2) further points that names keep off. Returns the number of names.
+    avoid : (m, 2) further points that names keep off;  colour : of the names. Returns their number.
     """
     if not len(names):
         return 0
@@ -33,7 +33,7 @@ def place(axes, xy, names, *, avoid=None):
         done += 1
         axes.annotate(
             name, axes.transData.inverted().transform(point / scale), offset, textcoords="offset points",
-            ha="center", va="center", fontsize=_FONT, annotation_clip=False,
+            ha="center", va="center", fontsize=_FONT, annotation_clip=False, color=colour,
             arrowprops={"arrowstyle": "-", "color": "#767676", "lw": 0.6, "shrinkA": 0, "shrinkB": 3},
         )  # fmt: skip
     return done
