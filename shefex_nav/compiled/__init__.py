@@ -38,7 +38,9 @@ def kernel(function=None, **options):
     if config.DISABLE_JIT:
         return function
     from shefex_nav.compiled.numba_hooks import Kernel
+    from shefex_nav.late_packages import late
 
+    late("scipy.linalg")  # numba's algebra takes its BLAS by the name of a file in it
     return Kernel(function, {**DEFAULTS, **options})
 
 

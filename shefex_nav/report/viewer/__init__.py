@@ -65,7 +65,6 @@ def follow(log, *, page=layout.OVERVIEW, web=False, since_ns=0):
     with program.Window(web) as window:
         program.quieten("off")  # a viewer that has been closed is no error
         import rerun as rr
-        import scipy.linalg  # noqa: F401 while the viewer starts, what the first slice of the log needs
 
         from shefex_nav.report.viewer import live, pages, recording  # noqa: F401
 
