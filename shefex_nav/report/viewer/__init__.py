@@ -58,6 +58,9 @@ def _import_what_shows():
     """Import what `follow` is going to use. What cannot be imported is told when it is used."""
     with suppress(Exception):
         program.quieten("off")  # a viewer that has been closed is no error
+        import mcap.stream_reader  # noqa: F401
+        import pyarrow.compute  # noqa: F401 both for the first slice of the log
+
         from shefex_nav.report.viewer import live, pages, recording  # noqa: F401
 
 
