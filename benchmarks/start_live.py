@@ -62,7 +62,7 @@ def started(checkout, folder, pace):
     words = [sys.executable, "-m", "shefex_nav", "run", "shefex2_andoya", "--live", "--out", str(log)]
     words += ["--pace", str(pace)] if pace else []
     with screen(folder) as own, tempfile.TemporaryFile("w+") as said:
-        began, pids = time.time(), {}
+        began = time.time()
         flight = subprocess.Popen(
             words, env=environment(own, checkout, folder, marks), stdout=said, stderr=said, cwd=folder
         )
@@ -73,19 +73,26 @@ def started(checkout, folder, pace):
             if "reader" in pids:
                 took["viewer"] = sum(_processor_s(pid) for pid in _below(pids["reader"]))
         finally:
-            for pid in [*pids.values(), *(_below(pids["reader"]) if "reader" in pids else ())]:
+            # its reader and the viewer are found as long as it lives, and in the marks if it has ended
+            known = {flight.pid, *(pid for _, pid, _ in _reached(marks).values())}
+            for pid in known | {below for one in known for below in _below(one)}:
                 _end(pid)
             flight.wait()
     return {stage: at - began for stage, (_, _, at) in found.items()}, took
+
+
+def _reached(marks):
+    """{stage: (process, its number, time)} so far."""
+    text = marks.read_text(encoding="utf-8") if marks.exists() else ""
+    lines = [line.split(",") for line in text.splitlines() if line.count(",") == 3]
+    return {stage: (name, int(pid), float(at)) for stage, name, pid, at in lines}
 
 
 def _wait(marks, flight, said):
     """{stage: (process, its number, time)} when all stages have been reached."""
     until = time.time() + LONGEST_S
     while time.time() < until:
-        text = marks.read_text(encoding="utf-8") if marks.exists() else ""
-        lines = [line.split(",") for line in text.splitlines() if line.count(",") == 3]
-        found = {stage: (name, int(pid), float(at)) for stage, name, pid, at in lines}
+        found = _reached(marks)
         if set(found) >= set(STAGES):
             return found
         if flight.poll():
@@ -146,6 +153,7 @@ def main():
     parser.add_argument("--other", type=Path, action="append", default=[], help="another checkout")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # what has been started is ended on the way out
     checkouts = [HERE.parent.resolve(), *(one.resolve() for one in asked.other)]
     result = measured(checkouts, asked.repeats, asked.pace)
     if asked.json:

@@ -82,7 +82,13 @@ def test_the_wheel_is_the_package_and_the_scenarios(wheel):
 def test_data_of_every_kind_are_in_it(wheel):
     """By name: a rule that drops a kind of file on both sides would not be noticed above."""
     for name in (
-        *("data/hipparcos_v8.csv.gz", "data/egm96_36x36.csv", "data/land_110m.json", "report/page.css"),
+        *(
+            "data/hipparcos_v8.csv.gz",
+            "data/egm96_36x36.csv",
+            "data/us76_upper.f8",
+            "data/land_110m.json",
+            "report/page.css",
+        ),
         *("scenarios/shefex2_andoya.yaml", "scenarios/data/star_tracker_shefex2.json"),
         *("scenarios/data/improved_orion_like.eng", "scenarios/replay/csv_example/imu.csv"),
     ):

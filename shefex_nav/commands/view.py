@@ -60,8 +60,8 @@ def view(
     from shefex_nav.report import viewer
 
     if follow:
-        if (log := _named_by_the_input() if str(logs[0]) == THE_INPUT_SAYS else logs[0]) is not None:
-            viewer.follow(log, page=chosen, web=web, since_ns=since)
+        named = _named_by_the_input if str(logs[0]) == THE_INPUT_SAYS else lambda: logs[0]
+        viewer.follow(named, page=chosen, web=web, since_ns=since)
         return
     runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=chosen, web=web)
     for log, data in zip(logs, runs, strict=True):
@@ -74,8 +74,6 @@ def view(
 
 def _named_by_the_input():
     """Path of the log that `run --live` is going to write, None if it cannot."""
-    from shefex_nav.log import reader  # noqa: F401 a part of what is imported anyhow, until then
-
     name = sys.stdin.buffer.read()
     return Path(os.fsdecode(name)) if name else None
 

@@ -13,6 +13,8 @@
 This file imports numba when the first kernel is marked, not before: `target` has to choose first.
 """
 
+from functools import cached_property, update_wrapper
+
 DEFAULTS = {
     "nopython": True,
     "boundscheck": None,
@@ -38,7 +40,9 @@ def kernel(function=None, **options):
     if config.DISABLE_JIT:
         return function
     from shefex_nav.compiled.numba_hooks import Kernel
+    from shefex_nav.late_packages import late
 
+    late("scipy.linalg")  # numba's algebra takes its BLAS by the name of a file in it
     return Kernel(function, {**DEFAULTS, **options})
 
 
@@ -48,7 +52,36 @@ def inner(function=None, **options):
     A call from Python works, as tests need, but costs a compilation of its own: `tests/compiled` finds calls
     from the package's Python code. Options as for `kernel`.
     """
-    return kernel(function, **options)
+    if function is None:
+        return lambda one: inner(one, **options)
+    from numba import config
+
+    return function if config.DISABLE_JIT else _Inner(function, {**DEFAULTS, **options})
+
+
+class _Inner:
+    """An inner kernel: numba's object for it is made when somebody needs it, which in most processes nobody
+    does. It has all that that has.
+    """
+
+    def __init__(self, function, options):
+        update_wrapper(self, function)
+        self.py_func, self.targetoptions = function, options
+
+    @cached_property
+    def _kernel(self):
+        return kernel(self.py_func, **self.targetoptions)
+
+    def __call__(self, *args, **named):
+        return self._kernel(*args, **named)
+
+    def __getattr__(self, name):
+        if name == "_kernel":
+            raise AttributeError(name)
+        return getattr(self._kernel, name)
+
+    def __reduce__(self):
+        return self._kernel.__reduce__()
 
 
 def rows(fields, align=False):

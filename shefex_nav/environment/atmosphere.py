@@ -3,11 +3,14 @@
 In: geometric height. Out: density, pressure, temperature, speed of sound.
 
 Source: NOAA-S/T 76-1562 (the Standard), whose equation and table numbers are given. Below 86 km the seven
-layers are evaluated in closed form; above, the diffusion equations of the Standard are integrated once, at
-import, for its six gases, and density and pressure interpolated in their logarithms.
+layers are evaluated in closed form; above, density and pressure are interpolated in their logarithms. Their
+table, data/us76_upper.f8, is what `upper_table` gives: the diffusion equations of the Standard, integrated
+for its six gases. It is kept because every start would need a tenth of a second for it, and because the last
+digits of what NumPy computes depend on the processor.
 """
 
 import math
+from importlib import resources
 
 import numpy as np
 
@@ -142,7 +145,7 @@ def _hydrogen(z, step, temperature, slope, gravity, background):
     return np.where((z >= 150.0), (8.0e10 - np.where(z <= 500.0, escape, 0.0)) / scale, 0.0)
 
 
-def _upper_table():
+def upper_table():
     """Logarithms of density [kg/m^3] and pressure [Pa] from 86 km to 1000 km every STEP: (2, n)."""
     step = STEP / FINE
     height = np.arange(Z_86, TOP + 0.5 * step, step)
@@ -166,7 +169,13 @@ def _upper_table():
     return log(np.stack([density, pressure]))[:, ::FINE].copy()
 
 
-UPPER = _upper_table()
+def _kept_table():
+    """What `upper_table` gives, from its file."""
+    file = resources.files("shefex_nav") / "data" / "us76_upper.f8"
+    return np.frombuffer(file.read_bytes(), dtype="<f8").reshape(2, -1).astype(float)
+
+
+UPPER = _kept_table()
 
 
 @kernel

@@ -81,7 +81,7 @@ def _compose(text, file):
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
     try:
-        return YAML(typ="rt", pure=True).compose(text)
+        return YAML(typ="safe", pure=True).compose(text)  # "rt" has the same nodes, and reads comments
     except RecursionError:
         raise BadText(Mark(file, 1, 1), "not valid YAML: brackets within brackets without end") from None
     except MarkedYAMLError as error:

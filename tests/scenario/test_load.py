@@ -135,6 +135,12 @@ def test_a_list_replaces_a_list(tmp_path):
     assert load(path).gps.outages == []
 
 
+def test_a_folded_text_is_one_line():
+    """No mark is left where it was folded."""
+    tree = document.parse("mission:\n  name: >-\n    one\n    line # this too\n", "a.yaml").tree
+    assert tree == {"mission": {"name": "one line # this too"}}
+
+
 def test_overrides(default):
     overrides = [
         "star_tracker.rate='5 Hz'",

@@ -19,6 +19,7 @@ from collections import deque
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -81,9 +82,7 @@ class Still:
         if not _is_noise(sums, d, variance):
             return 1.0
         if dof not in self.limits:
-            from scipy.special import chdtri
-
-            self.limits[dof] = max(float(chdtri(dof, CHANCE)) / dof, SHAKEN)
+            self.limits[dof] = max(float(special().chdtri(dof, CHANCE)) / dof, SHAKEN)
         if variance < self.limits[dof] * (white + rounded):
             return 1.0
         return float(np.sqrt((variance - rounded) / white))

@@ -6,40 +6,24 @@ the Joseph form. It does not keep P symmetric, which is done here. The predictio
 the strapdown (`prediction`), and held against filterpy's in the tests.
 """
 
-import sys
-from importlib import import_module
-from types import ModuleType
-
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.late_packages import late
 from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
 FEW = 3  # numbers of an innovation, up to which one compiled call is faster than those of NumPy
 LARGE2 = 0.05**2  # [E] rad^2, square of a correction of the attitude that is no small angle
 
 
-class _Statistics(ModuleType):
-    """Stands for `filterpy.stats` until something of it is used. All of filterpy imports it, for likelihoods
-    that are not asked for here, and it imports scipy.stats: a quarter of the time until the first tick.
-    """
-
-    def logpdf(self, *args, **named):
-        return import_module("filterpy.stats").logpdf(*args, **named)
-
-    def __getattr__(self, name):
-        if name.startswith("__"):  # asked for by every import, and absent from a plain module
-            raise AttributeError(name)
-        return getattr(import_module("filterpy.stats"), name)
-
-
 def engine(layout):
     """filterpy.kalman.KalmanFilter for the errors; its contents do not outlive a call of this module."""
-    sys.modules.setdefault("filterpy.stats", _Statistics("filterpy.stats"))
+    late("filterpy")
+    late("filterpy.stats", later=["logpdf"])  # of likelihoods, for which it imports scipy.stats
+    late("filterpy.common", "helpers")
+    late("filterpy.kalman", "kalman_filter")
     from filterpy.kalman import KalmanFilter
 
-    if isinstance(sys.modules["filterpy.stats"], _Statistics):
-        del sys.modules["filterpy.stats"]  # who imports it gets it
     kalman = KalmanFilter(dim_x=layout.n, dim_z=3)
     kalman.inv = _inverse  # of S; filterpy's own call takes longer than its arithmetic
     kalman.no_error = np.zeros((layout.n, 1))  # what `update_packed` begins with

@@ -18,6 +18,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
+from shefex_nav.late_packages import special
 from shefex_nav.records import GpsFix, GpsRanges
 
 LONGEST_PAIR_S = 10.0  # [E] GPS fixes further apart than this are not compared
@@ -74,9 +75,7 @@ HEALTHY = Health(0, 0, np.nan, None)
 
 def chi_square_limit(probability, dof):
     """Value that a chi-square variable exceeds with the given probability."""
-    from scipy.special import chdtri
-
-    return float(chdtri(dof, probability))
+    return float(special().chdtri(dof, probability))
 
 
 class Limits(dict):

@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
 from shefex_nav.onboard.navigation.grown import Grown, grown
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -120,9 +121,10 @@ def limits(d, chance, windows=None):
     """Chi-square limits of the size of each window, and of the run. -> (len(windows),), float"""
     windows = tuple(WINDOWS) if windows is None else windows
     if (d, chance, windows) not in LIMITS:
-        from scipy.special import chdtri
-
-        LIMITS[d, chance, windows] = chdtri(d * np.array(windows), chance), float(chdtri(d, chance))
+        LIMITS[d, chance, windows] = (
+            special().chdtri(d * np.array(windows), chance),
+            float(special().chdtri(d, chance)),
+        )
     return LIMITS[d, chance, windows]
 
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 
@@ -202,9 +203,7 @@ def _limit(part):
     """Of chi-square."""
     dof = part.stop - part.start
     if dof not in LIMITS:
-        from scipy.special import chdtri
-
-        LIMITS[dof] = float(chdtri(dof, PROBABILITY))
+        LIMITS[dof] = float(special().chdtri(dof, PROBABILITY))
     return LIMITS[dof]
 
 

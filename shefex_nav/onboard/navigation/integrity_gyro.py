@@ -36,6 +36,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
+from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation.state import BG, X_MOUNTING, X_Q
 
 BASELINES_S = np.array([0.4, 2.0, 8.0])  # [E] from the first fix to the last
@@ -115,8 +116,6 @@ class GyroWatch:
     """
 
     def __init__(self, model, relative, sensed):
-        from scipy.special import chdtri
-
         self.noise = np.array(
             [
                 model.gyro_random_walk**2,
@@ -128,7 +127,7 @@ class GyroWatch:
         )
         self.limits = np.array(
             [
-                float(chdtri(3, p))
+                float(special().chdtri(3, p))
                 for p in (PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY, HALF_PROBABILITY)
             ]
         )

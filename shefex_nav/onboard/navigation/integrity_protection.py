@@ -41,6 +41,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import protected, quantity
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -86,12 +87,10 @@ NO_FIX = Level(np.zeros((2, N_FOLLOWED)), np.full(N_FOLLOWED, np.inf), 0.0)
 
 def requirement(position, velocity, attitude, risk):
     """Requirement of limits [m], [m/s], [rad] and of an integrity risk per hour."""
-    from scipy.special import ndtri
-
     k = np.empty(N_TOLD)
     for axes in (POSITION, VELOCITY, ATTITUDE):
         share = min(risk / INDEPENDENT_PER_HOUR / (axes.stop - axes.start), 1.0)
-        k[axes] = -ndtri(0.5 * share)
+        k[axes] = -special().ndtri(0.5 * share)
         if axes is not ATTITUDE:
             k[axes.start] = np.sqrt(-2.0 * np.log(share))
     return Requirement(np.array([position, velocity, attitude]), k)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_gps,
@@ -274,11 +275,9 @@ class Watch:
 
 def start(params):
     """Watch of a filter that starts. NavParams -> Watch"""
-    from scipy.special import chdtri
-
     relative, sensed = integrity_gyro.relative_error(params), integrity_gyro.sensed_error(params)
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
-    limit = float(chdtri(3, integrity_gps.DRIFT_PROBABILITY))
+    limit = float(special().chdtri(3, integrity_gps.DRIFT_PROBABILITY))
     return Watch(params.integrity or DEFAULT, limit, gyros)
 
 

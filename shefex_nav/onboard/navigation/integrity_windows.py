@@ -26,6 +26,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import sums
+from shefex_nav.late_packages import special
 
 LENGTHS = (20, 60)  # [E] innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -112,7 +113,5 @@ class Window:
     def _limit(self, dof):
         """Chi-square limit."""
         if dof not in self.limits:
-            from scipy.special import chdtri
-
-            self.limits[dof] = float(chdtri(dof, CHANCE))
+            self.limits[dof] = float(special().chdtri(dof, CHANCE))
         return self.limits[dof]

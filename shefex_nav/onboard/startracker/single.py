@@ -20,6 +20,7 @@ from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import turn_jacobians
+from shefex_nav.late_packages import special
 from shefex_nav.records import NO_STARS, Reason, StarVectors
 
 MISSED = 1e-4  # probability that a star is further from its predicted place than its gate
@@ -135,8 +136,6 @@ def _bright_as(params, vmag, detections):
 
 def _one_attitude(P_c, H, d, P_px, rate):
     """Whether the distances (m, 2) px of stars from their predicted places can be one turn of the camera."""
-    from scipy.special import chdtri
-
     m = len(d)
     A = H.reshape(2 * m, 3)
     S = A @ P_c @ A.T
@@ -146,7 +145,7 @@ def _one_attitude(P_c, H, d, P_px, rate):
         L = np.repeat(rate[0], 2)[:, None] * A
         S += L @ rate[1] @ L.T
     r = d.ravel()
-    return bool(r @ np.linalg.solve(S, r) < chdtri(2 * m, MISSED))
+    return bool(r @ np.linalg.solve(S, r) < special().chdtri(2 * m, MISSED))
 
 
 def _of(rate, k):

@@ -1,8 +1,10 @@
 """Logs in the rerun viewer: opened on a screen, served to a browser, saved, or taken a picture of."""
 
+import os
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 
 from shefex_nav.report.viewer import layout, program
 from shefex_nav.report.viewer.program import ViewerError
@@ -52,22 +54,37 @@ def view(logs, *, save=None, screenshot=None, at_s=None, page=layout.OVERVIEW, w
     return runs
 
 
-def follow(log, *, page=layout.OVERVIEW, web=False, since_ns=0):
+def _import_what_shows():
+    """Import what `follow` is going to use. What cannot be imported is told when it is used."""
+    with suppress(Exception):
+        program.quieten("off")  # a viewer that has been closed is no error
+        import mcap.stream_reader  # noqa: F401
+        import pyarrow.compute  # noqa: F401 both for the first slice of the log
+
+        from shefex_nav.report.viewer import live, pages, recording  # noqa: F401
+
+
+def follow(named, *, page=layout.OVERVIEW, web=False, since_ns=0):
     """Show a log in the viewer while it is written, and wait until the viewer is closed.
 
     Parameters
     ----------
-    log : .mcap file, which need not be there yet
+    named : function that waits for the path of the .mcap file, which need not be there yet, and gives it; or
+        None, then nothing is opened. Meanwhile is imported what shows it
     page : of `layout.PAGES`, open at first
     web : serve it to a browser on this machine
     since_ns : a file that was changed last before this time, since 1970, is an old one
     """
-    with program.Window(web) as window:
-        program.quieten("off")  # a viewer that has been closed is no error
+    environment = dict(os.environ)  # as it is without what `quieten` needs meanwhile
+    importing = Thread(target=_import_what_shows)
+    importing.start()
+    if (log := named()) is None:
+        return
+    with program.Window(web, environment) as window:
+        importing.join()
         import rerun as rr
-        import scipy.linalg  # noqa: F401 while the viewer starts, what the first slice of the log needs
 
-        from shefex_nav.report.viewer import live, pages, recording  # noqa: F401
+        from shefex_nav.report.viewer import live, recording
 
         window.wait_until_it_listens()
         stream = rr.RecordingStream(recording.APPLICATION)

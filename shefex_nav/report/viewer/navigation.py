@@ -4,6 +4,7 @@ import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.instruments import TABLE
+from shefex_nav.late_packages import special
 from shefex_nav.records import QUANTITIES, Doubt, protected
 from shefex_nav.report import metrics, trust
 from shefex_nav.report.viewer import layout, world
@@ -76,8 +77,6 @@ def biases(sender, data):
 
 def consistency(sender, data, run="", colour=BLUE):
     """NEES with its bounds, and every measurement's NIS by its limit: refused above one."""
-    from scipy.special import chdtri  # in an eighth of the time of scipy.stats
-
     t_s, nees, _ = metrics.normalised_errors(data, metrics.navigation_errors(data))
     step = plot_step(t_s)
     entity = f"plots/nees/{run or 'run'}"
@@ -87,7 +86,7 @@ def consistency(sender, data, run="", colour=BLUE):
     tail = 0.5 * (1.0 - CONFIDENCE)
     ends = t_s[[0, -1]] if len(t_s) else []
     for name, share in (("lower", tail), ("upper", 1.0 - tail)):
-        limit = float(chdtri(metrics.NEES_DOF, 1.0 - share))
+        limit = float(special().chdtri(metrics.NEES_DOF, 1.0 - share))
         sender.curve(f"plots/nees/{name}", ends, [limit] * len(ends), RED, f"{name} bound, {CONFIDENCE:.0%}")
     for sensor in sorted({gate.sensor for gate in data.gates}):
         _innovations(sender, sensor, [gate for gate in data.gates if gate.sensor == sensor])

@@ -65,9 +65,10 @@ class Window:
         stream.connect_grpc(window.url)
 
     web : serve it to a browser on this machine, and say where
+    environment : of the viewer, dict; None: that of this process
     """
 
-    def __init__(self, web=False):
+    def __init__(self, web=False, environment=None):
         self._port = port = _free_port()
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self._web, self._said = web, tempfile.TemporaryFile("w+")
@@ -79,8 +80,9 @@ class Window:
             command += ["--serve-web", "--web-viewer-port", str(page)]
         else:
             command += ["--hide-welcome-screen", "--expect-data-soon"]
-        environment = {"RUST_LOG": "error", **os.environ}
-        self._process = subprocess.Popen(command, env=environment, stderr=self._said)
+        environment = os.environ if environment is None else environment
+        told = {"RUST_LOG": "error", **environment}
+        self._process = subprocess.Popen(command, env=told, stderr=self._said)
 
     def is_open(self, within_s=0.0):
         """Whether it is still there after a while; ViewerError if it could not be opened."""

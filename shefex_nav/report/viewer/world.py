@@ -129,7 +129,7 @@ def _coasts(track):
         if whole:
             found.append(points)
             continue
-        near = np.array([np.linalg.norm(places - point, axis=1).min() < COAST_M for point in points])
+        near = np.linalg.norm(points[:, None] - places, axis=2).min(axis=1) < COAST_M
         cuts = np.flatnonzero(np.diff(near)) + 1
         parts = zip(np.split(points, cuts), np.split(near, cuts), strict=True)
         found += [part for part, is_near in parts if is_near[0] and len(part) > 1]

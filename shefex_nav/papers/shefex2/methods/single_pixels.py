@@ -7,7 +7,6 @@ of a pixel (`seed_sigma`); the paper does not give it, and nothing of a second, 
 """
 
 import numpy as np
-from scipy import ndimage
 
 from shefex_nav.onboard.startracker.background import BLOCK, N_BLOCK
 from shefex_nav.onboard.startracker.scan import (
@@ -29,6 +28,8 @@ CORNERS = np.ones((3, 3), dtype=int)  # neighbours by a corner are neighbours
 
 def single_pixels(image_dn, blocks, background, sigma, rules):
     """Objects of a frame; parameters and result as of `scan.sequential`, `grow_sigma` is not used."""
+    from scipy import ndimage  # a fifth of a second, and this way is seldom chosen
+
     tile_px, seed_sigma, _, fewest, most, largest_peak, saturation_dn, most_objects = rules
     rows, columns = image_dn.shape
     row_tile, column_tile = np.arange(rows) // tile_px, np.arange(columns) // tile_px
