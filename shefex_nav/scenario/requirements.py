@@ -62,6 +62,16 @@ IntegrityRisk = Quantity(
 )  # fmt: skip
 
 
+Probability = Quantity(
+    "", "99.865 %", "of the flights in which each requirement has to be met: what `trade` and a campaign "
+    "judge by", at_least="50 %", at_most="99.9999 %",
+)  # fmt: skip
+Confidence = Quantity(
+    "", "90 %", "with which a campaign has to show that a requirement is met so often",
+    at_least="50 %", at_most="99.9999 %",
+)  # fmt: skip
+
+
 class Requirements(Block):
     """Limits that a run has to keep."""
 
@@ -74,6 +84,8 @@ class Requirements(Block):
     attitude: Attitude = Field(
         default_factory=Attitude, description="how wrong it may be, for the computer on board, too"
     )
+    probability: Probability = "99.865 %"
+    confidence: Confidence = "90 %"
     integrity_risk: IntegrityRisk = "1e-5 /h"
     usable_at_entry: StrictBool = Field(
         False, description="true: the navigation must not say 'do not use' of any of the three at entry"

@@ -163,10 +163,10 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
     yield from outputs_at(flight, layout, np.arange(stride, len(flight.trajectory.t_s), stride))
 
 
-def outputs_at(flight, layout, at, interval=None):
-    """The same at some samples. at : (m,) indices, ascending;  interval : as of `problem`"""
+def outputs_at(flight, layout, at, growth=None):
+    """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`"""
     trajectory = flight.trajectory
-    steps = problem(flight, layout, sample_s(trajectory), at, interval)
+    steps = problem(flight, layout, sample_s(trajectory), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
     P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
     omega_ie_i = frames.omega_ie_i(flight.earth)
@@ -179,7 +179,7 @@ def sample_s(trajectory):
     return float((trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1))
 
 
-def problem(flight, layout, dt_s, at, interval=None):
+def problem(flight, layout, dt_s, at, growth=None):
     """The steps of `linear` along a flight.
 
     Parameters
@@ -188,8 +188,7 @@ def problem(flight, layout, dt_s, at, interval=None):
     layout : bound_model.Layout
     dt_s : s, of one sample
     at : (m,) indices of samples at which an interval has to end
-    interval : function of the samples before and at the end of an interval that gives the linear.Interval;
-        None: each is made anew
+    growth : trade.growth.Growth, which keeps steps for other problems; None: each is made anew
 
     Returns
     -------
@@ -200,13 +199,18 @@ def problem(flight, layout, dt_s, at, interval=None):
     fixes = [(_gps, fix) for fix in flight.gps_fixes if fix.valid]
     for make, fix in (*fixes, *((_stars, fix) for fix in flight.star_fixes)):
         k = round((fix.t_valid_s - begin_s) / dt_s)
-        updates.setdefault(k, []).append(partial(make, flight, layout, dt_s, k, fix))
+        step = partial(make, flight, layout, dt_s, k, fix)
+        if growth is not None:
+            step = partial(growth.update, make, flight, layout, k, fix)
+        updates.setdefault(k, []).append(step)
     for one in flight.heard:
         for row, k in enumerate(one.k.tolist()):
             updates.setdefault(k, []).append(partial(_reading, flight, layout, one, row))
     last = len(flight.trajectory.t_s) - 1
     ends = sorted({k for k in (*at.tolist(), *updates) if 0 < k <= last})
-    make = partial(_interval, flight, layout, dt_s) if interval is None else interval
+    make = partial(_interval, flight, layout, dt_s)
+    if growth is not None:
+        make = partial(growth.interval, flight, layout)
     makers, before = [], 0
     for end in ends:
         makers += [partial(make, before, end), *updates.get(end, ())]
