@@ -48,7 +48,7 @@ class Growth:
         return self._updates[key][0]
 
     def _joined(self, flight, before, end):
-        """X (9, n), Q (4, 9, 9) of a unit of each white noise, path over the Earth, of whole and cut pieces."""
+        """X (9, n), Q (4, 9, 9) of a unit of each white noise, path over the Earth: piece by piece."""
         grid = np.arange(before // self._piece + 1, (end - 1) // self._piece + 1) * self._piece
         X, units = np.eye(N_NAV, self._layout.n), np.zeros((4, N_NAV, N_NAV))
         for first, last in zip((before, *grid.tolist()), (*grid.tolist(), end), strict=True):

@@ -85,7 +85,10 @@ def _cells(figure, axis, arrays, label):
             axis.text(column, row, "none", ha="center", va="center", color=style.GREY, fontsize=9)
             continue
         dark = norm(value) > 0.55
-        text = f"{value:.3g}" + " x" * (met[row, column] == 0.0) + " ?" * (doubtful[row, column] == 1.0)
+        marks = [
+            mark for mark, is_on in ((" x", met[row, column] == 0.0), (" ?", doubtful[row, column])) if is_on
+        ]
+        text = f"{value:.3g}{''.join(marks)}"
         axis.text(
             column, row, text, ha="center", va="center", color="white" if dark else "black", fontsize=10
         )
@@ -135,7 +138,7 @@ def _key(met, study):
     if study.cheapest is not None:
         found.append("green frame: the cheapest that meets all")
     if any(one.prediction is not None and one.prediction.doubtful for one in study.combinations):
-        found.append("?: a sensor comes to the end of its range, which the linear model does not know")
+        found.append("?: the IMU comes to the end of its range, which the linear model does not know")
     return found
 
 

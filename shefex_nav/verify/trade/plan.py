@@ -1,6 +1,6 @@
 """All combinations of some settings, predicted in worker processes and put in order."""
 
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 from shefex_nav import workers as machine
@@ -163,7 +163,7 @@ def _predicted(asked, chosen, model):
 def _parts(n, parts):
     """(begin, end) of so many nearly equal parts of n."""
     ends = [round(k * n / parts) for k in range(parts + 1)]
-    return list(zip(ends, ends[1:], strict=False))
+    return list(pairwise(ends))
 
 
 def work(scenario, overrides, seed, model, chosen):

@@ -12,7 +12,7 @@ from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
 from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
-from shefex_nav.report import metrics, programme, track
+from shefex_nav.report import imu_range, metrics, programme, track
 from shefex_nav.scenario import params, star_statistics, surroundings
 from shefex_nav.scenario.dispersions import OF_FLIGHT
 from shefex_nav.scenario.of_settings import settings
@@ -23,7 +23,6 @@ from shefex_nav.world.columns import truth_of
 
 GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END = "entry", "end"
-RANGE = "range"  # key of a sensor's
 MOST = {"flight": 2, "growth": 4}  # that are kept, of what is large
 MOST_OTHERS = 64
 ALONE = (  # sections that GPS fixes and readings of instruments do not depend on
@@ -55,7 +54,7 @@ class Prediction(NamedTuple):
     star_fixes: int  # of these with an attitude
     star_sigma: float  # rad, median over the fixes, of one across the boresight; NaN without any
     warnings: tuple  # of texts, as `check` gives them
-    doubtful: bool  # whether one is of a sensor at the end of its range, which no linear model knows
+    doubtful: bool  # whether the IMU comes to the end of its range before the first of the errors
     taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
 
 
@@ -95,17 +94,24 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     field = surroundings.gravity(scenario)
     process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))
     growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
-    warned = programme.warnings(scenario, programme.of_flight(flight))
+    flown = shared.of("flown", key, lambda: programme.of_flight(flight))
+    errors = _errors(along, growth, process)
     return Prediction(
-        _errors(along, growth, process),
+        errors,
         len(along.gps_fixes),
         seen.frames,
         seen.solved,
         seen.sigma,
-        tuple(f"{'.'.join(one.field)}: {one.text}" for one in warned),
-        any(one.field[-1] == RANGE for one in warned),
+        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.warnings(scenario, flown)),
+        at_range(scenario.imu, flown.motion, errors[0].t_s),
         _taken_over(scenario),
     )
+
+
+def at_range(imu, motion, until_s):
+    """Whether a flight exceeds a range of the IMU up to a time. Section of a scenario, imu_range.Motion, s"""
+    before = motion.t_s <= until_s
+    return any(True for _ in imu_range.beyond(imu, motion._make(column[before] for column in motion)))
 
 
 def refuse(scenario):
@@ -115,9 +121,7 @@ def refuse(scenario):
     if scenario.star_tracker.enabled:
         found += [f"{'.'.join(path)}: {words}" for path, words in star_statistics.fitness(scenario)]
         if scenario.star_tracker.model is None:
-            found.append(
-                "star_tracker.model names no statistics of the star tracker; `shefex-nav characterise` makes them"
-            )
+            found.append("star_tracker.model names no statistics; `shefex-nav characterise` makes them")
     if found:
         raise NoPredictionError("; ".join(found))
 
@@ -165,7 +169,7 @@ def _heard(scenario, seed, flight, gps_s):
 
 
 def together(fixes, every_s):
-    """GPS fixes about the same whole number of times as one, that nearest to it, with the covariance of a mean.
+    """GPS fixes about the same multiple of a time as one, that nearest to it, with the covariance of a mean.
 
     list of GpsFix, s -> list
     """
@@ -190,7 +194,10 @@ def _stars(scenario, seed, flight, every_s):
 
 
 def _errors(along, growth, process):
-    """Errors at entry, if there is one, and at the end: tuple. bound.Flight, Growth, sigma and tau of gravity"""
+    """Errors at entry, if there is one, and at the end: tuple.
+
+    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity
+    """
     trajectory, more = along.trajectory, [source for one in along.heard for source in one.sources]
     layout = bound_model.sources(along.imu, along.camera, *process, more)
     truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))

@@ -78,28 +78,28 @@ def _verdicts(study, asked, required, notes):
     for rank, one in enumerate(study.combinations, 1):
         cost = [] if one.cost is None else [f"{'* ' if one is study.cheapest else ''}{one.cost:g}"]
         cells = [_verdict(each, one.prediction.doubtful) for each in one.judged] or ["-"] * len(required)
-        fixes = "-" if one.prediction is None else _fixes(one.prediction)
-        rows.append((str(rank), *one.settings.values(), *cost, *cells, fixes, notes.of(one)))
-    limits = [f">{one.name.replace('_', ' ')}, {words(one.name, one.limit, one.unit)}" for one in required]
+        cells += _stars(one.prediction)
+        rows.append((str(rank), *one.settings.values(), *cost, *cells, notes.of(one)))
+    limits = [f">{one.name.split('_')[0]} [{one.unit}], {words(one.name, one.limit, '')}" for one in required]
     heads = ("", *study.combinations[0].settings, *([">cost"] if asked.costs else []), *limits,
-             ">star fixes", "notes")  # fmt: skip
+             ">frames with a fix", ">one fix [arcsec]", "notes")  # fmt: skip
     share = f"{100.0 * study.probability:.6g} %"
-    return columns.table(f"{study.name}: {share} of flights are predicted to be within", heads, rows)
+    return columns.table(f"{study.name}: at entry {share} of flights are predicted to be within", heads, rows)
 
 
 def _verdict(one, doubtful):
     """A Judged in a cell."""
-    verdict = ("met" if one.met else "NOT met") + ("?" if doubtful else "")
-    return f"no entry, {verdict}" if one.found is None else f"{one.found:.3g} {one.unit}, {verdict}"
+    verdict = ("met" if one.met else "NOT met") + "?" * doubtful
+    return f"no entry, {verdict}" if one.found is None else f"{one.found:.3g} {verdict}"
 
 
-def _fixes(prediction):
-    """Star fixes of a Prediction in a cell."""
-    if not prediction.star_frames:
-        return "none"
+def _stars(prediction):
+    """Share of the frames with a star fix, and the size of one [arcsec], as cells."""
+    if prediction is None or not prediction.star_frames:
+        return ["-", "-"]
     arcsec = _arcsec(prediction.star_sigma)
-    size = "" if arcsec is None else f", {arcsec:.2g} arcsec"
-    return f"{prediction.star_fixes} of {prediction.star_frames}{size}"
+    share = f"{100.0 * prediction.star_fixes / prediction.star_frames:.0f} %"
+    return [share, "-" if arcsec is None else f"{arcsec:.2g}"]
 
 
 def _sizes(study, k, what):
@@ -134,8 +134,8 @@ class _Notes:
             texts = [f"check warns: {text}" for text in one.prediction.warnings]
             if one.prediction.taken_over:
                 texts.append(
-                    "the star tracker's statistics were fitted to other settings, so shares of stars found and "
-                    f"of frames identified are taken over: {', '.join(one.prediction.taken_over)}"
+                    "the star tracker's statistics were fitted to other settings, its shares of stars found "
+                    f"and of frames identified are taken over: {', '.join(one.prediction.taken_over)}"
                 )
         return " ".join(self._letters.setdefault(text, _letter(len(self._letters))) for text in texts)
 
@@ -179,9 +179,10 @@ def _lines(study, asked, required):
 
 
 CAUTION = (
-    "This is what the best filter could do with these measurements, along one flight and with one draw of GPS "
-    "outages. The filter on board is at it or above.",
-    "met? and NOT met?: `check` warns of a sensor at the end of its range, which the linear model does not know.",
+    "This is what the best filter could do with these measurements, along one flight and with one draw of "
+    "GPS outages. The filter on board is at it or above.",
+    "met? and NOT met?: before that time the IMU comes to the end of its range, which the linear model does "
+    "not know.",
     "Not in it: wrong identification of stars, sensors at the end of their range, faults, dispersed flights, "
     "settings of the software, and attitudes so uncertain that errors are no longer linear.",
 )

@@ -46,7 +46,7 @@ def _nodes(sigma, limit):
 
 
 def axes(variances, limit):
-    """Probability that no component is larger than a limit, at least: as if they were independent (Sidak 1967).
+    """Probability that no component is larger than a limit, at least: as if independent (Sidak 1967).
 
     (3,) variances about the axes, float -> float
     """
