@@ -83,16 +83,21 @@ def study(asked, note=lambda done: None):
     ]
     if all(one.prediction is None for one in whole):
         raise TradeError(f"{asked.scenario}: nothing can be predicted: {whole[0].refused}")
-    ordered = sorted(whole, key=_rank)
-    good = [one for one in ordered if one.good]
-    cheapest = min(good, key=lambda one: one.cost) if cost and good else None
+    return ordered(base.mission.name, base.requirements, asked.axes, whole, bool(cost))
+
+
+def ordered(name, requirements, axes, whole, priced):
+    """Study of combinations, given in the order of the axes.
+
+    name, requirements : of the scenario;  axes : as of Asked;  whole : list of Combination
+    priced : whether all have a cost
+    """
+    found = sorted(whole, key=_rank)
+    good = [one for one in found if one.good]
+    cheapest = min(good, key=lambda one: one.cost) if priced and good else None
+    unpredicted = tuple(judge.unpredicted(requirements))
     return Study(
-        base.mission.name,
-        base.requirements.probability,
-        tuple(ordered),
-        cheapest,
-        tuple(idle(asked.axes, whole)),
-        tuple(judge.unpredicted(base.requirements)),
+        name, requirements.probability, tuple(found), cheapest, tuple(idle(axes, whole)), unpredicted
     )
 
 

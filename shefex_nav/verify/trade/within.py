@@ -7,7 +7,7 @@ from math import erf, pi, sqrt
 
 import numpy as np
 
-NODES = 40  # of each of two integrals
+NODES = np.polynomial.legendre.leggauss(40)  # of each of two integrals, and their weights
 FARTHEST = 9.0  # sigmas; beyond it there is nothing
 
 
@@ -34,7 +34,7 @@ def length(variances, limit):
 
 def _nodes(sigma, limit):
     """Places within +-limit and their weights of a normal distribution: (..., n) twice. limit : (...)"""
-    at, weight = np.polynomial.legendre.leggauss(NODES)
+    at, weight = NODES
     limit = np.asarray(limit)[..., None]
     if sigma == 0.0:
         return np.zeros(limit.shape), np.ones(limit.shape)
