@@ -230,3 +230,10 @@ def test_the_command_ranks_and_is_refused(tmp_path):
     assert run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets).exit_code == 2
     costly = run("--sweep", "gps.rate=1 Hz,5 Hz", "--cost", "imu=stim300:1", *sets)
     assert costly.exit_code == 2 and "is not tried" in costly.stderr
+
+
+def test_an_attitude_that_is_hardly_known_is_a_doubt():
+    """At rest over 100 s, sigma = bias * t: 4.5 and 5.5 deg at the end, where 5 is the border."""
+    shared = predict.Shared(None, 1)
+    for bias, doubtful in ((0.045, False), (0.055, True)):
+        assert predicted("night_sky", [*BLIND, f"imu.gyro.bias={bias} deg/s"], shared).doubtful is doubtful

@@ -138,7 +138,7 @@ def _key(met, study):
     if study.cheapest is not None:
         found.append("green frame: the cheapest that meets all")
     if any(one.prediction is not None and one.prediction.doubtful for one in study.combinations):
-        found.append("?: the IMU comes to the end of its range, which the linear model does not know")
+        found.append("?: in doubt, the IMU at the end of its range or the attitude worse than 5 deg before")
     return found
 
 

@@ -23,6 +23,8 @@ from shefex_nav.world.columns import truth_of
 
 GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END = "entry", "end"
+LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
+LOOK_S = 10.0  # between two looks at that
 MOST = {"flight": 2, "growth": 4}  # that are kept, of what is large
 MOST_OTHERS = 64
 ALONE = (  # sections that GPS fixes and readings of instruments do not depend on
@@ -54,7 +56,7 @@ class Prediction(NamedTuple):
     star_fixes: int  # of these with an attitude
     star_sigma: float  # rad, median over the fixes, of one across the boresight; NaN without any
     warnings: tuple  # of texts, as `check` gives them
-    doubtful: bool  # whether the IMU comes to the end of its range before the first of the errors
+    doubtful: bool  # before the first of the errors the IMU is at its range, or the attitude beyond LARGE
     taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
 
 
@@ -95,7 +97,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))
     growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
     flown = shared.of("flown", key, lambda: programme.of_flight(flight))
-    errors = _errors(along, growth, process)
+    errors, widest = _errors(along, growth, process)
     return Prediction(
         errors,
         len(along.gps_fixes),
@@ -103,7 +105,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
         seen.solved,
         seen.sigma,
         tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.warnings(scenario, flown)),
-        at_range(scenario.imu, flown.motion, errors[0].t_s),
+        at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
         _taken_over(scenario),
     )
 
@@ -194,9 +196,9 @@ def _stars(scenario, seed, flight, every_s):
 
 
 def _errors(along, growth, process):
-    """Errors at entry, if there is one, and at the end: tuple.
+    """Errors at entry, if there is one, and at the end; largest sigma of the attitude until the first.
 
-    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity
+    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity -> tuple, rad
     """
     trajectory, more = along.trajectory, [source for one in along.heard for source in one.sources]
     layout = bound_model.sources(along.imu, along.camera, *process, more)
@@ -204,9 +206,14 @@ def _errors(along, growth, process):
     entry = metrics.entry_index(truth.t_s, track.earth_fixed(along.earth, truth).height)
     whats = [END] if entry is None else [ENTRY, END]
     times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
-    at = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
-
-    levels, found = bound.swings(along), []
-    for what, (k, output) in zip(whats, bound.outputs_at(along, layout, at, growth), strict=True):
-        found.append(Errors(what, float(trajectory.t_s[k]), *bound.reported(along, levels, k, output.P)))
-    return tuple(found)
+    wanted = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
+    look = round(LOOK_S / bound.sample_s(trajectory))
+    at = np.union1d(wanted, np.arange(look, wanted[0], look))
+    levels, found, widest = bound.swings(along), [], 0.0
+    for k, output in bound.outputs_at(along, layout, at, growth):
+        errors = bound.reported(along, levels, k, output.P)
+        if k in wanted:
+            found.append(Errors(whats[len(found)], float(trajectory.t_s[k]), *errors))
+        if k <= wanted[0]:
+            widest = max(widest, float(np.sqrt(errors[2].diagonal().max())))
+    return tuple(found), widest

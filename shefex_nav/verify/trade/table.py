@@ -181,10 +181,10 @@ def _lines(study, asked, required):
 CAUTION = (
     "This is what the best filter could do with these measurements, along one flight and with one draw of "
     "GPS outages. The filter on board is at it or above.",
-    "met? and NOT met?: before that time the IMU comes to the end of its range, which the linear model does "
-    "not know.",
+    "met? and NOT met?: before that time the IMU comes to the end of its range, or the attitude is known to "
+    "5 deg or less well: the linear model does not hold, and the filter may be lost.",
     "Not in it: wrong identification of stars, sensors at the end of their range, faults, dispersed flights, "
-    "settings of the software, and attitudes so uncertain that errors are no longer linear.",
+    "and settings of the software.",
 )
 
 
