@@ -32,6 +32,7 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
+from shefex_nav.commands.trade import trade
 from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
 from shefex_nav.commands.view import view
@@ -54,6 +55,7 @@ app.command(epilog=TRUST_HELP)(characterise)
 app.command(epilog=TRUST_HELP)(replay)
 app.command(epilog=TRUST_HELP)(smooth)
 app.command(epilog=TRUST_HELP)(campaign)
+app.command(epilog=TRUST_HELP)(trade)
 app.command(epilog=TRUST_HELP)(compare)
 app.command(epilog=TRUST_HELP)(repeat)
 app.command(epilog=TRUST_HELP)(export)

@@ -62,6 +62,12 @@ IntegrityRisk = Quantity(
 )  # fmt: skip
 
 
+Probability = Quantity(
+    "", "99.865 %", "of the flights in which a requirement has to be met, as `trade` judges it",
+    at_least="50 %", at_most="99.9999 %",
+)  # fmt: skip
+
+
 class Requirements(Block):
     """Limits that a run has to keep."""
 
@@ -74,6 +80,7 @@ class Requirements(Block):
     attitude: Attitude = Field(
         default_factory=Attitude, description="how wrong it may be, for the computer on board, too"
     )
+    probability: Probability = "99.865 %"
     integrity_risk: IntegrityRisk = "1e-5 /h"
     usable_at_entry: StrictBool = Field(
         False, description="true: the navigation must not say 'do not use' of any of the three at entry"

@@ -122,23 +122,36 @@ def follow(flight, layout, *, every_s=OUTPUT_S):
     -------
     Bound
     """
-    trajectory = flight.trajectory
-    t_s, dt_s = trajectory.t_s, _sample_s(trajectory)
-    rms = world_imu.vibration_rms(flight.imu, trajectory.burning)
-    levels = {rms_at: _swings(flight.imu, rms_at, dt_s) for rms_at in np.unique(rms).tolist()}
-    at, covariances = [], []
+    levels, at, covariances = swings(flight), [], []
     for k, output in outputs(flight, layout, every_s=every_s):
         at.append(k)
-        C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
-        velocity, angle = levels[float(rms[k])]
-        covariances.append(
-            (
-                output.P[POS, POS],
-                output.P[VEL, VEL] + velocity**2 * np.eye(3),
-                C_ib.T @ output.P[PSI, PSI] @ C_ib + angle**2 * np.eye(3),
-            )
-        )
-    return Bound(t_s[at], *(np.array(column) for column in zip(*covariances, strict=True)))
+        covariances.append(reported(flight, levels, k, output.P))
+    return Bound(flight.trajectory.t_s[at], *(np.array(column) for column in zip(*covariances, strict=True)))
+
+
+def swings(flight):
+    """What vibration adds to what is reported: {its level, m/s^2 rms: swing of velocity, of attitude}."""
+    trajectory, params = flight.trajectory, flight.imu
+    dt_s, rms = sample_s(trajectory), world_imu.vibration_rms(params, trajectory.burning)
+    return {
+        level: (swing(params, level, dt_s), swing(params, params.vibration.angular * level, dt_s))
+        for level in np.unique(rms).tolist()
+    }
+
+
+def reported(flight, levels, k, P):
+    """Covariances of what is reported at sample k, of those of all states: fields of Bound but its time.
+
+    levels : of `swings`;  P : (n, n)
+    """
+    trajectory = flight.trajectory
+    rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
+    C_ib, (velocity, angle) = rotation.dcm_from_quat(trajectory.q_ib[k]), levels[rms]
+    return (
+        P[POS, POS],
+        P[VEL, VEL] + velocity**2 * np.eye(3),
+        C_ib.T @ P[PSI, PSI] @ C_ib + angle**2 * np.eye(3),
+    )
 
 
 def outputs(flight, layout, *, every_s=OUTPUT_S):
@@ -146,11 +159,14 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
 
     flight, layout, every_s : as of `follow`. Yields index of the sample, linear.Output.
     """
+    stride = round(every_s / sample_s(flight.trajectory))
+    yield from outputs_at(flight, layout, np.arange(stride, len(flight.trajectory.t_s), stride))
+
+
+def outputs_at(flight, layout, at, growth=None):
+    """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`"""
     trajectory = flight.trajectory
-    dt_s = _sample_s(trajectory)
-    stride = round(every_s / dt_s)
-    at = np.arange(stride, len(trajectory.t_s), stride)
-    steps = problem(flight, layout, dt_s, at)
+    steps = problem(flight, layout, sample_s(trajectory), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
     P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
     omega_ie_i = frames.omega_ie_i(flight.earth)
@@ -158,17 +174,12 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
     yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at]), strict=True)
 
 
-def _sample_s(trajectory):
+def sample_s(trajectory):
     """Duration of one sample."""
     return float((trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1))
 
 
-def _swings(params, rms, dt_s):
-    """Swing of velocity and of attitude at a level of linear vibration."""
-    return swing(params, rms, dt_s), swing(params, params.vibration.angular * rms, dt_s)
-
-
-def problem(flight, layout, dt_s, at):
+def problem(flight, layout, dt_s, at, growth=None):
     """The steps of `linear` along a flight.
 
     Parameters
@@ -177,6 +188,7 @@ def problem(flight, layout, dt_s, at):
     layout : bound_model.Layout
     dt_s : s, of one sample
     at : (m,) indices of samples at which an interval has to end
+    growth : trade.growth.Growth, which keeps steps for other problems; None: each is made anew
 
     Returns
     -------
@@ -187,15 +199,21 @@ def problem(flight, layout, dt_s, at):
     fixes = [(_gps, fix) for fix in flight.gps_fixes if fix.valid]
     for make, fix in (*fixes, *((_stars, fix) for fix in flight.star_fixes)):
         k = round((fix.t_valid_s - begin_s) / dt_s)
-        updates.setdefault(k, []).append(partial(make, flight, layout, dt_s, k, fix))
+        step = partial(make, flight, layout, dt_s, k, fix)
+        if growth is not None:
+            step = partial(growth.update, make, flight, layout, k, fix)
+        updates.setdefault(k, []).append(step)
     for one in flight.heard:
         for row, k in enumerate(one.k.tolist()):
             updates.setdefault(k, []).append(partial(_reading, flight, layout, one, row))
     last = len(flight.trajectory.t_s) - 1
     ends = sorted({k for k in (*at.tolist(), *updates) if 0 < k <= last})
+    make = partial(_interval, flight, layout, dt_s)
+    if growth is not None:
+        make = partial(growth.interval, flight, layout)
     makers, before = [], 0
     for end in ends:
-        makers += [partial(_interval, flight, layout, dt_s, before, end), *updates.get(end, ())]
+        makers += [partial(make, before, end), *updates.get(end, ())]
         before = end
     return Steps(makers)
 
@@ -219,25 +237,40 @@ class Steps:
 
 def _interval(flight, layout, dt_s, before, end):
     """linear.Interval over the samples after `before` up to `end`."""
-    trajectory, params = flight.trajectory, flight.imu
-    rows, earlier = slice(before + 1, end + 1), slice(before, end)
-    dtheta_b, dv_b = trajectory.dtheta_b[rows], trajectory.dv_b[rows]
-    rms = world_imu.vibration_rms(params, trajectory.burning[rows])
-    gyro, accel = bound_model.imu_columns(layout, dtheta_b, dv_b, rms**2, dt_s)
-    carried = (dtheta_b**2).sum(axis=1) / 12.0  # turned remainders of the counts
+    felt = samples(flight, layout, dt_s, before, end)
+    params, carried = flight.imu, remainders(flight.trajectory, before, end)
     walks = np.column_stack(
         [
             params.gyro.random_walk**2 * dt_s + carried * params.gyro.quantum**2,
             params.accelerometer.random_walk**2 * dt_s + carried * params.accelerometer.quantum**2,
         ]
     )
+    t_s, path = float(flight.trajectory.t_s[end]), path_over_earth(flight, before, end)
+    return linear.Interval(t_s, *bound_model.interval(layout, felt._replace(walks=walks), t_s, dt_s, path))
+
+
+def remainders(trajectory, before, end):
+    """Variance that turned remainders of the counts add in each sample, in squares of a count: (N,)."""
+    return (trajectory.dtheta_b[before + 1 : end + 1] ** 2).sum(axis=1) / 12.0
+
+
+def samples(flight, layout, dt_s, before, end):
+    """bound_model.Samples after `before` up to `end`, without white noise."""
+    trajectory = flight.trajectory
+    rows, earlier = slice(before + 1, end + 1), slice(before, end)
+    dtheta_b, dv_b = trajectory.dtheta_b[rows], trajectory.dv_b[rows]
+    rms = world_imu.vibration_rms(flight.imu, trajectory.burning[rows])
+    gyro, accel = bound_model.imu_columns(layout, dtheta_b, dv_b, rms**2, dt_s)
     q = trajectory.q_ib[earlier] + trajectory.q_ib[rows] * _sign(trajectory, earlier, rows)
     q /= np.linalg.norm(q, axis=1)[:, None]
     r_i = 0.5 * (trajectory.r_i[earlier] + trajectory.r_i[rows])
-    samples = bound_model.Samples(_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
-    t_s = float(trajectory.t_s[end])
-    path = float(np.linalg.norm(_over_earth(flight, end) - _over_earth(flight, before)))
-    return linear.Interval(t_s, *bound_model.interval(layout, samples, t_s, dt_s, path))
+    walks = np.zeros((len(dv_b), 2))
+    return bound_model.Samples(_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
+
+
+def path_over_earth(flight, before, end):
+    """Distance over the Earth between two samples, m."""
+    return float(np.linalg.norm(_over_earth(flight, end) - _over_earth(flight, before)))
 
 
 def _over_earth(flight, k):

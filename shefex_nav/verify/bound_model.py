@@ -228,10 +228,27 @@ def interval(layout, samples, t_s, dt_s, path=0.0):
     -------
     Phi, Q : (n, n)
     """
-    n, duration_s = layout.n, dt_s * len(samples.C_ib)
-    X, Q_nav = np.eye(N_NAV, n), np.zeros((N_NAV, N_NAV))
-    gravity = layout.places["gravity"].start - N_NAV
-    spread_kernel(samples, gravity, dt_s, X, Q_nav)
+    X, Q_nav = spread(layout, samples, dt_s)
+    return with_sources(layout, X, Q_nav, dt_s * len(samples.C_ib), path)
+
+
+def spread(layout, samples, dt_s):
+    """What errors at the start and constant sources become over some samples, and white noise.
+
+    samples : those without columns of sources give X of navigation alone
+    -> X (9, 9 + p), Q (9, 9)
+    """
+    X, Q_nav = np.eye(N_NAV, N_NAV + samples.gyro.shape[2]), np.zeros((N_NAV, N_NAV))
+    spread_kernel(samples, layout.places["gravity"].start - N_NAV, dt_s, X, Q_nav)
+    return X, Q_nav
+
+
+def with_sources(layout, X, Q_nav, duration_s, path):
+    """Phi and Q of the whole state vector: the errors of navigation, and how sources wander.
+
+    layout, path : as of `interval`;  X, Q_nav : of `spread`;  duration_s : of the samples -> (n, n), (n, n)
+    """
+    n = layout.n
     Phi, Q = np.eye(n), np.zeros((n, n))
     Phi[:N_NAV], Q[:N_NAV, :N_NAV] = X, Q_nav
     for source in layout.sources:

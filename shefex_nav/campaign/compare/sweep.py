@@ -41,8 +41,12 @@ def axis(text):
     if twice or len(values) < 2:
         what = f"{twice[0]} stands there twice" if twice else "there is one value"
         raise CompareError(f"--sweep {text}: {what}; expected two or more that differ")
-    key = key.strip()
-    return Axis(f"{key}.{USE}" if tuple(key.split(".")) in instruments.SECTIONS else key, values)
+    return Axis(key_of(key.strip()), values)
+
+
+def key_of(text):
+    """The whole key of one that is given: imu.use of `imu`, whose values are instruments."""
+    return f"{text}.{USE}" if tuple(text.split(".")) in instruments.SECTIONS else text
 
 
 def _parts(text):

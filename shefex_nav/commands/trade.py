@@ -1,0 +1,96 @@
+"""`shefex-nav trade`: which settings would do, by covariance alone, for all combinations within seconds.
+
+Exit codes: 0 done, 1 nothing can be predicted of some combination, 2 bad input.
+"""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json, Overrides, Scenario, Seed, Workers
+from shefex_nav.commands.output_files import check_picture
+from shefex_nav.commands.printing import print_json, say, stdout
+
+Sweep = Annotated[
+    list[str],
+    typer.Option(
+        metavar="KEY=A,B,C",
+        help="Values to try; several times: all combinations. imu=stim300,adis16505_1 means instruments.",
+    ),
+]
+Cost = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY=A:1,B:2", help="What each value costs: the cheapest that meets all is marked."),
+]
+
+
+class Quantity(StrEnum):
+    """What a map can show."""
+
+    ATTITUDE = "attitude"
+    POSITION = "position"
+    VELOCITY = "velocity"
+
+
+def trade(
+    scenario: Scenario,
+    sweep: Sweep,
+    cost: Cost = None,
+    overrides: Overrides = None,
+    seed: Seed = 1,
+    workers: Workers = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw a map over the first two settings into a new .png or .svg file.")
+    ] = None,
+    show: Annotated[Quantity, typer.Option(help="What the map shows.")] = Quantity.ATTITUDE,
+    json: Json = False,
+):
+    """Rank combinations of settings by the errors that a linear model predicts; nothing is flown on board.
+
+    Errors at entry and at the end of the flight, 1 sigma, of the best that a filter can do. `campaign
+    SCENARIO --sweep` answers the same with flights.
+    """
+    if figure is not None:
+        check_picture(figure, "--figure")
+    from shefex_nav.campaign.compare import sweep as sweeps
+    from shefex_nav.verify.trade import plan
+
+    axes = tuple(sweeps.axis(text) for text in sweep)
+    costs = dict(plan.costs(text, sweeps.key_of) for text in cost or ())
+    asked = plan.Asked(scenario, axes, tuple(overrides or ()), seed, workers, costs)
+    study = _study(asked, len(plan.combinations(axes)))
+    _show(study, asked, json)
+    if figure is not None:
+        from shefex_nav.verify.trade import picture
+
+        picture.draw(study, asked, figure, show.value)
+        say(f"wrote {figure}")
+    raise typer.Exit(1 if any(one.prediction is None for one in study.combinations) else 0)
+
+
+def _study(asked, count):
+    """plan.Study; kernels are compiled before workers start."""
+    from shefex_nav import runs
+    from shefex_nav.scenario import load
+    from shefex_nav.verify.trade import plan
+
+    runs.get_ready(load.load(asked.scenario, asked.overrides))
+    say(f"{count} combinations")
+    return plan.study(asked)
+
+
+def _show(study, asked, as_json):
+    """The study on stdout."""
+    from shefex_nav.verify.trade import table
+
+    if as_json:
+        print_json(table.as_numbers(study, asked))
+        return
+    console = stdout(170, highlight=False)
+    drawn, lines = table.tables(study, asked)
+    for one in drawn:
+        console.print(one)
+    for line in lines:
+        console.print(line)

@@ -1,0 +1,79 @@
+"""What a requirement says of predicted errors: within which limit the stated share of flights stays.
+
+Only navigation errors at entry have a covariance; protection levels, usability, star fixes and all that the
+vehicle does are not predicted.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.report import requirements as judging
+from shefex_nav.verify.trade import within
+from shefex_nav.verify.trade.predict import ENTRY
+
+PREDICTED = {  # requirement: field of Errors, how its limit is meant
+    "position_at_entry": ("position_i", within.length),
+    "velocity_at_entry": ("velocity_i", within.length),
+    "attitude_at_entry": ("attitude_b", within.axes),
+}
+
+
+class Judged(NamedTuple):
+    """A requirement and a prediction."""
+
+    name: str
+    limit: float  # in `unit`, as the next two
+    found: float | None  # the stated share of flights is within it; None: there is no entry
+    sigma: float | None  # of the whole error; of an attitude, of its largest axis
+    unit: str
+    share: float | None  # of the flights within the limit
+
+    @property
+    def k(self):
+        """`found` in sigmas."""
+        return self.found / self.sigma if self.sigma else None
+
+    @property
+    def used(self):
+        """Share of the limit that is used up."""
+        return float("inf") if self.found is None else self.found / self.limit
+
+    @property
+    def met(self):
+        """Whether the stated share of flights is within the limit."""
+        return self.used <= 1.0
+
+
+def judge(requirements, prediction):
+    """list of Judged, of what a scenario requires and a covariance can say. Requirements, Prediction"""
+    limits = judging.limits(requirements)
+    entry = next((one for one in prediction.errors if one.what == ENTRY), None)
+    return [
+        _judged(name, limits[name], entry, requirements.probability) for name in PREDICTED if name in limits
+    ]
+
+
+def unpredicted(requirements):
+    """Names of what is required and a covariance says nothing of: list."""
+    return [name for name in judging.limits(requirements) if name not in PREDICTED]
+
+
+def _judged(name, limit, entry, share):
+    field, probability = PREDICTED[name]
+    measure = judging.MEASURES[name]
+    if entry is None:
+        return Judged(name, limit, None, None, measure.unit, None)
+    P = getattr(entry, field)
+    variances = np.diag(P) if probability is within.axes else np.linalg.eigvalsh(P)
+    sigma = sqrt(max(variances)) if probability is within.axes else sqrt(sum(variances))
+    found = within.least_limit(probability, share, variances)
+    return Judged(
+        name,
+        limit,
+        found * measure.factor,
+        sigma * measure.factor,
+        measure.unit,
+        probability(variances, limit / measure.factor),
+    )

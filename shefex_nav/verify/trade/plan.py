@@ -1,0 +1,224 @@
+"""All combinations of some settings, predicted in worker processes and put in order."""
+
+from itertools import pairwise, product
+from typing import NamedTuple
+
+from shefex_nav import workers as machine
+from shefex_nav.compiled.target import ONE_THREAD
+from shefex_nav.errors import UserError
+from shefex_nav.scenario import load, software, star_model
+from shefex_nav.verify.trade import judge, predict
+
+MOST = 2000  # combinations
+CHUNK = 12  # combinations at least for each worker: what they share is made in each
+
+
+class TradeError(UserError):
+    """A trade that cannot be made; the message says why."""
+
+
+class Asked(NamedTuple):
+    """What to compare."""
+
+    scenario: str  # as `load` takes it
+    axes: tuple  # of things with a key and values, as `--set` takes them
+    overrides: tuple = ()
+    seed: int = 1
+    workers: int | None = None
+    costs: dict = {}  # noqa: RUF012 a default is not changed; key -> {value: cost}
+
+
+class Combination(NamedTuple):
+    """One set of settings and what is predicted of it."""
+
+    settings: dict
+    prediction: object  # predict.Prediction; None: there is none
+    refused: str  # why there is none
+    judged: tuple  # of judge.Judged
+    cost: float | None
+
+    @property
+    def met(self):
+        """Whether all requirements are met that can be predicted; None without any."""
+        return all(one.met for one in self.judged) if self.judged else None
+
+    @property
+    def good(self):
+        """Whether they are, and nothing is known that makes the prediction doubtful."""
+        return bool(self.met) and not self.prediction.doubtful
+
+    @property
+    def used(self):
+        """Largest share of a limit that is used up; without requirements, the attitude's sigma."""
+        if self.judged:
+            return max(one.used for one in self.judged)
+        return float(self.prediction.errors[0].attitude_b.trace()) ** 0.5
+
+
+class Study(NamedTuple):
+    """All combinations, the best first."""
+
+    name: str  # of the scenario
+    probability: float
+    combinations: tuple
+    cheapest: Combination | None  # of those that are `good`
+    idle: tuple  # keys whose values change nothing that is predicted
+    unpredicted: tuple  # names of requirements
+
+
+def study(asked, note=lambda done: None):
+    """Study of what is asked; ScenarioError, TradeError. note : called with how many more are done"""
+    base, chosen = load.load(asked.scenario, asked.overrides), combinations(asked.axes)
+    software.refuse_own(base, "the linear model")
+    _check_values(asked)
+    cost = {key: _costs(asked, key) for key in asked.costs}
+    model = star_model.named_by(asked.scenario, asked.overrides)
+    found = []
+    for each in _predicted(asked, chosen, model):
+        note(len(each))
+        found += each
+    whole = [
+        Combination(chosen[k], *result, sum(cost[key][chosen[k][key]] for key in cost) if cost else None)
+        for k, result in sorted(found, key=lambda one: one[0])
+    ]
+    if all(one.prediction is None for one in whole):
+        raise TradeError(f"{asked.scenario}: nothing can be predicted: {whole[0].refused}")
+    return ordered(base.mission.name, base.requirements, asked.axes, whole, bool(cost))
+
+
+def ordered(name, requirements, axes, whole, priced):
+    """Study of combinations, given in the order of the axes.
+
+    name, requirements : of the scenario;  axes : as of Asked;  whole : list of Combination
+    priced : whether all have a cost
+    """
+    found = sorted(whole, key=_rank)
+    good = [one for one in found if one.good]
+    cheapest = min(good, key=lambda one: one.cost) if priced and good else None
+    unpredicted = tuple(judge.unpredicted(requirements))
+    return Study(
+        name, requirements.probability, tuple(found), cheapest, tuple(idle(axes, whole)), unpredicted
+    )
+
+
+def combinations(axes):
+    """list of {key: value}, those of the last axis one after the other; TradeError."""
+    keys = [one.key for one in axes]
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise TradeError(f"--sweep {twice[0]}: is given twice; give all its values at once")
+    found = [dict(zip(keys, values, strict=True)) for values in product(*(one.values for one in axes))]
+    if len(found) > MOST:
+        raise TradeError(f"--sweep: {len(found)} combinations; expected {MOST} at most")
+    return found
+
+
+def costs(text, key_of):
+    """(key, {value: cost}) of KEY=VALUE:COST,...; TradeError. key_of : the whole key of one that is given"""
+    key, equals, given = text.partition("=")
+    found = {}
+    for part in given.split(","):
+        value, colon, number = part.strip().rpartition(":")
+        try:
+            found[value] = float(number)
+        except ValueError:
+            colon = ""
+        if not (equals and colon and value and found[value] >= 0.0):
+            raise TradeError(
+                f"--cost {text}: expected KEY=VALUE:COST,..., such as imu=stim300:8000,bmi088:20"
+            )
+    return key_of(key.strip()), found
+
+
+def _costs(asked, key):
+    """{value: cost} of a key, of all that are tried; TradeError."""
+    axis, given = next((one for one in asked.axes if one.key == key), None), asked.costs[key]
+    if axis is None:
+        raise TradeError(f"--cost {key}: is not tried; add --sweep {key}=...")
+    for value in axis.values:
+        if value not in given:
+            raise TradeError(f"--cost {key}: does not say what {value} costs")
+    for value in given:
+        if value not in axis.values:
+            raise TradeError(f"--cost {key}: {value} is not tried; --sweep has {', '.join(axis.values)}")
+    return given
+
+
+def _check_values(asked):
+    """ScenarioError of a value that the scenario does not take."""
+    for one in asked.axes:
+        for value in one.values:
+            load.load(asked.scenario, (*asked.overrides, f"{one.key}={value}"))
+
+
+def _predicted(asked, chosen, model):
+    """Lists of (index, (Prediction or None, why none, tuple of Judged)), as they come."""
+    most = min(asked.workers or machine.cores(), max(1, len(chosen) // CHUNK))
+    shares = {
+        k: (asked.scenario, asked.overrides, asked.seed, model, list(enumerate(chosen))[begin:end])
+        for k, (begin, end) in enumerate(_parts(len(chosen), most))
+    }
+    if most == 1:
+        yield work(*shares[0])
+        return
+    with machine.environment(dict.fromkeys(ONE_THREAD, "1")):
+        for _, found in machine.each(work, shares, most):
+            yield found
+
+
+def _parts(n, parts):
+    """(begin, end) of so many nearly equal parts of n."""
+    ends = [round(k * n / parts) for k in range(parts + 1)]
+    return list(pairwise(ends))
+
+
+def work(scenario, overrides, seed, model, chosen):
+    """Predict some combinations, in a worker. chosen : list of (index, {key: value})"""
+    shared, loaded, found = predict.Shared(model, seed), [], []
+    for k, settings in chosen:
+        texts = (*overrides, *(f"{key}={value}" for key, value in settings.items()))
+        try:
+            loaded.append((k, load.load(scenario, texts)))
+        except UserError as error:
+            found.append((k, (None, _first(error), ())))
+    loaded.sort(key=lambda one: predict.flight_key(one[1]))  # those of one flight one after the other
+    for k, one in loaded:
+        try:
+            prediction = predict.predict(one, shared)
+        except UserError as error:
+            found.append((k, (None, _first(error), ())))
+            continue
+        found.append((k, (prediction, "", tuple(judge.judge(one.requirements, prediction)))))
+    return found
+
+
+def _first(error):
+    """The first line of what an error says."""
+    return str(error).strip().splitlines()[0]
+
+
+def _rank(one):
+    """Those that meet all first, those in doubt behind, without a prediction last; by shares of limits."""
+    if one.prediction is None:
+        return 3, 0.0
+    kind = 2 if one.met is False else int(one.prediction.doubtful)
+    return kind, one.used
+
+
+def idle(axes, whole):
+    """Keys whose values change nothing that is predicted: list. whole : list of Combination, of all axes"""
+    found = []
+    for one in axes:
+        groups = {}
+        for each in whole:
+            others = tuple(value for key, value in each.settings.items() if key != one.key)
+            groups.setdefault(others, set()).add(_numbers(each))
+        if all(len(group) == 1 for group in groups.values()):
+            found.append(one.key)
+    return found
+
+
+def _numbers(one):
+    """What is predicted, as something that can be compared."""
+    if one.prediction is None:
+        return one.refused
+    return tuple(P.tobytes() for errors in one.prediction.errors for P in errors[2:])

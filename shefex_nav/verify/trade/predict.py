@@ -1,0 +1,219 @@
+"""Covariances of one scenario at entry and at the end of its flight, by the linear model of the bound.
+
+What several scenarios have in common is made once: the flight by all that share the vehicle, GPS fixes by all
+that share the receiver, star fixes by all that share camera and star tracker (`Shared`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav import prepare
+from shefex_nav.clock import SAME_S
+from shefex_nav.errors import UserError
+from shefex_nav.log import thinning
+from shefex_nav.report import imu_range, metrics, programme, track
+from shefex_nav.scenario import params, star_statistics, surroundings
+from shefex_nav.scenario.dispersions import OF_FLIGHT
+from shefex_nav.scenario.of_settings import settings
+from shefex_nav.verify import bound, bound_model, over_bound
+from shefex_nav.verify.trade import stars
+from shefex_nav.verify.trade.growth import Growth
+from shefex_nav.world.columns import truth_of
+
+GPS_S = 1.0  # fixes that come more often are taken together
+ENTRY, END = "entry", "end"
+LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
+LOOK_S = 10.0  # between two looks at that
+MOST = {"flight": 2, "growth": 4}  # that are kept, of what is large
+MOST_OTHERS = 64
+ALONE = (  # sections that GPS fixes and readings of instruments do not depend on
+    "imu", "star_camera", "star_tracker", "navigation", "requirements", "log", "campaign", "dispersions",
+)  # fmt: skip
+OF_STARS = "star_camera", "star_tracker"
+
+
+class NoPredictionError(UserError):
+    """A scenario of which the linear model says nothing; the message says why."""
+
+
+class Errors(NamedTuple):
+    """Predicted errors at one time of a flight: covariances."""
+
+    what: str  # ENTRY, END
+    t_s: float
+    position_i: np.ndarray  # (3, 3) m^2
+    velocity_i: np.ndarray  # (3, 3) m^2/s^2
+    attitude_b: np.ndarray  # (3, 3) rad^2
+
+
+class Prediction(NamedTuple):
+    """What the linear model says of a scenario."""
+
+    errors: tuple  # of Errors, in order of time
+    gps_fixes: int
+    star_frames: int  # that the star tracker takes
+    star_fixes: int  # of these with an attitude
+    star_sigma: float  # rad, median over the fixes, of one across the boresight; NaN without any
+    warnings: tuple  # of texts, as `check` gives them
+    doubtful: bool  # before the first of the errors the IMU is at its range, or the attitude beyond LARGE
+    taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
+
+
+class Shared:
+    """What scenarios have in common. model : StarStatistics or None;  seed : of flight and GPS receiver"""
+
+    def __init__(self, model, seed):
+        self.model, self.seed, self._kept = model, seed, {}
+
+    def of(self, what, key, make):
+        """The thing of a kind and a key, made when it is asked for first."""
+        kept = self._kept.setdefault(what, {})
+        if key not in kept:
+            while len(kept) >= MOST.get(what, MOST_OTHERS):
+                kept.pop(next(iter(kept)))
+            kept[key] = make()
+        return kept[key]
+
+
+def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
+    """Prediction of a scenario; NoPredictionError, and what its flight and its sensors raise.
+
+    star_s, gps_s : one star fix stands for those of so long, one GPS fix likewise
+    """
+    scenario = _with_model(scenario, shared.model)
+    refuse(scenario)
+    key = flight_key(scenario)
+    flight = shared.of("flight", key, lambda: prepare.fly_vehicle(scenario, shared.seed))
+    heard = shared.of("heard", _others(scenario), lambda: _heard(scenario, shared.seed, flight, gps_s))
+    seen = stars.NONE
+    if scenario.star_tracker.enabled:
+        dump = scenario.model_dump(include=set(OF_STARS), exclude={"star_tracker": {"model"}})
+        seen = shared.of("stars", (key, repr(dump)), lambda: _stars(scenario, shared.seed, flight, star_s))
+    along = heard._replace(
+        imu=settings(scenario.imu), camera=params.star_camera(scenario), star_fixes=list(seen.fixes)
+    )
+    field = surroundings.gravity(scenario)
+    process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))
+    growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
+    flown = shared.of("flown", key, lambda: programme.of_flight(flight))
+    errors, widest = _errors(along, growth, process)
+    return Prediction(
+        errors,
+        len(along.gps_fixes),
+        seen.frames,
+        seen.solved,
+        seen.sigma,
+        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.warnings(scenario, flown)),
+        at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
+        _taken_over(scenario),
+    )
+
+
+def at_range(imu, motion, until_s):
+    """Whether a flight exceeds a range of the IMU up to a time. Section of a scenario, imu_range.Motion, s"""
+    before = motion.t_s <= until_s
+    return any(True for _ in imu_range.beyond(imu, motion._make(column[before] for column in motion)))
+
+
+def refuse(scenario):
+    """NoPredictionError if the linear model or the statistics of the star tracker do not know a scenario."""
+    left_out = over_bound.left_out(scenario)
+    found = [f"the linear model does not know {left_out}"] if left_out else []
+    if scenario.star_tracker.enabled:
+        found += [f"{'.'.join(path)}: {words}" for path, words in star_statistics.fitness(scenario)]
+        if scenario.star_tracker.model is None:
+            found.append("star_tracker.model names no statistics; `shefex-nav characterise` makes them")
+    if found:
+        raise NoPredictionError("; ".join(found))
+
+
+def _with_model(scenario, model):
+    """The Scenario with statistics, whatever its frames are; those of its own first."""
+    tracker = scenario.star_tracker
+    if not tracker.enabled or tracker.model is not None or model is None:
+        return scenario
+    return scenario.model_copy(update={"star_tracker": tracker.model_copy(update={"model": model})})
+
+
+def _taken_over(scenario):
+    """Settings that are not those which the statistics of the star tracker were fitted to: tuple of paths."""
+    if not scenario.star_tracker.enabled:
+        return ()
+    tracker = scenario.star_tracker.model_copy(update={"frames": "statistical"})
+    others = scenario.model_copy(update={"star_tracker": tracker})
+    return tuple(".".join(map(str, path)) for path, _ in star_statistics.contradictions(others))
+
+
+def flight_key(scenario):
+    """What decides on a flight, as a text: two scenarios with the same one fly it together."""
+    dump, found = scenario.model_dump(include={path[0] for path in OF_FLIGHT}), []
+    dump["mission"] = {k: v for k, v in dump["mission"].items() if k not in ("name", "description")}
+    for path in OF_FLIGHT:
+        value = dump
+        for key in path:
+            value = value[key]
+        found.append((path, value))
+    return repr(found)
+
+
+def _others(scenario):
+    """What decides on GPS fixes and readings of instruments, as a text."""
+    dump = scenario.model_dump(exclude=set(ALONE))
+    return repr(dump)
+
+
+def _heard(scenario, seed, flight, gps_s):
+    """bound.Flight with what GPS receiver and instruments say, still without star fixes."""
+    world = prepare.with_faults(scenario, prepare.sound(scenario, seed, flight))
+    fixes = together([fix for fix in world.gps_fixes if fix.valid], gps_s)
+    return over_bound.flight_of(scenario, world._replace(gps_fixes=fixes), [])
+
+
+def together(fixes, every_s):
+    """GPS fixes about the same multiple of a time as one, that nearest to it, with the covariance of a mean.
+
+    list of GpsFix, s -> list
+    """
+    groups = {}
+    for fix in fixes:
+        groups.setdefault(round(fix.t_valid_s / every_s), []).append(fix)
+    return [_mean(group, n * every_s) for n, group in groups.items()]
+
+
+def _mean(group, t_s):
+    """The GpsFix of a group that is nearest to a time, with the covariance of their mean."""
+    nearest = min(group, key=lambda fix: abs(fix.t_valid_s - t_s))
+    R_r_e, R_v_e = (
+        np.mean([getattr(fix, name) for fix in group], axis=0) / len(group) for name in ("R_r_e", "R_v_e")
+    )
+    return nearest._replace(R_r_e=R_r_e, R_v_e=R_v_e)
+
+
+def _stars(scenario, seed, flight, every_s):
+    """stars.Seen of a scenario."""
+    return stars.seen(scenario, prepare.sound(scenario, seed, flight).world, seed, every_s)
+
+
+def _errors(along, growth, process):
+    """Errors at entry, if there is one, and at the end; largest sigma of the attitude until the first.
+
+    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity -> tuple, rad
+    """
+    trajectory, more = along.trajectory, [source for one in along.heard for source in one.sources]
+    layout = bound_model.sources(along.imu, along.camera, *process, more)
+    truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))
+    entry = metrics.entry_index(truth.t_s, track.earth_fixed(along.earth, truth).height)
+    whats = [END] if entry is None else [ENTRY, END]
+    times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
+    wanted = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
+    look = round(LOOK_S / bound.sample_s(trajectory))
+    at = np.union1d(wanted, np.arange(look, wanted[0], look))
+    levels, found, widest = bound.swings(along), [], 0.0
+    for k, output in bound.outputs_at(along, layout, at, growth):
+        errors = bound.reported(along, levels, k, output.P)
+        if k in wanted:
+            found.append(Errors(whats[len(found)], float(trajectory.t_s[k]), *errors))
+        if k <= wanted[0]:
+            widest = max(widest, float(np.sqrt(errors[2].diagonal().max())))
+    return tuple(found), widest

@@ -1,0 +1,195 @@
+"""A trade as tables for people and as an object for other programs."""
+
+import math
+import string
+
+from shefex_nav.report import columns
+from shefex_nav.report.requirements import words
+
+CHEAPEST = "cheapest that meets all"
+UNITS = (("attitude", "attitude_b", "deg", math.degrees(1.0)), ("position", "position_i", "m", 1.0),
+         ("velocity", "velocity_i", "m/s", 1.0))  # fmt: skip
+
+
+def sigma(errors, field):
+    """1 sigma of a whole error (Errors, name of a field), SI."""
+    return math.sqrt(getattr(errors, field).trace())
+
+
+def as_numbers(study, asked):
+    """Plain dict for JSON. plan.Study, plan.Asked"""
+    return {
+        "scenario": study.name,
+        "seed": asked.seed,
+        "probability": study.probability,
+        "not_predicted": list(study.unpredicted),
+        "without_effect": list(study.idle),
+        "combinations": [_combination(one, one is study.cheapest) for one in study.combinations],
+    }
+
+
+def _combination(one, is_cheapest):
+    found = {"settings": one.settings, "met": one.met, "cost": one.cost, "cheapest": is_cheapest}
+    if one.prediction is None:
+        return found | {"refused": one.refused}
+    prediction = one.prediction
+    return found | {
+        "errors": {each.what: _errors(each) for each in prediction.errors},
+        "requirements": [
+            {**each._asdict(), "k": each.k, "met": each.met} for each in one.judged
+        ],
+        "gps_fixes": prediction.gps_fixes,
+        "star_frames": prediction.star_frames,
+        "star_fixes": prediction.star_fixes,
+        "star_sigma_arcsec": _arcsec(prediction.star_sigma),
+        "warnings": list(prediction.warnings),
+        "doubtful": prediction.doubtful,
+        "statistics_of_other_settings": list(prediction.taken_over),
+    }  # fmt: skip
+
+
+def _errors(errors):
+    """1 sigma: of each axis of the attitude, and of the whole of each."""
+    axes = [math.degrees(math.sqrt(value)) for value in errors.attitude_b.diagonal()]
+    whole = {
+        f"{name}_{unit.replace('/', '_')}": factor * sigma(errors, field)
+        for name, field, unit, factor in UNITS
+    }
+    return {"t_s": errors.t_s, "attitude_axes_deg": axes, **whole}
+
+
+def _arcsec(angle):
+    return None if math.isnan(angle) else math.degrees(angle) * 3600.0
+
+
+def tables(study, asked):
+    """(list of rich Tables, lines of text below them). plan.Study, plan.Asked"""
+    notes = _Notes()
+    required = next((one.judged for one in study.combinations if one.judged), ())
+    found = [_verdicts(study, asked, required, notes)]
+    whats = next(one.prediction for one in study.combinations if one.prediction).errors
+    found += [_sizes(study, k, each.what) for k, each in enumerate(whats)]
+    return found, [*_lines(study, asked, required), *notes.lines()]
+
+
+def _verdicts(study, asked, required, notes):
+    """Table of what is required."""
+    rows = []
+    for rank, one in enumerate(study.combinations, 1):
+        cost = [] if one.cost is None else [f"{'* ' if one is study.cheapest else ''}{one.cost:g}"]
+        cells = [_verdict(each, one.prediction.doubtful) for each in one.judged] or ["-"] * len(required)
+        cells += _stars(one.prediction)
+        rows.append((str(rank), *one.settings.values(), *cost, *cells, notes.of(one)))
+    limits = [f">{one.name.split('_')[0]} [{one.unit}], {words(one.name, one.limit, '')}" for one in required]
+    heads = ("", *study.combinations[0].settings, *([">cost"] if asked.costs else []), *limits,
+             ">frames with a fix", ">one fix [arcsec]", "notes")  # fmt: skip
+    share = f"{100.0 * study.probability:.6g} %"
+    return columns.table(f"{study.name}: at entry {share} of flights are predicted to be within", heads, rows)
+
+
+def _verdict(one, doubtful):
+    """A Judged in a cell."""
+    verdict = ("met" if one.met else "NOT met") + "?" * doubtful
+    return f"no entry, {verdict}" if one.found is None else f"{one.found:.3g} {verdict}"
+
+
+def _stars(prediction):
+    """Share of the frames with a star fix, and the size of one [arcsec], as cells."""
+    if prediction is None or not prediction.star_frames:
+        return ["-", "-"]
+    arcsec = _arcsec(prediction.star_sigma)
+    share = f"{100.0 * prediction.star_fixes / prediction.star_frames:.0f} %"
+    return [share, "-" if arcsec is None else f"{arcsec:.2g}"]
+
+
+def _sizes(study, k, what):
+    """Table of the errors at the k-th time."""
+    rows = []
+    for rank, one in enumerate(study.combinations, 1):
+        cells = ["-"] * 6 if one.prediction is None else _errors_of(one.prediction.errors[k])
+        rows.append((str(rank), *one.settings.values(), *cells))
+    attitude = (">attitude [deg]", ">about x", ">about y", ">about z")
+    heads = ("", *study.combinations[0].settings, *attitude, ">position [m]", ">velocity [m/s]")
+    return columns.table(f"Predicted errors at {what}, 1 sigma", heads, rows)
+
+
+def _errors_of(errors):
+    """Attitude, its three axes, position, velocity, as cells."""
+    axes = [f"{math.degrees(math.sqrt(value)):.3g}" for value in errors.attitude_b.diagonal()]
+    whole, *others = (f"{factor * sigma(errors, field):.3g}" for _, field, _, factor in UNITS)
+    return [whole, *axes, *others]
+
+
+class _Notes:
+    """Texts about some combinations, each under a letter."""
+
+    def __init__(self):
+        self._letters = {}
+
+    def of(self, one):
+        """Letters of what there is to say of a Combination."""
+        if one.prediction is None:
+            texts = [f"no prediction: {one.refused}"]
+        else:
+            texts = [f"check warns: {text}" for text in one.prediction.warnings]
+            if one.prediction.taken_over:
+                texts.append(
+                    "the star tracker's statistics were fitted to other settings, its shares of stars found "
+                    f"and of frames identified are taken over: {', '.join(one.prediction.taken_over)}"
+                )
+        return " ".join(self._letters.setdefault(text, _letter(len(self._letters))) for text in texts)
+
+    def lines(self):
+        """One line for each letter."""
+        return [f"{letter}: {text}" for text, letter in self._letters.items()]
+
+
+def _letter(k):
+    letters = string.ascii_lowercase
+    return letters[k] if k < len(letters) else letters[k // len(letters) - 1] + letters[k % len(letters)]
+
+
+def _lines(study, asked, required):
+    """What the table means, and where it cannot be trusted."""
+    found = []
+    if required:
+        for k, one in enumerate(required):
+            ks = sorted(each.judged[k].k for each in study.combinations if each.judged and each.judged[k].k)
+            if ks:
+                whole = "of the largest angle about an axis" if one.unit == "deg" else "of the whole vector"
+                found.append(
+                    f"{one.name.replace('_', ' ')}: {ks[0]:.2f} to {ks[-1]:.2f} sigma {whole} hold "
+                    f"{100.0 * study.probability:.6g} % of Gaussian errors (requirements.probability)."
+                )
+        found.append("Ranked by the largest share of a limit that is used up.")
+    else:
+        found.append("Nothing is required that a covariance could say. Ranked by the attitude.")
+    if study.unpredicted:
+        found.append(f"Required, but not predicted: {', '.join(study.unpredicted)}.")
+    if study.idle:
+        found.append(f"Without any effect on the linear model: {', '.join(study.idle)}.")
+    if asked.costs:
+        best = study.cheapest
+        if best is None:
+            found.append("None meets all requirements without doubt.")
+        else:
+            settings = ", ".join(f"{key} {value}" for key, value in best.settings.items())
+            found.append(f"* {CHEAPEST}: {settings}, {best.cost:g}.")
+    return [*found, *CAUTION, f"Monte Carlo of the corner points: {corners(asked)}"]
+
+
+CAUTION = (
+    "This is what the best filter could do with these measurements, along one flight and with one draw of "
+    "GPS outages. The filter on board is at it or above.",
+    "met? and NOT met?: before that time the IMU comes to the end of its range, or the attitude is known to "
+    "5 deg or less well: the linear model does not hold, and the filter may be lost.",
+    "Not in it: wrong identification of stars, sensors at the end of their range, faults, dispersed flights, "
+    "and settings of the software.",
+)
+
+
+def corners(asked):
+    """Command that flies the first and the last value of each setting."""
+    sweeps = [f"--sweep '{one.key}={one.values[0]},{one.values[-1]}'" for one in asked.axes]
+    sets = [f"--set '{text}'" for text in asked.overrides]
+    return " ".join(["shefex-nav campaign", asked.scenario, "--runs 100", *sweeps, *sets])

@@ -1,0 +1,239 @@
+"""Trades: the same covariances as the bound, errors that scale as they must, shares of Gaussian errors."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy import stats
+from typer.testing import CliRunner
+
+from shefex_nav import prepare
+from shefex_nav.campaign.compare import sweep
+from shefex_nav.commands.main import app
+from shefex_nav.report import imu_range
+from shefex_nav.scenario import load, star_model
+from shefex_nav.scenario.layers import ScenarioError
+from shefex_nav.scenario.requirements import Requirements
+from shefex_nav.verify import bound, bound_model, over_bound
+from shefex_nav.verify.trade import judge, picture, plan, predict, table, within
+from shefex_nav.verify.trade.growth import Growth
+
+NIGHT = [  # instruments at rest for 100 s
+    "mission.time_limit=100 s",
+    "star_tracker.off=100 s",
+]
+SHORT = [*NIGHT, "star_tracker.enabled=false"]
+STATES = "gyro_scale, gyro_misalignment, gyro_g_sensitivity, accel_scale, accel_misalignment, gravity"
+BLIND = [*SHORT, "gps.max_pdop=0.001"]  # no fix at all
+
+
+def predicted(name, overrides, shared=None, **more):
+    """Prediction of a scenario, along one flight if `shared` is given."""
+    return predict.predict(load.load(name, overrides), shared or predict.Shared(None, 1), **more)
+
+
+def at_end(prediction):
+    """Covariances of the last Errors."""
+    return prediction.errors[-1][2:]
+
+
+def test_a_trade_of_one_combination_is_the_bound():
+    """Every fix at its own instant: `bound.follow` gives the same covariances, sample by sample."""
+    scenario = load.load("night_sky", SHORT)
+    world = prepare.build_world(scenario, 1)
+    whole = over_bound.bounds(scenario, world, [])[0]
+    found = predict.predict(scenario, predict.Shared(None, 1), gps_s=0.01).errors[-1]
+    k = int(np.argmin(np.abs(whole.t_s - found.t_s)))
+    assert found.what == predict.END and abs(whole.t_s[k] - found.t_s) < 1e-9
+    assert np.linalg.norm(found.position_i) > 0.01  # of something
+    for mine, theirs in zip(found[2:], (whole.position_i, whole.velocity_i, whole.attitude_b), strict=True):
+        # what differs: intervals of a second and not of half a second, over which sources wander
+        assert np.abs(mine - theirs[k]).max() < 1e-4 * np.abs(theirs[k]).max()
+
+
+def test_an_interval_of_pieces_is_that_of_the_bound():
+    scenario = load.load("night_sky", [*SHORT, "imu.gyro.quantum=off", "imu.accelerometer.quantum=off"])
+    flight = over_bound.flight_of(scenario, prepare.build_world(scenario, 1), [])
+    layout = bound_model.sources(flight.imu, flight.camera, 1e-4, 500.0)
+    dt_s = bound.sample_s(flight.trajectory)
+    before, end = 4030, 5270  # within pieces, over several whole ones
+    whole = bound._interval(flight, layout, dt_s, before, end)
+    joined = Growth(flight).interval(flight, layout, before, end)
+    assert joined.t_s == whole.t_s
+    np.testing.assert_allclose(joined.Phi, whole.Phi, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(joined.Q, whole.Q, rtol=1e-9, atol=1e-9 * np.abs(whole.Q).max())
+    assert Growth(flight).interval(flight, layout, 0, 200).Q[6, 6] > 0.0
+
+
+def test_white_noise_adds_to_the_covariance_with_its_square():
+    """Nothing is measured: P is linear in the variance of the noise, P(2w) - P(0) = 4 (P(w) - P(0))."""
+    shared = predict.Shared(None, 1)
+    sizes = {w: at_end(predicted("night_sky", [*BLIND, f"imu.gyro.random_walk={w} deg/sqrt(h)"], shared))
+             for w in (0.0, 0.5, 1.0)}  # fmt: skip
+    assert predicted("night_sky", BLIND, shared).gps_fixes == 0
+    for none, once, twice in zip(sizes[0.0], sizes[0.5], sizes[1.0], strict=True):
+        np.testing.assert_allclose(
+            twice - none, 4.0 * (once - none), rtol=1e-6, atol=1e-6 * np.abs(twice).max()
+        )
+    # white noise goes with the square root of the time: 0.5 deg/sqrt(h) over 100 s
+    turned = np.degrees(np.sqrt(sizes[0.5][2][0, 0] - sizes[0.0][2][0, 0]))
+    assert turned == pytest.approx(0.5 * np.sqrt(100.0 / 3600.0), rel=1e-3)
+
+
+def test_a_constant_bias_turns_the_attitude_with_the_time():
+    """At rest: sigma = bias * t."""
+    shared = predict.Shared(None, 1)
+    quiet = [*BLIND, "imu.gyro.random_walk=0 deg/sqrt(h)", "imu.gyro.in_run_bias=0 deg/h"]
+    none, some = (
+        at_end(predicted("night_sky", [*quiet, f"imu.gyro.bias={b} deg/h"], shared))[2][0, 0] for b in (0, 90)
+    )
+    assert np.degrees(np.sqrt(some - none)) == pytest.approx(90.0 * 100.0 / 3600.0, rel=1e-3)
+
+
+def test_fixes_taken_together_keep_their_information():
+    from shefex_nav.records import GpsFix
+
+    def fix(t_s):
+        return GpsFix(t_s, t_s, True, np.zeros(3), np.zeros(3), 4.0 * np.eye(3), np.eye(3), 8, 2.0, "")
+
+    found = predict.together([fix(t) for t in (9.6, 9.8, 10.0, 10.2, 10.4, 11.0)], 1.0)
+    assert [one.t_valid_s for one in found] == [10.0, 11.0]
+    np.testing.assert_allclose(found[0].R_r_e, 0.8 * np.eye(3))
+    np.testing.assert_allclose(found[1].R_v_e, np.eye(3))
+
+
+def test_shares_of_gaussian_errors():
+    for share in (0.5, 0.9, 0.99865, 0.999999):
+        for n, variances in ((1, (4.0, 0.0, 0.0)), (2, (4.0, 0.0, 4.0)), (3, (4.0, 4.0, 4.0))):
+            wanted = 2.0 * stats.chi(n).ppf(share)
+            assert within.least_limit(within.length, share, variances) == pytest.approx(wanted, rel=1e-6)
+        single = stats.norm.ppf(0.5 + 0.5 * share)
+        assert within.least_limit(within.axes, share, (1.0, 0.0, 0.0)) == pytest.approx(single, rel=1e-6)
+    # unequal variances, against the distribution function of a sum of two: chi-square by convolution
+    drawn = np.linalg.norm(np.random.default_rng(1).standard_normal((400_000, 3)) * (3.0, 1.0, 0.2), axis=1)
+    share = (drawn <= 5.0).mean()
+    error = np.sqrt(share * (1.0 - share) / len(drawn))
+    assert abs(within.length((9.0, 1.0, 0.04), 5.0) - share) < 4.0 * error
+    assert within.axes((1.0, 1.0, 1.0), 2.0) == pytest.approx((2.0 * stats.norm.cdf(2.0) - 1.0) ** 3)
+
+
+def errors_of(sigma):
+    """A prediction whose attitude has a sigma about each axis [rad], a metre and a mm/s otherwise."""
+    at = predict.Errors(predict.ENTRY, 400.0, np.eye(3), 1e-6 * np.eye(3), sigma**2 * np.eye(3))
+    return predict.Prediction((at,), 10, 100, 90, 1e-5, (), False, ())
+
+
+def test_a_requirement_is_met_if_the_stated_share_is_within():
+    limit = np.radians(0.17)
+    required = Requirements.model_validate(
+        {"attitude": {"limit": "0.17 deg", "at_entry": True}, "apogee": "9 km"}
+    )
+    k = stats.norm.ppf(0.5 + 0.5 * 0.99865 ** (1.0 / 3.0))
+    for sigma, met in ((0.999 * limit / k, True), (1.001 * limit / k, False)):
+        (one,) = judge.judge(required, errors_of(sigma))
+        assert (one.name, one.met) == ("attitude_at_entry", met)
+        assert one.k == pytest.approx(k, rel=1e-6) and (one.share >= 0.99865) is met
+    assert judge.unpredicted(required) == ["apogee"]
+    without = errors_of(1e-4)
+    without = without._replace(errors=(without.errors[0]._replace(what=predict.END),))
+    assert not judge.judge(required, without)[0].met
+
+
+def test_a_range_that_is_exceeded_before_is_a_doubt():
+    imu = load.load("rexus_like", ["imu.gyro.range=100 deg/s"]).imu
+    rate = np.zeros((10, 3))
+    rate[6] = 2.0
+    motion = imu_range.Motion(np.arange(10.0), rate, np.zeros((10, 3)))
+    assert predict.at_range(imu, motion, 7.0) and not predict.at_range(imu, motion, 5.0)
+
+
+class Axis:
+    """As of campaign.compare.sweep."""
+
+    def __init__(self, key, *values):
+        self.key, self.values = key, values
+
+
+def study(axes, used, costs):
+    """A plan.Study of errors that are given for each combination, in their order."""
+    required = Requirements.model_validate({"attitude": {"at_entry": True}})
+    whole = []
+    for settings, sigma in zip(plan.combinations(axes), used, strict=True):
+        if sigma is None:
+            whole.append(plan.Combination(settings, None, "no such thing", (), None))
+            continue
+        cost = sum(costs[key][settings[key]] for key in costs)
+        prediction = errors_of(sigma)
+        judged = tuple(judge.judge(required, prediction))
+        whole.append(plan.Combination(settings, prediction, "", judged, cost))
+    return plan.ordered("made", required, axes, whole, bool(costs))
+
+
+def test_the_cheapest_that_meets_all_and_what_has_no_effect(tmp_path):
+    axes = (Axis("a", "1", "2", "3"), Axis("b", "x", "y"))
+    made = study(axes, (1e-4, 1e-4, 5e-4, 5e-4, 9e-3, None), {"a": {"1": 9.0, "2": 4.0, "3": 1.0}})
+    assert [one.settings["a"] for one in made.combinations] == ["1", "1", "2", "2", "3", "3"]
+    assert made.cheapest.settings["a"] == "2" and made.idle == ()
+    same = study((axes[0], Axis("b", "x", "y")), (1e-4, 1e-4, 5e-4, 5e-4, 9e-3, 9e-3), {})
+    assert same.idle == ("b",) and same.cheapest is None
+    asked = plan.Asked("made", axes, costs={"a": {}})
+    drawn, lines = table.tables(made, asked)
+    assert len(drawn) == 2 and any("* cheapest" in line for line in lines)
+    assert any("no prediction: no such thing" in line for line in lines)
+    numbers = table.as_numbers(made, asked)
+    assert json.dumps(numbers, allow_nan=False) and numbers["combinations"][2]["cheapest"]
+    picture.draw(made, asked, tmp_path / "map.png")
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_a_doubtful_prediction_is_neither_first_nor_the_cheapest():
+    axes = (Axis("a", "1", "2"),)
+    made = study(axes, (1e-4, 5e-4), {"a": {"1": 1.0, "2": 4.0}})
+    first, second = made.combinations
+    doubtful = first._replace(prediction=first.prediction._replace(doubtful=True))
+    required = Requirements.model_validate({"attitude": {"at_entry": True}})
+    again = plan.ordered("made", required, axes, [doubtful, second], True)
+    assert again.combinations[0] is second and again.cheapest is second
+
+
+def test_costs_are_read_as_sweeps_are():
+    assert plan.costs("imu=stim300:8000,bmi088:20.5", sweep.key_of) == (
+        "imu.use", {"stim300": 8000.0, "bmi088": 20.5}
+    )  # fmt: skip
+    for bad in ("imu", "imu=stim300", "imu=stim300:dear", "imu=:5", "imu=stim300:-1"):
+        with pytest.raises(plan.TradeError, match="expected KEY=VALUE:COST"):
+            plan.costs(bad, sweep.key_of)
+
+
+def test_what_the_linear_model_does_not_know_is_refused():
+    with pytest.raises(predict.NoPredictionError, match=r"tight \(it takes fixes"):
+        predicted("rexus_like", ["navigation.gps=tight", f"navigation.states=[{STATES}, clock]"])
+    with pytest.raises(predict.NoPredictionError, match="names no statistics"):
+        predicted("shefex2_andoya", [])
+    with pytest.raises(ScenarioError, match=r"nothing\.json"):
+        star_model.named_by("shefex2_andoya", ["star_tracker.model=nothing.json"])
+    assert star_model.named_by("shefex2_andoya").format == 3
+
+
+def test_the_command_ranks_and_is_refused(tmp_path):
+    def run(*arguments):
+        return CliRunner().invoke(app, ["trade", "night_sky", *arguments])
+
+    drawn = tmp_path / "map.png"
+    sets = (*(word for one in SHORT for word in ("--set", one)), "--json", "--workers", "1")
+    done = run("--sweep", "imu.gyro.bias=9 deg/h,90 deg/h", *sets, "--figure", str(drawn))
+    assert done.exit_code == 0 and drawn.exists()
+    found = json.loads(done.stdout)["combinations"]
+    assert [one["settings"]["imu.gyro.bias"] for one in found] == ["9 deg/h", "90 deg/h"]
+    first, second = (one["errors"]["end"]["attitude_axes_deg"][0] for one in found)
+    assert 0.0 < first < second
+    assert run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets).exit_code == 2
+    costly = run("--sweep", "gps.rate=1 Hz,5 Hz", "--cost", "imu=stim300:1", *sets)
+    assert costly.exit_code == 2 and "is not tried" in costly.stderr
+
+
+def test_an_attitude_that_is_hardly_known_is_a_doubt():
+    """At rest over 100 s, sigma = bias * t: 4.5 and 5.5 deg at the end, where 5 is the border."""
+    shared = predict.Shared(None, 1)
+    for bias, doubtful in ((0.045, False), (0.055, True)):
+        assert predicted("night_sky", [*BLIND, f"imu.gyro.bias={bias} deg/s"], shared).doubtful is doubtful
