@@ -175,6 +175,9 @@ def fitness(scenario):
     if scenario.star_tracker.identification.deepest is not None:
         words = "statistics of the star tracker do not know identification.deepest; fly with frames: rendered"
         yield path, words
+    if scenario.star_tracker.identification.acceptance != "verified":
+        words = "statistics of the star tracker are of verified attitudes; fly with frames: rendered"
+        yield path, words
     if BUILT_IN != scenario.star_tracker.software or BUILT_IN != scenario.computer.software:
         yield path, "statistics are of the built-in star tracker; fly your own with frames: rendered"
 
