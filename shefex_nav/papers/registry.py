@@ -30,6 +30,7 @@ EXPERIMENTS = {
     "impa-assumptions": ("impa.assumptions", "IMPA tables 8, 12: what hangs on what it does not say"),
     "impa-frames": ("impa.frames", "IMPA: what the frames look like, and what is found in them"),
     "impa-images": ("impa.experiments", "IMPA tables 8, 9, 12, 13: success against the number of images"),
+    "as-flown": ("flown.experiments", "The papers' systems in flight beside the default chain, in one table"),
 }
 
 
