@@ -1,13 +1,13 @@
 """What the Improved Multi-Poles paper leaves open, as it is printed: one switch for each equation or step.
 
-    switch      as printed                                          as read by us
-    magnitude   (32): all light of a cluster over G_0 T_exp         the light of a row's exposure: a star that
-                                                                    moves with the rows is seen for longer
-    votes       (41): a pair that suits the pole and any neighbour  a star counts once with each neighbour, and
-                is one element, and both its stars occur in it      only where it has the pole's magnitude
-    border      the text has none: all clusters                     clusters that the border cuts are left out
-    poles       each detection is the pole once; a set is held      all pairs of poles, the second one out of
-                against the one before it                           the neighbours of the first
+    switch      as printed                                        as read by us
+    magnitude   (32): all light of a cluster over G_0 T_exp       the light of a row's exposure: a star that
+                                                                  moves with the rows is seen for longer
+    votes       (41): a pair that suits the pole and a neighbour  a star counts once with each neighbour,
+                is one element, and both its stars occur in it    and only where it has the pole's magnitude
+    border      the text has none: all clusters                   those that the border cuts are left out
+    poles       each detection is the pole once; a set is held    all pairs of poles, the second one out of
+                against the one before it                         the neighbours of the first
 
 `match` is the identification with any of them; with all as read by us it is that of `multipole`.
 """
@@ -98,8 +98,9 @@ def _partner(sky, light, sides, i, j, pole):
 
 
 @inner
-def _accept(sky, light, sides, votes, count, union, i, row):
-    """As `multipole.accept`, its stars counted as they are printed with `union`."""
+def _accept(task, i, row):
+    """As `multipole.accept`, its stars counted as they are printed with the union of (41)."""
+    sky, light, sides, votes, count, union = task
     if not union:
         return multipole.accept(sky, light, sides, votes, i, row)
     row[:] = -1
@@ -122,7 +123,7 @@ def _next_pole(named, is_tried, first):
 
 
 @inner
-def _once_each(sky, light, sides, votes, count, union, least, named, star):
+def _once_each(task, least, named, star):
     """Each detection the pole once, each set held against the one before: whether two agree."""
     is_tried, first = np.zeros(len(star), dtype=np.bool_), -1
     while True:
@@ -133,7 +134,7 @@ def _once_each(sky, light, sides, votes, count, union, least, named, star):
             first = -1  # its neighbours are through
             continue
         is_tried[i] = True
-        if not _accept(sky, light, sides, votes, count, union, i, named[i]):
+        if not _accept(task, i, named[i]):
             continue
         if first >= 0 and multipole.common(named[first], named[i], star) >= least:
             return True
@@ -141,7 +142,7 @@ def _once_each(sky, light, sides, votes, count, union, least, named, star):
 
 
 @inner
-def _all_pairs(sky, light, sides, votes, count, union, least, named, star):
+def _all_pairs(task, least, named, star):
     """All pairs of poles, as `multipole` has them: whether two agree."""
     n = len(star)
     is_known = np.zeros(n, dtype=np.bool_)
@@ -149,7 +150,7 @@ def _all_pairs(sky, light, sides, votes, count, union, least, named, star):
         i, j = number // n, number % n
         for pole in (i, j):
             if not is_known[pole] and (pole == i or named[i, j] >= 0):
-                _accept(sky, light, sides, votes, count, union, pole, named[pole])
+                _accept(task, pole, named[pole])
                 is_known[pole] = True
         is_pair = i != j and named[i, j] >= 0 and named[j, j] >= 0
         if is_pair and multipole.common(named[i], named[j], star) >= least:
@@ -163,11 +164,11 @@ def _search_kernel(sky, light, sides, votes, printed, least, star):
     union, once = printed
     n = len(star)
     named = np.full((n, n), -1, dtype=np.int64)
-    count = np.zeros(votes.counts.shape[1], dtype=np.uint32)
+    task = sky, light, sides, votes, np.zeros(votes.counts.shape[1], dtype=np.uint32), union
     if once:
-        found = _once_each(sky, light, sides, votes, count, union, least, named, star)
+        found = _once_each(task, least, named, star)
     else:
-        found = _all_pairs(sky, light, sides, votes, count, union, least, named, star)
+        found = _all_pairs(task, least, named, star)
     if not found:
         star[:] = -1
     return found
