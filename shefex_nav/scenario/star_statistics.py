@@ -106,6 +106,7 @@ def settings(scenario):
     tracker = scenario.star_tracker.model_dump(exclude=NOT_OF_THE_MODEL)
     camera = scenario.star_camera.model_dump(exclude=OF_LENS)  # the flux says all of that
     found = _flat(camera, ("star_camera",)) | _flat(tracker, ("star_tracker",))
+    del found["star_tracker.identification.acceptance"]  # statistics are of verified attitudes: `fitness`
     return {path: value for path, value in found.items() if value is not None}
 
 

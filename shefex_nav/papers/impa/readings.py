@@ -141,10 +141,11 @@ def draw(figure, results, rows):
             axis, place = axes[c, s], f"{case.replace('_', ' ')}, {shutter.replace('_', ' ')}"
             table = IMPA["success_percent_by_images"][case][shutter][IMAGES][1:]
             axis.plot(RATES, table, color="0.6", lw=4.0, label="published")
-            for name, style, colour in zip(NAMES, STYLES, COLOURS, strict=True):
+            for k, (name, style, colour) in enumerate(zip(NAMES, STYLES, COLOURS, strict=True)):
                 key = [("success within 2 images", f"{place}, {rate:g} deg/s, {name}") for rate in RATES]
                 values = [100.0 * of[one].measured for one in key]
-                axis.plot(RATES, values, style, ms=5, lw=1.2, color=colour, label=f"simulated, {name}")
+                beside = np.array(RATES) + 0.05 * (k - 2.5)  # many are the same
+                axis.plot(beside, values, style, ms=5, lw=1.2, color=colour, label=f"simulated, {name}")
             axis.set(title=place, ylim=(0.0, 103.0))
             axis.set_xticks(RATES)
             tidy(axis)
