@@ -17,6 +17,7 @@ PAPERS = {  # folder -> name
     "shefex2": "SHEFEX: star tracker and hybrid navigation of SHEFEX-2 (2011)",
     "bright": "BRIGHT: identification with a brightness reference (2014)",
     "impa": "IMPA: rolling shutter and Improved Multi-Poles (2019)",
+    "flown": "Their systems in flight, beside the default chain",
 }
 HEADS = ("quantity", "condition", "published", "measured", "95 % interval", "tolerance", "class", "why")
 NUMBERS = (2, 3, 4, 5)

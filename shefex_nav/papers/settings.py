@@ -58,6 +58,7 @@ STAR_TRACKER = StarTracker(  # exposure and detection: see scenarios/shefex2_and
         tracking=False,
         tolerance=radians(0.018),
         most_centroids=15,
+        acceptance="verified",
         fewest_stars=4,
         centroid_error=0.2,
         gate_sigma=4.5,
@@ -66,6 +67,8 @@ STAR_TRACKER = StarTracker(  # exposure and detection: see scenarios/shefex2_and
         magnitude_error=0.3,
         magnitude_tolerance=0.7,
         false_alarm=1e-7,
+        cosine_error=None,
+        reference_magnitude=None,
         deepest=None,
     ),
 )

@@ -1,6 +1,7 @@
 """Values of a scenario that contradict each other: star tracker, its camera, the filter that waits."""
 
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.onboard.startracker.settings import contradiction
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
 
@@ -154,6 +155,8 @@ def _catalogue_and_latency(scenario):
     if tracker.identification.tracking and tracker.identification.method != "bayes":
         words = f"method {tracker.identification.method!r} cannot use a prediction; set tracking: false"
         yield ("star_tracker", "identification", "tracking"), words
+    if (found := contradiction(tracker.identification)) is not None:
+        yield ("star_tracker", "identification", found[0]), found[1]
     if navigation.stars == "vectors" and not tracker.identification.tracking:
         words = (
             "stars: vectors identifies one or two stars by the predicted attitude; set "

@@ -106,6 +106,7 @@ def settings(scenario):
     tracker = scenario.star_tracker.model_dump(exclude=NOT_OF_THE_MODEL)
     camera = scenario.star_camera.model_dump(exclude=OF_LENS)  # the flux says all of that
     found = _flat(camera, ("star_camera",)) | _flat(tracker, ("star_tracker",))
+    del found["star_tracker.identification.acceptance"]  # statistics are of verified attitudes: `fitness`
     return {path: value for path, value in found.items() if value is not None}
 
 
@@ -174,6 +175,9 @@ def fitness(scenario):
         yield path, words
     if scenario.star_tracker.identification.deepest is not None:
         words = "statistics of the star tracker do not know identification.deepest; fly with frames: rendered"
+        yield path, words
+    if scenario.star_tracker.identification.acceptance != "verified":
+        words = "statistics of the star tracker are of verified attitudes; fly with frames: rendered"
         yield path, words
     if BUILT_IN != scenario.star_tracker.software or BUILT_IN != scenario.computer.software:
         yield path, "statistics are of the built-in star tracker; fly your own with frames: rendered"

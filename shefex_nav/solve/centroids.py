@@ -290,6 +290,7 @@ def _identification(method, ready):
         tracking=False,
         tolerance=3.0 * np.sqrt(2.0) * numbers.centroid_error / numbers.focal_px,
         most_centroids=200 if method == "multipole" else 15,  # the others build triangles
+        acceptance="verified",
         fewest_stars=4,
         centroid_error=numbers.centroid_error,
         gate_sigma=4.5,
@@ -298,6 +299,8 @@ def _identification(method, ready):
         magnitude_error=numbers.magnitude_error,
         magnitude_tolerance=0.7,  # eps_m of the multipole method is not given [E]
         false_alarm=numbers.false_alarm,
+        cosine_error=None,
+        reference_magnitude=None,
         deepest=None,
     )
 

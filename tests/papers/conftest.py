@@ -3,5 +3,7 @@
 import sys
 from pathlib import Path
 
+from shefex_nav import plugins  # noqa: F401 the methods of the papers are known by their names
+
 TESTS = Path(__file__).parents[1]
 sys.path += [str(TESTS / "onboard"), str(TESTS / "world")]

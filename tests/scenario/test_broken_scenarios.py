@@ -93,6 +93,30 @@ BROKEN = {
         "star_tracker.identification.tracking",
         "method 'pyramid' cannot use a prediction; set tracking: false",
     ),
+    "published acceptance of a method that is published nowhere": (
+        "fewest_stars: 4\n",
+        "fewest_stars: 4\n    acceptance: @published\n",
+        "star_tracker.identification.acceptance",
+        "'bayes' is published nowhere; write verified, or choose another method",
+    ),
+    "three stars that are to be verified": (
+        "fewest_stars: 4\n",
+        "fewest_stars: @3\n",
+        "star_tracker.identification.fewest_stars",
+        "3 stars prove nothing; write 4, or acceptance: published",
+    ),
+    "a cosError for a method without one": (
+        "fewest_stars: 4\n",
+        "fewest_stars: 4\n    cosine_error: @5.5e-5\n",
+        "star_tracker.identification.cosine_error",
+        "is of the published pyramid; write acceptance: published, or leave it out",
+    ),
+    "a reference magnitude for a method without one": (
+        "fewest_stars: 4\n",
+        "fewest_stars: 4\n    reference_magnitude: @2 mag\n",
+        "star_tracker.identification.reference_magnitude",
+        "method 'bayes' has none; leave it out",
+    ),
     "unknown identification": (
         "method: bayes",
         "method: @telepathy",

@@ -4,6 +4,8 @@ from typing import Literal
 
 from shefex_nav.settings import Settings, choice, count, number, quantity, section, switch
 
+MIN_VERIFIED = 4  # stars of an attitude that is found without a prediction
+
 
 class ExposureControl(Settings):
     """Exposure and gain of the star camera, commanded frame by frame."""
@@ -97,7 +99,14 @@ class Identification(Settings):
         "rad", "60 arcsec", "of the angle between two detections", positive=True, at_most="1 deg"
     )
     most_centroids: int = count("15", "the brightest, of which triangles are built", at_least=4)
-    fewest_stars: int = count("4", "identified stars without which there is no attitude", at_least=4)
+    acceptance: Literal["verified", "published"] = choice(
+        "every identification is verified against the whole field, or believed as its paper believes it, "
+        "wrong attitudes included; not with bayes",
+        "verified",
+    )
+    fewest_stars: int = count(
+        "4", "identified stars without which there is no attitude; 3 with acceptance: published", at_least=3
+    )
     centroid_error: float = quantity("pix", "0.2 pix", "per axis, of an ordinary star", positive=True)
     gate_sigma: float = number("4", "a detection further off is not that star", positive=True)
     detection_probability: float = quantity(
@@ -110,6 +119,21 @@ class Identification(Settings):
     magnitude_tolerance: float = quantity(
         "mag", "1 mag", "multipole: of a measured magnitude against the catalogue's", at_least="0.01 mag"
     )
+    cosine_error: float | None = number(
+        "5.5e-5",
+        "pyramid, published: of the cosine of such an angle, in place of tolerance (SHEFEX-2's cosError)",
+        None,
+        positive=True,
+        at_most=0.01,
+    )
+    reference_magnitude: float | None = quantity(
+        "mag",
+        "2.4 mag",
+        "brightness: a detection that looks brighter is surely brighter than 3 mag, and two others with it "
+        "are enough; left out: four stars",
+        None,
+        at_most="3 mag",
+    )
     false_alarm: float = number(
         "1e-6", "accepted probability that an attitude is chance", positive=True, at_most=0.01
     )
@@ -120,6 +144,26 @@ class Identification(Settings):
         None,
         at_most="8 mag",
     )
+
+
+def contradiction(settings):
+    """What in settings of the identification contradicts itself: (key, words), or None.
+
+    settings : Identification, as on board or as in a scenario
+    """
+    if settings.acceptance == "published":
+        if settings.method == "bayes":
+            return "acceptance", "'bayes' is published nowhere; write verified, or choose another method"
+        if settings.method != "pyramid" and settings.cosine_error is not None:
+            return "cosine_error", f"method {settings.method!r} has none; leave it out"
+    elif settings.fewest_stars < MIN_VERIFIED:
+        words = f"{settings.fewest_stars} stars prove nothing; write {MIN_VERIFIED}, or acceptance: published"
+        return "fewest_stars", words
+    elif settings.cosine_error is not None:
+        return "cosine_error", "is of the published pyramid; write acceptance: published, or leave it out"
+    if settings.reference_magnitude is not None and settings.method != "brightness":
+        return "reference_magnitude", f"method {settings.method!r} has none; leave it out"
+    return None
 
 
 class StarTracker(Settings):

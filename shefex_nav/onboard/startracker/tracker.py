@@ -26,7 +26,7 @@ from shefex_nav.onboard.startracker.exposure import flags, next_exposure
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.onboard.startracker.methods import SCAN, STEPS, ways
-from shefex_nav.onboard.startracker.settings import StarTracker
+from shefex_nav.onboard.startracker.settings import StarTracker, contradiction
 from shefex_nav.records import NO_STARS, CameraCommand, Reason, StarFix
 
 NO_ATTITUDE = np.full(4, np.nan)
@@ -98,6 +98,8 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"unknown star identification {method!r}")
     if settings.identification.tracking and method != "bayes":
         raise ValueError(f"star identification {method!r} cannot use a prediction")
+    if (words := contradiction(settings.identification)) is not None:
+        raise ValueError(f"star identification: {words[1]}")
     if scan not in (known := ways(SCAN)):
         raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)

@@ -37,6 +37,7 @@ EXTENTS = (
     "which the paper does not give"
 )
 WHY = {"rolling_compensated": EXTENTS, "rolling_implicit": EXTENTS}
+SMALL_PX, ALMOST_ALL, LARGEST_PX = 2.0, 0.95, 20.0  # of figure 13; 'almost all' is ours [E]
 RESAMPLES = 200
 MEAN_RESOLVES_PX, SKEWNESS_RESOLVES = 0.05, 0.25
 
@@ -59,6 +60,7 @@ def conclude(results):
     for kind in KINDS[:4]:
         for rate in RATES:
             out += _published_rows(kind, rate, rows)
+    out += _shape_rows(rows)
     for kind in KINDS[4:]:
         for rate in RATES:
             out += _own_rows(kind, rate, chosen(rows, kind, rate))
@@ -101,6 +103,23 @@ def _moment_rows(name, condition, errors, table, r, why):
         ci95 = intervals.bootstrap(statistic, [errors], rng, resamples=RESAMPLES)
         given = f"{words}, {name}", condition, published, float(statistic(errors)), ci95
         out.append(row.figure(*given, n, resolves=resolves, rounding=0.005))
+    return out
+
+
+def _shape_rows(rows):
+    """What the text says of figure 13: almost all below 2 px compensated, close to 20 px at most without."""
+    out, condition = [], f"{RATES[-1]:g} deg/s, horizontal and vertical"
+    moved, raw = (chosen(rows, kind, RATES[-1]) for kind in ("rolling_compensated", "rolling_uncompensated"))
+    x = COLUMNS.index("x")
+    if len(moved) >= LEAST:
+        below = np.abs(moved[:, x : x + 2]).ravel() < SMALL_PX
+        k, n = int(below.sum()), below.size
+        given = f"errors below {SMALL_PX:g} px, compensated; published: almost all", condition, None
+        measured = k / n, intervals.proportion(k, n), n
+        out.append(row.statement(*given, *measured, EXTENTS, least=ALMOST_ALL, resolves=1.0 - ALMOST_ALL))
+    if len(raw) >= LEAST:
+        largest = float(np.abs(raw[:, x : x + 2]).max())
+        out.append(Row("largest error, not compensated [px]", condition, LARGEST_PX, largest))
     return out
 
 
@@ -163,6 +182,11 @@ def _bound_rows(mine, condition, has_goal):
     return out
 
 
+SHAPES = {
+    "global_shutter": 2.0,
+    "rolling_compensated": 2.5,
+    "rolling_uncompensated": 20.0,
+}  # px, of figure 13
 SHOWN_PX = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # on the axis
 STYLES = {
     "global_shutter": ("#1f5fa8", "o-", "IMPA's chain here, global"),
@@ -174,9 +198,42 @@ STYLES = {
 
 
 def draw(figure, results, _rows):
-    """As figure 14: spread against rate, measured and published."""
+    """Figure 14: spread against rate, measured and published; beside it figure 13, errors at 5 deg/s."""
     rows = np.concatenate([result["rows"] for result in results])
-    figure.set_size_inches(10.5, 5.0)
+    figure.set_size_inches(16.0, 6.5)
+    left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
+    _spread(left, rows)
+    _distributions(right, rows)
+
+
+def _distributions(figure, rows):
+    """Figure 13: errors at the highest rate; on top mean and standard deviation, measured and published."""
+    axes = figure.subplots(len(SHAPES), 2, sharex="row")
+    for line, (kind, reach) in zip(axes, SHAPES.items(), strict=True):
+        mine = chosen(rows, kind, RATES[-1])
+        for k, (axis, name) in enumerate(zip(line, ("horizontal", "vertical"), strict=True)):
+            errors = mine[:, COLUMNS.index("x") + k]
+            axis.hist(errors, bins=60, range=(-reach, reach), density=True, color=STYLES[kind][0], alpha=0.5)
+            axis.margins(y=0.3)
+            means = CENTROID_MEAN_PX[kind][name][-1], errors.mean() if len(errors) else np.nan
+            sigmas = IMPA["centroid_error_std_px"][kind][name][-1], errors.std() if len(errors) else np.nan
+            top = axis.get_ylim()[1]
+            both = zip(("published", "simulated here"), ("k", STYLES[kind][0]), means, sigmas, strict=True)
+            for n, (label, colour, mean, sigma) in enumerate(both):
+                look = {"fmt": "o", "ms": 3, "capsize": 3, "color": colour, "label": label}
+                axis.errorbar([mean], [top * (0.97 - 0.1 * n)], xerr=[[sigma], [sigma]], **look)
+            axis.set_xlim(-reach, reach)
+            axis.set_yticks([])
+            words = f"{kind.replace('_', ' ')}, {name}, {RATES[-1]:g} deg/s"
+            axis.set_title(words, loc="left", fontsize=9)
+            tidy(axis)
+    for axis in axes[-1]:
+        axis.set_xlabel("error of the centroid [px]", fontsize=9)
+    legend_below(figure, axes[-1, 0], 2)
+
+
+def _spread(figure, rows):
+    """Spread against rate, horizontal and vertical."""
     axes = figure.subplots(1, 2, sharey=True)
     for axis, (k, name) in zip(axes, enumerate(("horizontal", "vertical")), strict=True):
         for kind, (colour, style, label) in STYLES.items():
@@ -196,7 +253,7 @@ def draw(figure, results, _rows):
         axis.set_yticks(SHOWN_PX, labels=[f"{value:g}" for value in SHOWN_PX])
         axis.set_xticks(RATES)
         axis.set_xlabel("rate [deg/s]")
-        axis.set_title(f"{name} (stars that the published threshold detects)", loc="left", fontsize=10)
+        axis.set_title(f"{name} (of stars over its threshold)", loc="left", fontsize=10)
         tidy(axis)
     axes[0].set_ylabel("standard deviation of the centroid error [px]")
     legend_below(figure, axes[0], 3)

@@ -7,6 +7,7 @@ from shefex_nav.papers.impa import tables
 from shefex_nav.papers.impa.field import SHUTTERS
 from shefex_nav.papers.impa.flight import CASES, SITUATIONS
 from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.papers.impa.published_moments import ATTITUDE_MEAN_ARCSEC
 from shefex_nav.papers.picture import legend_below, tidy
 from shefex_nav.report import intervals
 
@@ -100,9 +101,48 @@ def _published(by_images, by_rate, case, shutter):
     by_rate.plot(tables.RATES, table[max(tables.IMAGES)], label=label, **style)
 
 
-def draw_attitude(figure, _results, rows):
+def draw_attitude(figure, results, rows):
+    """Standard deviations against the rate; on the right figure 15, the errors at the highest rate."""
+    figure.set_size_inches(16.0, 8.5)
+    left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
+    _deviations(left, rows)
+    _distributions(right, tables.stack(results))
+
+
+def _distributions(figure, found):
+    """Figure 15: errors of the right attitudes of the paper's chain, best case, and the published normals."""
+    rate = float(found["rate_deg_s"][found["rate_deg_s"] <= tables.RATES[-1]].max())
+    axes = figure.subplots(3, 2, sharex="row")
+    for s, shutter in enumerate(SHUTTERS):
+        errors = tables.right_errors(found, CASES[0], shutter, rate)
+        for axis, name in zip(axes[:, s], ("roll", "pitch", "yaw"), strict=True):
+            r = tables.RATES.index(rate)
+            sigma = IMPA["attitude_error_std_arcsec"][CASES[0]][shutter][name][r]
+            mean = ATTITUDE_MEAN_ARCSEC[CASES[0]][shutter][name][r]
+            _histogram(axis, errors[:, tables.AXES.index(name)], 4.0 * sigma)
+            x = np.linspace(-4.0 * sigma, 4.0 * sigma, 200)
+            normal = np.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
+            axis.plot(x, normal, "k--", lw=1.2, label="published, normal")
+            words = f"{name}, {shutter.replace('_', ' ')}, {rate:g} deg/s, {len(errors)} attitudes"
+            axis.set_title(words, loc="left", fontsize=9)
+            axis.set_xlabel("error [arcsec]", fontsize=9)
+            axis.set_yticks([])
+            tidy(axis)
+    legend_below(figure, axes[0, 0], 2)
+
+
+def _histogram(axis, errors, reach):
+    """Density of the errors within +-reach."""
+    if len(errors):
+        inside = errors[np.abs(errors) <= reach]
+        n = max(int(np.sqrt(len(errors))), 5)
+        weights = np.full(len(inside), n / (2.0 * reach * len(errors)))
+        look = {"color": picture.COLOURS[0], "alpha": 0.6, "label": "simulated here"}
+        axis.hist(inside, bins=n, range=(-reach, reach), weights=weights, **look)
+
+
+def _deviations(figure, rows):
     """Standard deviations against the rate: one picture a case and shutter, the axes by their colour."""
-    figure.set_size_inches(10.5, 8.0)
     axes = figure.subplots(2, 2, sharey=True, sharex=True)
     colours = dict(zip(tables.AXES, ("#1f5fa8", "#5f9e3f", "#d1622b"), strict=True))
     for c, case in enumerate(CASES):

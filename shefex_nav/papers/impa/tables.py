@@ -25,6 +25,8 @@ COVERED = 1.1  # RMS of the errors over their sigmas that still counts as covere
 STD_MARGIN = 0.25  # of a standard deviation: known so well, two can be said to be the same
 OWN_GOALS = {"best_case": 0.98, "worst_case": 0.95}  # of ours at 5 deg/s within two images
 
+WITHIN_TWO_SIGMA, NORMAL = 0.9545, 0.03  # of a normal distribution; what counts as such
+
 N_AT_RATE, N_AT_REST = PAIRS_OF_ALL, N_ATTITUDES  # simulations of the paper in each cell
 
 
@@ -80,6 +82,12 @@ def _right(codes_and_errors):
     """Errors of the right attitudes. (n, 4) -> (m, 3) arcsec."""
     codes, errors = codes_and_errors[:, 0], codes_and_errors[:, 1:]
     return errors[(codes > 0) & good(errors)]
+
+
+def right_errors(found, case, shutter, rate):
+    """Errors of the right attitudes of the paper's chain at a rate [deg/s]: (m, 3) arcsec, as AXES."""
+    here = found["published"][found["rate_deg_s"] == rate][:, SHUTTERS.index(shutter), CASES.index(case), 0]
+    return _right(here)
 
 
 def image_rows(found):
@@ -170,10 +178,27 @@ def conclude_attitude(results):
         condition = _condition(case, shutter, RATES[r])
         out += _moment_rows("IMPA", condition, _right(here), case, shutter, r)
         at = found["rate_deg_s"] == RATES[r]
+        if case == CASES[0] and RATES[r] == RATES[-1]:
+            out += _normal_rows(condition, _right(here))
         own = found["own"][at][:, SHUTTERS.index(shutter), CASES.index(case)].reshape(-1, 7)
         is_good = (own[:, 0] > 0) & good(own[:, 1:4])
         out += _sigma_rows(condition, own[is_good, 1:4] / own[is_good, 4:7])
         out += _moment_rows("ours", condition, own[is_good, 1:4], case, shutter, r)
+    return out
+
+
+def _normal_rows(condition, errors):
+    """Figure 15: 'well-fitted by Gaussian curves', so 95.4 % lie within two sigma. (n, 3) arcsec"""
+    out, n = [], len(errors)
+    for axis in range(3 if n > 1 else 0):
+        off = np.abs(errors[:, axis] - errors[:, axis].mean())
+        k = int((off <= 2.0 * errors[:, axis].std(ddof=1)).sum())
+        given = f"IMPA: {AXES[axis]} within two sigma; published: as of a normal", condition, WITHIN_TWO_SIGMA
+        measured = k / n, intervals.proportion(k, n), n
+        criterion = {"least": WITHIN_TWO_SIGMA - NORMAL, "most": WITHIN_TWO_SIGMA + NORMAL}
+        out.append(
+            rows.statement(*given, *measured, "the errors have other tails", **criterion, resolves=NORMAL)
+        )
     return out
 
 

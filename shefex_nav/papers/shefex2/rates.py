@@ -16,7 +16,7 @@ from shefex_nav.onboard.startracker import exposure, objects, streaks, tracker
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Experiment
-from shefex_nav.papers.picture import COLOURS, tidy
+from shefex_nav.papers.picture import COLOURS, legend_below, tidy
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2 import end_to_end
 from shefex_nav.papers.shefex2.end_to_end import DETECTIONS, PAPERS
@@ -163,7 +163,7 @@ def _success_row(way, rate, words, solved):
 
 def draw(figure, results, rows):
     """Success against the rate."""
-    figure.set_size_inches(8.0, 5.0)
+    figure.set_size_inches(8.0, 6.0)
     axis = figure.subplots()
     for way, colour in zip(WAYS, (COLOURS[1], COLOURS[4], COLOURS[0]), strict=True):
         for words, style in (("in view", "o-"), ("all frames", "o:")):
@@ -182,7 +182,7 @@ def draw(figure, results, rows):
     axis.set_xlabel("rate [deg/s]")
     axis.set_ylabel("frames with a right attitude [%]")
     tidy(axis)
-    axis.legend(frameon=False, fontsize=9)
+    legend_below(figure, axis, 2)
 
 
 EXPERIMENTS = {

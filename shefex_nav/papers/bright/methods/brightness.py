@@ -19,6 +19,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
+from shefex_nav.papers.acceptance import believed, is_published
 from shefex_nav.papers.angles import extend, fits, look_up, new_sides, table
 from shefex_nav.records import Reason
 
@@ -70,25 +71,31 @@ def match(settings, camera, pairs, u_c, flux, reference_flux=np.inf, previous=No
     return Identification(star, reason, np.nan)
 
 
-def identify(settings, camera, pairs, u_c, flux, P_px=None, reference_flux=np.inf):
+def identify(settings, camera, pairs, u_c, flux, P_px=None, reference_flux=None):
     """Identify the stars of one frame without any idea of the attitude: right or nothing.
-
-    Without a `reference_flux` there is no reference-star mode: grey values have no magnitude.
 
     Parameters
     ----------
-    settings : Identification
-    camera : CameraModel
+    settings : Identification; of it `reference_magnitude`, without which there is no reference-star mode
+    camera : CameraModel; of it `zero_flux`, by which grey values have a magnitude
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
     P_px : ignored; the published method knows one tolerance for all centroids
-    reference_flux : as of `match`
+    reference_flux : as of `match`; None: as settings and camera say
 
     Returns
     -------
     Identification
+
+    Raises
+    ------
+    ValueError : a reference magnitude and no zero_flux
     """
+    if reference_flux is None:
+        reference_flux = flux_of(settings, camera)
+    if is_published(settings):
+        return believed(settings, match(settings, camera, pairs, u_c, flux, reference_flux))
     n = min(len(flux), settings.most_centroids)
     if n < settings.fewest_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
@@ -104,6 +111,15 @@ def identify(settings, camera, pairs, u_c, flux, P_px=None, reference_flux=np.in
         if best.reason != Reason.AMBIGUOUS:
             best = nothing(len(flux), found.reason)
     return best
+
+
+def flux_of(settings, camera):
+    """M_t: the light above which a detection is a reference star; inf where none can be one. -> float"""
+    if settings.reference_magnitude is None:
+        return np.inf
+    if not camera.zero_flux > 0.0:
+        raise ValueError("a reference magnitude needs zero_flux, the light of a star of magnitude 0")
+    return camera.zero_flux * 10.0 ** (-0.4 * settings.reference_magnitude)
 
 
 def _light(settings, pairs, flux, reference_flux):

@@ -2,6 +2,7 @@
 
 search -> clusters -> compensate   objects of two contiguous frames, at one instant
 multipole                          identification
+as_printed                         what we read otherwise than it is printed, as switches
 chain                              both in a row, as published
 """
 

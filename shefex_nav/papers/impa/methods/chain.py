@@ -15,12 +15,13 @@ import numpy as np
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.onboard.startracker.attitude import davenport
 from shefex_nav.papers.impa.methods import multipole
+from shefex_nav.papers.impa.methods.as_printed import AS_READ, READ
 from shefex_nav.papers.impa.methods.clusters import find, fuse
 from shefex_nav.papers.impa.methods.compensate import compensate
 from shefex_nav.records import Detections, Reason
 
 
-def objects(settings, camera, times, previous, image_dn):
+def objects(settings, camera, times, previous, image_dn, reading=AS_READ):
     """Objects of a frame that were in the frame before as well and are whole, at the frame's instant.
 
     Parameters
@@ -30,6 +31,7 @@ def objects(settings, camera, times, previous, image_dn):
     times : RowTimes of the frame
     previous : Clusters of the frame before, None if there is none
     image_dn : (rows, columns) uint8 or uint16
+    reading : as_printed.Reading, of it border and magnitude
 
     Returns
     -------
@@ -39,17 +41,19 @@ def objects(settings, camera, times, previous, image_dn):
     clusters = find(settings, camera, image_dn)
     if previous is None:
         return clusters, _nothing()
-    rows, shift_px = fused(settings.run_length, previous, clusters, image_dn.shape)
-    return clusters, detections(settings.run_length, times, clusters, rows, shift_px)
+    rows, shift_px = fused(settings.run_length, previous, clusters, image_dn.shape, reading)
+    return clusters, detections(settings.run_length, times, clusters, rows, shift_px, reading)
 
 
-def fused(settings, previous, clusters, shape):
+def fused(settings, previous, clusters, shape, reading=AS_READ):
     """Clusters that were in the frame before and are not cut off: rows (m,), shift_px (m, 2) since then.
 
     settings : RunLength
+    reading : as_printed.Reading; with its border as printed those that are cut off are among them
     """
     found = fuse(previous, clusters, settings.fusion_distance)
-    whole = found[~at_border(clusters, shape)[found[:, 1]]]
+    cut_off = at_border(clusters, shape)[found[:, 1]] & (reading.border == READ)
+    whole = found[~cut_off]
     return whole[:, 1], clusters.xy_px[whole[:, 1]] - previous.xy_px[whole[:, 0]]
 
 
@@ -59,7 +63,7 @@ def at_border(clusters, shape):
     return (first == 0) | (clusters.last_row == shape[0] - 1) | (clusters.last_column == shape[1] - 1)
 
 
-def detections(settings, times, clusters, rows, shift_px):
+def detections(settings, times, clusters, rows, shift_px, reading=AS_READ):
     """Some clusters at the frame's instant.
 
     Parameters
@@ -69,13 +73,16 @@ def detections(settings, times, clusters, rows, shift_px):
     clusters : Clusters
     rows : (m,) of clusters
     shift_px : (m, 2) of their centroids since the frame before
+    reading : as_printed.Reading; with its magnitude as printed the light is that of the whole cluster
 
     Returns
     -------
     Detections
     """
     streaks = compensated(settings, times, clusters, rows, shift_px)
-    flux_dn = clusters.energy_dn[rows] * times.exposure_s / streaks.seen_s
+    flux_dn = clusters.energy_dn[rows]
+    if reading.magnitude == READ:
+        flux_dn = flux_dn * times.exposure_s / streaks.seen_s
     order = np.argsort(-flux_dn, kind="stable")
     order = order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
     n_pixels = np.diff(clusters.begin)[rows]
