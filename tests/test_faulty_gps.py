@@ -14,6 +14,7 @@ def largest_ratio(flown, columns, begin_s=-np.inf, end_s=np.inf):
     return (np.abs(flown.error[rows, columns]) / flown.sigma[rows, columns]).max()
 
 
+@pytest.mark.slow
 def test_gps_lost_for_300_s():
     """T+100 s to T+400 s: position inside 3 sigma throughout, the attitude meets its requirement at entry."""
     flown = fly("gps_outage", seed=SEED)

@@ -20,7 +20,12 @@ def misleading(flown):
 
 
 @pytest.mark.parametrize(
-    ("axis", "rate", "within_s"), [("y", "1 deg/s", 0.7), ("z", "0.02 deg/s", 0.7), ("z", "0.003 deg/s", 4.0)]
+    ("axis", "rate", "within_s"),
+    [
+        ("z", "0.003 deg/s", 4.0),
+        pytest.param("y", "1 deg/s", 0.7, marks=pytest.mark.slow),
+        pytest.param("z", "0.02 deg/s", 0.7, marks=pytest.mark.slow),
+    ],
 )
 def test_a_bias_that_jumps_in_the_star_window(axis, rate, within_s):
     """Named; the solution warns meanwhile; the bias is estimated anew, the attitude is right again."""
@@ -55,6 +60,7 @@ def test_a_bias_that_jumps_before_the_stars():
     assert np.degrees(np.abs(flown.error[late, 6:]).max()) < 0.06  # the camera's mounting, as at first
 
 
+@pytest.mark.slow
 def test_a_scale_factor_that_jumps_does_nothing_until_the_vehicle_turns():
     """1 % is nothing while the attitude is held; the turn for the entry makes it 0.2 deg: noticed."""
     flown = fly("shefex2_andoya", gyro("gyro_scale", "y", "1 %", 260), until_s=406.0)

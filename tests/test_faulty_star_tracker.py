@@ -50,6 +50,7 @@ def test_a_blinded_camera():
     assert set(np.unique(flown.doubt[flown.during(260.0, 406.0)]).tolist()) == {int(Doubt.NONE)}
 
 
+@pytest.mark.slow
 def test_a_star_camera_that_moves_is_not_simply_believed():
     """0.1 deg all at once: fixes are rejected and doubted for 2 s; then either may be wrong, as is said."""
     flown = fly("shefex2_andoya", BIAS, until_s=406.0)
@@ -62,6 +63,7 @@ def test_a_star_camera_that_moves_is_not_simply_believed():
     assert not (np.abs(flown.error[:, 6:]) > flown.protection_b)[flown.during(302.0, 406.0)].any()
 
 
+@pytest.mark.slow
 def test_a_camera_turned_throughout_stays_disputed():
     """By 2.9 deg: camera or gyros and GPS, and nothing on board says which."""
     turned = (

@@ -61,6 +61,7 @@ def named(folder):
         return [(row["block"], row["unit"]) for row in csv.DictReader(file)]
 
 
+@pytest.mark.slow
 def test_it_is_a_block_like_any_other(tmp_path, code, command):
     """Table of states, log, tables, the same filter again, another filter, the smoother."""
     path, log = scenario(tmp_path), tmp_path / "a.mcap"

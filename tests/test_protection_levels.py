@@ -12,7 +12,12 @@ LIMITS = 100.0, 1.0  # m, m/s
 
 @pytest.mark.parametrize(
     ("name", "overrides"),
-    [("gps_outage", ()), ("gps_outage", (STUCK,)), ("imu_faults", ()), ("frozen_gps", ())],
+    [
+        ("gps_outage", ()),
+        ("imu_faults", ()),
+        pytest.param("gps_outage", (STUCK,), marks=pytest.mark.slow),
+        pytest.param("frozen_gps", (), marks=pytest.mark.slow),
+    ],
 )
 def test_what_may_be_used_is_within_its_level(name, overrides):
     """Nowhere over its level while usable, for a tenth of a second; and so within what is required."""

@@ -305,6 +305,7 @@ def test_orbit_blinds_the_star_camera_most_of_the_time():
     assert np.mean(limb >= 45.0) == pytest.approx(0.365, abs=0.02)
 
 
+@pytest.mark.slow
 def test_orbit_navigates_through_an_opening():
     """The first ten minutes: blind at first, then the limb is 45 deg away and the frames must be solved."""
     end = ("mission.time_limit=600 s", "programme.pointing.until=600 s", "star_tracker.off=600 s")
@@ -323,6 +324,7 @@ def solved(rows, low, high):
     return sum(row["frames"] for row in inside), sum(row["solved"] for row in inside)
 
 
+@pytest.mark.slow
 def test_high_rate_is_fixed_at_every_rate():
     """Circles of up to 10 deg/s: streaks of 22 pixels, of which no pixel of a faint star stands out."""
     cut = ("mission.time_limit=60 s", "star_tracker.off=59 s", "programme.circle_3.cross_rate=10 deg/s")

@@ -52,6 +52,7 @@ def test_stamps_from_the_future_are_refused():
     assert not flown.used("gps_position")
 
 
+@pytest.mark.slow
 def test_a_computer_that_is_told_too_little_noise_is_too_sure():
     """And one that is told ten times as much is not."""
     little = fly(NAME, "navigation.told.gps.range_noise=0.3 m", until_s=UNTIL_S)

@@ -14,7 +14,7 @@ def said(flown):
     return [(one.t_s, one.reason) for one in flown.health if one.source == "gps_constants" and one.reason]
 
 
-@pytest.mark.parametrize("name", ["shefex2_andoya", "rexus_like"])
+@pytest.mark.parametrize("name", ["shefex2_andoya", pytest.param("rexus_like", marks=pytest.mark.slow)])
 def test_right_constants_are_never_found_wrong(name):
     for seed in (1, 2):
         assert not said(fly(name, until_s=150.0, seed=seed))

@@ -67,6 +67,7 @@ def test_the_tables_have_every_part(said):
         assert part in said.stdout, part
 
 
+@pytest.mark.slow
 def test_warnings_of_the_programme_are_counted_over_the_runs(tmp_path):
     """Like but for their numbers, each run once; a campaign without any says nothing."""
     folder = synthetic_campaign.write(tmp_path / "warned", 12, seed=3)

@@ -87,6 +87,7 @@ def of_all_kinds(folder, job):
     return job.run * 10
 
 
+@pytest.mark.slow
 def test_in_processes_a_killed_worker_costs_its_run_a_second_flight_and_nothing_else(planned, tmp_path):
     plan, jobs = planned
     kept, said = [], []

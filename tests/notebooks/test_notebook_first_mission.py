@@ -1,9 +1,11 @@
 """Notebook 1, with flights that end soon after the star tracker's first attitudes."""
 
 import numpy as np
+import pytest
 from cells import execute
 
 
+@pytest.mark.slow
 def test_first_mission(monkeypatch):
     changes = {"star_tracker.rate": "2 Hz", "log.rate": "10 Hz"}
     found = execute("01_first_mission", monkeypatch, UNTIL_S=254.0, AT_S=253.0, CHANGES=changes)

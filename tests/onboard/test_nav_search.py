@@ -42,6 +42,7 @@ def test_the_azimuth_is_found_in_the_boost_and_honestly(flights):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_solutions_go_on_without_a_gap_and_warn(flights):
     for run in flights:
         nav = run.data.nav

@@ -112,6 +112,7 @@ def settled(seed, length_s=60.0, speed=9.0):
     return truth, data, said, found, blocks_from(found.t_valid_s)
 
 
+@pytest.mark.slow
 def test_an_unknown_heading_is_found_honestly_and_the_filter_goes_on():
     """20 drives, each with another heading and other errors: the attitude where the filters agree, and at the
     end of the drive, against their covariances; not one falls for another heading."""

@@ -234,6 +234,7 @@ def flights(result, tmp_path_factory):
     return [result, *(smooth.run(rerun.open_log(path)) for path in paths)]
 
 
+@pytest.mark.slow
 def test_errors_are_smaller_and_as_large_as_said(flights):
     """8 flights: RMS ratios (the covariances say 0.35, 0.84, 0.76), and NEES at four instants."""
     rows = [{row["part"]: row for row in compare.compare(*flight)} for flight in flights]

@@ -20,7 +20,7 @@ from shefex_nav.report.viewer.sender import GREEN, ORANGE
 @pytest.mark.parametrize(
     "policy, pages",
     [
-        (FramePolicy(10, "thresholded", 4.0), layout.PAGES),
+        pytest.param(FramePolicy(10, "thresholded", 4.0), layout.PAGES, marks=pytest.mark.slow),
         pytest.param(  # the other pages show no frames
             FramePolicy(0, "none", 4.0), (layout.OVERVIEW, layout.STARS), marks=pytest.mark.slow
         ),

@@ -124,6 +124,7 @@ def poured(text):
         writer.join()
 
 
+@pytest.mark.slow
 def test_a_table_of_many_values_goes_through_text_and_back(tmp_path):
     """A scenario's text holds its tables; a limit on their values would make its log unreadable."""
     rows = "".join(f"{0.2 * k:g},{5 + k % 7},{k % 360}\n" for k in range(12_000))

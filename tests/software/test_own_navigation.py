@@ -22,7 +22,11 @@ from shefex_nav.world import imu
 
 @pytest.mark.parametrize(
     ("name", "more", "until_s"),
-    [("night_sky", (), 3.0), ("shefex2_andoya", (STATISTICAL,), 60.0), ("tight", (STATISTICAL,), 20.0)],
+    [
+        ("night_sky", (), 3.0),
+        pytest.param("shefex2_andoya", (STATISTICAL,), 60.0, marks=pytest.mark.slow),
+        ("tight", (STATISTICAL,), 20.0),
+    ],
 )
 def test_the_built_in_filter_as_a_class_gives_the_built_in_records(name, more, until_s):
     built_in = flown(name, *more, until_s=until_s)

@@ -157,6 +157,7 @@ def test_an_answer_of_another_tick_is_not_taken(tmp_path):
         flown("night_sky", f"navigation.software={software}", until_s=1.0)
 
 
+@pytest.mark.slow
 def test_readings_of_a_plugin_reach_a_program(tmp_path):
     """The built-in filter in this process and as a program use the same measurements."""
     template("sensor.py", tmp_path)

@@ -55,6 +55,7 @@ def nees(found, true):
     return d @ np.linalg.solve(found.lens.covariance[told, told], d)
 
 
+@pytest.mark.slow
 def test_errors_of_the_lens_are_as_large_as_its_covariance_says(sets):
     low, high = chi2.ppf([0.0005, 0.9995], 7 * len(sets))
     assert low < sum(nees(found, camera.values) for camera, found in sets) < high

@@ -239,6 +239,7 @@ def wrong_solutions(seed, n):
     return sum(search.solve(*points, wanted, search.Clock())[0] is not None for points in fields)
 
 
+@pytest.mark.slow
 def test_random_points_are_no_stars():
     assert wrong_solutions(8, 20) == 0
 

@@ -52,6 +52,7 @@ def runs():
     return found
 
 
+@pytest.mark.slow
 def test_innovations_are_as_large_as_the_filter_says(runs):
     """NIS of all sensors, 2 seeds, within the 99.9 % of chi-square; refused by the gate: hardly any."""
     verdicts = consistency.judge_nis(runs[1.0])

@@ -57,6 +57,7 @@ def own_cells(count, **levels):
     return [cell.number for cell in found[:count]]
 
 
+@pytest.mark.slow
 def test_a_small_matrix_is_flown_end_to_end_and_goes_on(tmp_path):
     """Two cells; a line is torn as by a kill; the same flights come out of it, and a page."""
     numbers = ",".join(map(str, own_cells(2)))

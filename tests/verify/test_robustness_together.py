@@ -46,6 +46,7 @@ def assert_same(one, two):
         np.testing.assert_array_equal(seen.S, two.seen[key].S)
 
 
+@pytest.mark.slow
 def test_flights_that_part_are_what_each_is_alone(brief):
     job, vehicle = job_and_vehicle()
     situations = [situation(job, STARS, IMU), situation(job), situation(job, IMU), situation(job, GPS)]

@@ -170,6 +170,7 @@ def of_satellites(params, seed=1, height=0.0, seconds=300):
     return errors, gnss.elevation(r_e, u_e)
 
 
+@pytest.mark.slow
 def test_lasting_errors_have_the_variance_that_is_reported():
     """Standardised errors of visible satellites, mean square over 300 draws: one, at 99.9 %."""
     squares = []
