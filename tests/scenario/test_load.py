@@ -96,6 +96,8 @@ def test_what_the_default_leaves_out():
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
         *("magnetometer", "rows", "model_error", "memory"),
         "fix",  # of the GPS receiver
+        *("acceptance", "cosine_error", "reference_magnitude"),  # of identifications as published
+        "probability",  # of requirements
     }
 
 

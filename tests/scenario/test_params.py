@@ -32,7 +32,15 @@ def bodies():
 
 
 MAY_BE_NONE = (
-    *("parachute", "height", "at", "payload_aerodynamics", "faintest_south"),
+    *(
+        "parachute",
+        "cosine_error",
+        "reference_magnitude",
+        "height",
+        "at",
+        "payload_aerodynamics",
+        "faintest_south",
+    ),
     *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time", "deepest"),
     *("cross_period", "ramp", "separation", "spent"),
     *("f_number", "aperture", "transmission", "quantum_efficiency"),
