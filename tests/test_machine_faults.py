@@ -49,7 +49,7 @@ def log(once):
         (("export", "LOG", "--parquet"), "tables", "tables/truth.parquet"),
         (("export", "LOG", "--geojson"), "track.json", "track.json"),
         (("report", "LOG", "--html"), "page.html", "page.html"),
-        (("report", "LOG", "--figures"), "figures", "figures/history.png"),
+        (("report", "LOG", "--figures"), "figures", "figures/glance.png"),
     ],
     ids=lambda words: words[-1] if isinstance(words, tuple) else "",
 )

@@ -10,12 +10,20 @@ UNKNOWN = {"pad_alignment.azimuth": "unknown"}
 SEEDS = (11, 12, 13)  # of which the filters are 16 each until they agree
 
 
+def flown(seed, tmp_path_factory):
+    """A run cut ten seconds after lift-off."""
+    log = tmp_path_factory.mktemp("search") / f"{seed}.mcap"
+    return fly(Scenario.load("no_star_tracker", UNKNOWN), seed=seed, until_s=10.0, log=log)
+
+
 @pytest.fixture(scope="module")
-def flights(tmp_path_factory):
-    """Runs cut ten seconds after lift-off."""
-    folder = tmp_path_factory.mktemp("search")
-    scenario = Scenario.load("no_star_tracker", UNKNOWN)
-    return [fly(scenario, seed=seed, until_s=10.0, log=folder / f"{seed}.mcap") for seed in SEEDS]
+def flight(tmp_path_factory):
+    return flown(SEEDS[0], tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def flights(flight, tmp_path_factory):
+    return [flight, *(flown(seed, tmp_path_factory) for seed in SEEDS[1:])]
 
 
 def attitude_nees(run):
@@ -42,20 +50,18 @@ def test_the_azimuth_is_found_in_the_boost_and_honestly(flights):
 
 
 @pytest.mark.compiled
-@pytest.mark.slow
-def test_solutions_go_on_without_a_gap_and_warn(flights):
-    for run in flights:
-        nav = run.data.nav
-        np.testing.assert_allclose(np.diff(nav.t_s), 0.01, atol=1e-6)
-        assert nav.do_not_use_attitude[nav.t_s < 0.0].all()
-        speed = np.linalg.norm(np.diff(nav.v_e, axis=0), axis=1)
-        assert speed.max() < 10.0  # m/s, also where one filter takes over
+def test_solutions_go_on_without_a_gap_and_warn(flight):
+    nav = flight.data.nav
+    np.testing.assert_allclose(np.diff(nav.t_s), 0.01, atol=1e-6)
+    assert nav.do_not_use_attitude[nav.t_s < 0.0].all()
+    speed = np.linalg.norm(np.diff(nav.v_e, axis=0), axis=1)
+    assert speed.max() < 10.0  # m/s, also where one filter takes over
 
 
 @pytest.mark.compiled
-def test_its_filter_is_not_run_again_over_the_log(flights):
+def test_its_filter_is_not_run_again_over_the_log(flight):
     from shefex_nav.log.topics import LogError
     from shefex_nav.replay import rerun
 
     with pytest.raises(LogError, match="begins with an angle of the attitude that was not known"):
-        rerun.open_log(flights[0].log)
+        rerun.open_log(flight.log)

@@ -31,6 +31,7 @@ def test_nothing_is_required_where_nothing_is_said():
         assert set(block.values()) == {False}
     assert limits == pytest.approx([100.0, 1.0, math.radians(0.17)])
     assert said.pop("integrity_risk") == pytest.approx(1e-5)  # for which the levels are made
+    assert said.pop("probability") == pytest.approx(0.99865)  # for which `trade` predicts
     assert set(said.values()) == {None, False}
 
 
