@@ -1,4 +1,4 @@
-"""`shefex-nav trade`: which settings would do, by covariance alone, for all combinations within seconds.
+"""`shefex-nav trade`: which settings would do, by covariance alone, for all combinations of settings.
 
 Exit codes: 0 done, 1 nothing can be predicted of some combination, 2 bad input.
 """
