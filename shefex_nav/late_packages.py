@@ -11,16 +11,22 @@ from threading import RLock
 from types import ModuleType
 
 ASKED_FOR = "__all__", "__version__"  # of the names with underscores, that are more than Python's own
+_PLACING = RLock()  # two threads that ask for one package get one module
 
 
 class _Late(ModuleType):
-    """A package that is carried out when it is asked for something that its `parts` do not have."""
+    """A package whose code runs when it is asked for something that its `parts` do not have."""
+
+    def __dir__(self):
+        """All names: for help, completion and whoever lists a module."""
+        _complete(self)
+        return dir(self)
 
     def __getattr__(self, name):
-        if name.startswith("__") and name not in ASKED_FOR:  # such as __warningregistry__: no wish for it
+        if name.startswith("__") and name not in ASKED_FOR:  # Python looks for __warningregistry__ itself
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
         state = self.__spec__.loader_state
-        with state.lock:  # of another thread that carries it out
+        with state.lock:  # of another thread that runs it
             if type(self) is _Late:
                 if state.begun:
                     raise AttributeError(f"module {self.__name__!r} has no attribute {name!r} yet")
@@ -29,12 +35,12 @@ class _Late(ModuleType):
                 for part in (import_module(f"{self.__name__}.{one}") for one in state.parts):
                     if hasattr(part, name):
                         return getattr(part, name)
-                _carry_out(self)
+                _run(self)
         return getattr(self, name)
 
 
 class _State:
-    """What a package is that waits: `parts` and `later` as of `late`; begun : it is being carried out"""
+    """What is known of a package that waits: `parts` and `later` as of `late`; begun : its code runs"""
 
     def __init__(self, parts, later):
         self.parts, self.later = parts, later
@@ -47,17 +53,18 @@ def late(package, *parts, later=()):
     package : dotted name;  parts : names of files in it, imported when one of their names is asked for
     later : names of functions for which a function is handed out that imports the package when it is called
     """
-    if package in sys.modules:
-        return
-    spec = find_spec(package)
-    if spec is None:
-        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
-    module = module_from_spec(spec)
-    module.__class__, spec.loader_state = _Late, _State(parts, later)
-    sys.modules[package] = module
-    above, _, name = package.rpartition(".")
-    if above:
-        setattr(sys.modules[above], name, module)
+    with _PLACING:
+        if package in sys.modules:
+            return
+        spec = find_spec(package)
+        if spec is None:
+            raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+        module = module_from_spec(spec)
+        module.__class__, spec.loader_state = _Late, _State(parts, later)
+        sys.modules[package] = module
+        above, _, name = package.rpartition(".")
+        if above:
+            setattr(sys.modules[above], name, module)
 
 
 def special():
@@ -66,8 +73,15 @@ def special():
     return import_module("scipy.special")
 
 
-def _carry_out(module):
-    """Import what a package imports, as Python does; meanwhile it has what it has so far."""
+def _complete(module):
+    """Run the code of a package if it waits."""
+    with module.__spec__.loader_state.lock:
+        if type(module) is _Late:
+            _run(module)
+
+
+def _run(module):
+    """Run the code of a package, as Python's import does; meanwhile it has the names it has so far."""
     state = module.__spec__.loader_state
     state.begun = True
     try:
@@ -81,9 +95,7 @@ def _when_called(module, name):
     """Function that stands for one of a package."""
 
     def function(*args, **named):
-        with module.__spec__.loader_state.lock:
-            if type(module) is _Late:
-                _carry_out(module)
+        _complete(module)
         return getattr(module, name)(*args, **named)
 
     return function

@@ -55,6 +55,10 @@ ASKED = {
             raise AssertionError
         assert scipy.special.gamma(5.0) == 24.0
     """,
+    "its list of names": """
+        import scipy.special
+        assert {"erf", "logsumexp"} <= set(dir(scipy.special))
+    """,
     "several threads at once": """
         from threading import Thread
         found = []

@@ -89,8 +89,9 @@ def _sweep(how, given, as_json):
     """
     from shefex_nav.campaign.compare import summary, sweep
     from shefex_nav.commands.compare import fly
+    from shefex_nav.scenario import sweeps
 
-    axes = [sweep.axis(text) for text in given]
+    axes = [sweeps.axis(text) for text in given]
     out = how.out or OUT / f"{Path(how.scenario).stem}-seed{how.seed}-sweep"
     flights, settings = zip(*sweep.planned(how.scenario, axes, how.overrides, out), strict=True)
     lost = fly(flights, how)

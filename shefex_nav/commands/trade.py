@@ -54,13 +54,16 @@ def trade(
     """
     if figure is not None:
         check_picture(figure, "--figure")
-    from shefex_nav.campaign.compare import sweep as sweeps
+    from shefex_nav import runs
+    from shefex_nav.scenario import sweeps
     from shefex_nav.verify.trade import plan
 
     axes = tuple(sweeps.axis(text) for text in sweep)
-    costs = dict(plan.costs(text, sweeps.key_of) for text in cost or ())
-    asked = plan.Asked(scenario, axes, tuple(overrides or ()), seed, workers, costs)
-    study = _study(asked, len(plan.combinations(axes)))
+    asked = plan.Asked(scenario, axes, tuple(overrides or ()), seed, workers, plan.costs(cost or ()))
+    base, chosen = plan.checked(asked)
+    runs.get_ready(base)  # kernels are compiled before workers start
+    say(f"{len(chosen)} combinations")
+    study = plan.study(asked, base, chosen)
     _show(study, asked, json)
     if figure is not None:
         from shefex_nav.verify.trade import picture
@@ -68,17 +71,6 @@ def trade(
         picture.draw(study, asked, figure, show.value)
         say(f"wrote {figure}")
     raise typer.Exit(1 if any(one.prediction is None for one in study.combinations) else 0)
-
-
-def _study(asked, count):
-    """plan.Study; kernels are compiled before workers start."""
-    from shefex_nav import runs
-    from shefex_nav.scenario import load
-    from shefex_nav.verify.trade import plan
-
-    runs.get_ready(load.load(asked.scenario, asked.overrides))
-    say(f"{count} combinations")
-    return plan.study(asked)
 
 
 def _show(study, asked, as_json):

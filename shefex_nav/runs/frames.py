@@ -9,7 +9,7 @@ from shefex_nav.log.topics import epoch_ns, log_time_ns
 from shefex_nav.records import FrameTruth, Reason, StarFix
 
 MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
-_TRIED = 50  # frames in turn, for one whose pixels were kept
+_TRIED = 200  # frames from the middle outwards, for one whose pixels were kept
 
 
 class SeenFrame(NamedTuple):
@@ -56,8 +56,8 @@ class Frames:
         """SeenFrame with pixels, from the middle of the frames that gave an attitude; None without any."""
         solved = [fix.number for fix in self._data.star_fixes if fix.reason == Reason.NONE]
         rows = np.flatnonzero(np.isin(self._data.frames.number, solved))
-        middle = len(rows) // 2
-        for k in rows[middle : middle + _TRIED].tolist():
+        outward = np.argsort(np.abs(np.arange(len(rows)) - len(rows) // 2), kind="stable")
+        for k in rows[outward[:_TRIED]].tolist():
             seen = self._frame(k)
             if seen.image_dn is not None:
                 return seen

@@ -11,5 +11,6 @@ trajectory, columns, data_table  a trajectory of others; columns of files, and w
 checks*                          sections against each other
 params*, told, wanted_states     what world and computer get; what the computer is told otherwise; its states
 disperse, drawn, laws, trying    what a campaign draws, and whether a run could fly with it
+sweeps                           values to try of some settings, and their combinations
 messages, suggest, kind, moved   words about what is wrong
 """

@@ -7,6 +7,8 @@ from short_campaign import HereLane
 
 from shefex_nav.campaign.compare import sweep
 from shefex_nav.campaign.compare.given import CompareError
+from shefex_nav.scenario import sweeps
+from shefex_nav.scenario.sweeps import SweepError
 
 SHORT = """# Two seconds at rest.
 extends: night_sky
@@ -27,7 +29,7 @@ requirements: {misleading: 0 %}
     ],
 )
 def test_what_is_swept(text, key, values):
-    assert sweep.axis(text) == (key, values)
+    assert sweeps.axis(text) == (key, values)
 
 
 @pytest.mark.parametrize(
@@ -40,15 +42,15 @@ def test_what_is_swept(text, key, values):
     ],
 )
 def test_what_is_no_sweep(text, words):
-    with pytest.raises(CompareError, match=words):
-        sweep.axis(text)
+    with pytest.raises(SweepError, match=words):
+        sweeps.axis(text)
 
 
 def test_combinations_that_are_too_many_or_told_twice(tmp_path):
-    axes = [sweep.axis(f"{key}={','.join(f'{n} m' for n in range(1, 7))}") for key in ("a.b", "c.d")]
-    with pytest.raises(CompareError, match="36 combinations; expected 26 at most"):
+    axes = [sweeps.axis(f"{key}={','.join(f'{n} m' for n in range(1, 7))}") for key in ("a.b", "c.d")]
+    with pytest.raises(SweepError, match="36 combinations; expected 26 at most"):
         sweep.planned("night_sky", axes, (), tmp_path)
-    with pytest.raises(CompareError, match=r"a\.b: is given twice"):
+    with pytest.raises(SweepError, match=r"a\.b: is given twice"):
         sweep.planned("night_sky", [axes[0], axes[0]], (), tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -106,7 +108,7 @@ def test_runs_that_fail_are_told(tmp_path, monkeypatch, command):
 
 def test_values_that_are_one_scenario(tmp_path):
     with pytest.raises(CompareError, match="are the same scenario"):
-        sweep.planned("night_sky", [sweep.axis("gps.range_noise=10 m,10.0 m")], (), tmp_path)
+        sweep.planned("night_sky", [sweeps.axis("gps.range_noise=10 m,10.0 m")], (), tmp_path)
 
 
 @pytest.mark.parametrize("more", [("--engine", "dask://a:1"), ("--keep", "failed"), ("--dry-run",)])

@@ -21,6 +21,14 @@ DEG = np.pi / 180.0
 CATALOGUE = replace(STAR_TRACKER.catalogue, merge_radius=3.0 / CAMERA.focal_length_px)
 DETECT, EXPOSURE = STAR_TRACKER.detection, STAR_TRACKER.exposure
 IDENTIFY = replace(STAR_TRACKER.identification, method="pyramid", centroid_error=0.25)
+MULTIPOLE = replace(
+    IDENTIFY,
+    method="multipole",
+    fewest_stars=5,
+    most_centroids=60,
+    tolerance=3e-4,
+    magnitude_tolerance=0.5,
+)
 MODEL = CameraModel(CAMERA, sun_exclusion=90.0 * DEG, earth_exclusion=45.0 * DEG)
 TRACKER = tracker.TrackerParams(
     settings=replace(

@@ -1,13 +1,12 @@
 """What IMPA prints and we read otherwise: each switch against sets, and against what it is to change."""
 
 from collections import Counter
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from slow_identify import Sky, angle
-from star_fields import IDENTIFY, MODEL, centroid_list, random_attitude, ready_tracker
+from star_fields import MODEL, MULTIPOLE, centroid_list, random_attitude, ready_tracker
 
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.papers.impa import flight, readings
@@ -15,14 +14,6 @@ from shefex_nav.papers.impa.methods import as_printed, chain, multipole
 from shefex_nav.papers.impa.methods.as_printed import AS_PRINTED, AS_READ, PRINTED
 from shefex_nav.papers.verdict import Verdict
 
-SETTINGS = replace(
-    IDENTIFY,
-    method="multipole",
-    fewest_stars=5,
-    most_centroids=60,
-    tolerance=3e-4,
-    magnitude_tolerance=0.5,
-)
 CAMERA = MODEL._replace(zero_flux=1.0)
 VOTES, POLES = AS_READ._replace(votes=PRINTED), AS_READ._replace(poles=PRINTED)
 BOTH = AS_READ._replace(votes=PRINTED, poles=PRINTED)
@@ -45,9 +36,9 @@ class Slow:
 
     def elements(self, i, j):
         """Unordered pairs of (40)."""
-        limit = SETTINGS.magnitude_tolerance
+        limit = MULTIPOLE.magnitude_tolerance
         found = set()
-        for a, b in self.sky.ways(angle(self.u_c[i], self.u_c[j]), SETTINGS.tolerance):
+        for a, b in self.sky.ways(angle(self.u_c[i], self.u_c[j]), MULTIPOLE.tolerance):
             if (
                 abs(self.vmag[a] - self.magnitude[i]) < limit
                 and abs(self.vmag[b] - self.magnitude[j]) < limit
@@ -57,10 +48,10 @@ class Slow:
 
     def ordered(self, i, j):
         """Pairs of (star of i, star of j)."""
-        limit = SETTINGS.magnitude_tolerance
+        limit = MULTIPOLE.magnitude_tolerance
         return {
             (a, b)
-            for a, b in self.sky.ways(angle(self.u_c[i], self.u_c[j]), SETTINGS.tolerance)
+            for a, b in self.sky.ways(angle(self.u_c[i], self.u_c[j]), MULTIPOLE.tolerance)
             if abs(self.vmag[a] - self.magnitude[i]) < limit and abs(self.vmag[b] - self.magnitude[j]) < limit
         }
 
@@ -99,7 +90,7 @@ class Slow:
         both = {k: name for k, name in first.items() if second.get(k) == name}
         names = list(both.values())
         star = np.array([both[k] if k in both and names.count(both[k]) == 1 else -1 for k in range(self.n)])
-        return star if (star >= 0).sum() >= SETTINGS.fewest_stars else None
+        return star if (star >= 0).sum() >= MULTIPOLE.fewest_stars else None
 
     def all_pairs(self):
         for i in range(self.n):
@@ -143,7 +134,7 @@ def test_each_reading_against_sets(reading):
         u_c, flux, _ = shefex_field(seed, n_false)
         slow = Slow(pairs, u_c, flux, reading.votes == PRINTED)
         expected = slow.once_each() if reading.poles == PRINTED else slow.all_pairs()
-        found = as_printed.match(SETTINGS, CAMERA, pairs, u_c, flux, reading)
+        found = as_printed.match(MULTIPOLE, CAMERA, pairs, u_c, flux, reading)
         np.testing.assert_array_equal(found.star, expected)
         assert (found.reason == 0) == (expected >= 0).any()
         n_solved += (expected >= 0).any()
@@ -154,11 +145,11 @@ def test_read_by_us_is_the_method_that_flies():
     pairs = ready_tracker().pairs
     for seed in (1, 2, 3):
         u_c, flux, _ = shefex_field(seed, 6)
-        found = as_printed.match(SETTINGS, CAMERA, pairs, u_c, flux)
-        np.testing.assert_array_equal(found.star, multipole.match(SETTINGS, CAMERA, pairs, u_c, flux).star)
+        found = as_printed.match(MULTIPOLE, CAMERA, pairs, u_c, flux)
+        np.testing.assert_array_equal(found.star, multipole.match(MULTIPOLE, CAMERA, pairs, u_c, flux).star)
         slow = Slow(pairs, u_c, flux, False)
         np.testing.assert_array_equal(found.star, slow.all_pairs())
-    few = as_printed.match(SETTINGS, CAMERA, pairs, u_c[:4], flux[:4], BOTH)
+    few = as_printed.match(MULTIPOLE, CAMERA, pairs, u_c[:4], flux[:4], BOTH)
     assert few.reason != 0 and (few.star == -1).all()
 
 

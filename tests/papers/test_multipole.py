@@ -9,8 +9,8 @@ from slow_identify import Sky, angle
 from star_fields import (
     CATALOGUE,
     DEG,
-    IDENTIFY,
     MODEL,
+    MULTIPOLE,
     all_stars,
     centroid_list,
     random_attitude,
@@ -25,18 +25,10 @@ from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.papers.impa.methods import multipole
 from shefex_nav.records import Reason
 
-SHEFEX = replace(
-    IDENTIFY,
-    method="multipole",
-    fewest_stars=5,
-    most_centroids=60,
-    tolerance=3e-4,
-    magnitude_tolerance=0.5,
-)
 SHEFEX_MODEL = MODEL._replace(zero_flux=1.0)
 CAMERA = pinhole(1024, 1024, 52e-3 / 18e-6)  # the paper's
 PAPER = replace(
-    SHEFEX,
+    MULTIPOLE,
     tolerance=100.0 / 3600.0 * DEG,
     most_centroids=200,
     centroid_error=0.5,
@@ -142,9 +134,9 @@ def test_detections_in_any_order():
     u_c, flux, _ = shefex_field(9, 6, noise_px=0.3)
     order = np.random.default_rng(3).permutation(len(flux))
     u_c, flux = np.ascontiguousarray(u_c[order]), flux[order]
-    expected = list(SlowMultipole(SHEFEX, pairs, u_c, flux).candidates())
+    expected = list(SlowMultipole(MULTIPOLE, pairs, u_c, flux).candidates())
     assert len(expected) > 2
-    found = list(multipole._candidates(SHEFEX, SHEFEX_MODEL, pairs, u_c, flux))
+    found = list(multipole._candidates(MULTIPOLE, SHEFEX_MODEL, pairs, u_c, flux))
     np.testing.assert_array_equal(found, expected)
 
 
@@ -172,9 +164,9 @@ def test_both_phases_against_sets():
     pairs, n_candidates = ready_tracker().pairs, 0
     for seed, n_false in ((1, 2), (2, 5), (3, 12), (4, 8), (5, 3)):
         u_c, flux, _ = shefex_field(seed, n_false, noise_px=0.3)
-        slow = SlowMultipole(SHEFEX, pairs, u_c, flux)
+        slow = SlowMultipole(MULTIPOLE, pairs, u_c, flux)
         expected = list(slow.candidates())
-        found = list(multipole._candidates(SHEFEX, SHEFEX_MODEL, pairs, u_c, flux))
+        found = list(multipole._candidates(MULTIPOLE, SHEFEX_MODEL, pairs, u_c, flux))
         np.testing.assert_array_equal(found, expected)
         n_candidates += len(expected)
     assert n_candidates > 20
@@ -183,9 +175,9 @@ def test_both_phases_against_sets():
 def test_occurrences_against_sets():
     pairs = ready_tracker().pairs
     u_c, flux, star = shefex_field(7, 6)
-    slow = SlowMultipole(SHEFEX, pairs, u_c, flux)
-    light = multipole.light_of(pairs.stars.vmag, slow.magnitude, SHEFEX.magnitude_tolerance)
-    sides, n_pairs = multipole.new_sides(u_c, SHEFEX.tolerance, 0.0), len(pairs.cosine)
+    slow = SlowMultipole(MULTIPOLE, pairs, u_c, flux)
+    light = multipole.light_of(pairs.stars.vmag, slow.magnitude, MULTIPOLE.magnitude_tolerance)
+    sides, n_pairs = multipole.new_sides(u_c, MULTIPOLE.tolerance, 0.0), len(pairs.cosine)
     sky, votes = tables(pairs), multipole.new_votes(len(flux), len(pairs.stars.vmag), n_pairs)
     for i in range(len(flux)):
         count = multipole.occurrences(sky, light, sides, votes, i)
@@ -226,7 +218,7 @@ def test_without_a_zero_point_it_says_so(zero_flux):
     u_c, flux, _ = shefex_field(1, 0)
     for method in (multipole.match, multipole.identify):
         with pytest.raises(ValueError, match="flux of magnitude 0"):
-            method(SHEFEX, MODEL._replace(zero_flux=zero_flux), ready_tracker().pairs, u_c, flux)
+            method(MULTIPOLE, MODEL._replace(zero_flux=zero_flux), ready_tracker().pairs, u_c, flux)
 
 
 # ------------------------------------------------------------------------------- the paper's camera

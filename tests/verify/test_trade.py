@@ -1,6 +1,7 @@
 """Trades: the same covariances as the bound, errors that scale as they must, shares of Gaussian errors."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -8,10 +9,9 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from shefex_nav import prepare
-from shefex_nav.campaign.compare import sweep
 from shefex_nav.commands.main import app
 from shefex_nav.report import imu_range
-from shefex_nav.scenario import load, star_model
+from shefex_nav.scenario import load, star_model, sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.verify import bound, bound_model, over_bound
@@ -147,18 +147,11 @@ def test_a_range_that_is_exceeded_before_is_a_doubt():
     assert predict.at_range(imu, motion, 7.0) and not predict.at_range(imu, motion, 5.0)
 
 
-class Axis:
-    """As of campaign.compare.sweep."""
-
-    def __init__(self, key, *values):
-        self.key, self.values = key, values
-
-
 def study(axes, used, costs):
     """A plan.Study of errors that are given for each combination, in their order."""
     required = Requirements.model_validate({"attitude": {"at_entry": True}})
     whole = []
-    for settings, sigma in zip(plan.combinations(axes), used, strict=True):
+    for settings, sigma in zip(sweeps.combinations(axes, 10), used, strict=True):
         if sigma is None:
             whole.append(plan.Combination(settings, None, "no such thing", (), None))
             continue
@@ -170,11 +163,11 @@ def study(axes, used, costs):
 
 
 def test_the_cheapest_that_meets_all_and_what_has_no_effect(tmp_path):
-    axes = (Axis("a", "1", "2", "3"), Axis("b", "x", "y"))
+    axes = (sweeps.Axis("a", ("1", "2", "3")), sweeps.Axis("b", ("x", "y")))
     made = study(axes, (1e-4, 1e-4, 5e-4, 5e-4, 9e-3, None), {"a": {"1": 9.0, "2": 4.0, "3": 1.0}})
     assert [one.settings["a"] for one in made.combinations] == ["1", "1", "2", "2", "3", "3"]
     assert made.cheapest.settings["a"] == "2" and made.idle == ()
-    same = study((axes[0], Axis("b", "x", "y")), (1e-4, 1e-4, 5e-4, 5e-4, 9e-3, 9e-3), {})
+    same = study((axes[0], sweeps.Axis("b", ("x", "y"))), (1e-4, 1e-4, 5e-4, 5e-4, 9e-3, 9e-3), {})
     assert same.idle == ("b",) and same.cheapest is None
     asked = plan.Asked("made", axes, costs={"a": {}})
     drawn, lines = table.tables(made, asked)
@@ -186,8 +179,46 @@ def test_the_cheapest_that_meets_all_and_what_has_no_effect(tmp_path):
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
+def test_entry_and_end_are_never_mixed(tmp_path):
+    """One combination ends before its entry, in either order."""
+    axes = (sweeps.Axis("a", ("1", "2")),)
+    made = study(axes, (1e-4, 5e-4), {"a": {"1": 1.0, "2": 1.0}})
+    entry = made.combinations[0].prediction.errors[0]
+    end = entry._replace(what=predict.END, attitude_b=9.0 * entry.attitude_b)
+    whole, short = (
+        one._replace(prediction=one.prediction._replace(errors=errors), judged=())
+        for one, errors in zip(made.combinations, ((entry, end), (end,)), strict=True)
+    )
+    asked = plan.Asked("made", axes, costs={"a": {}})
+    for combinations in ((whole, short), (short, whole)):
+        both = plan.ordered("made", Requirements(), axes, list(combinations), True)
+        drawn, lines = table.tables(both, asked)
+        cells = {one.title: list(one.columns[2].cells) for one in drawn[1:]}
+        assert sorted(cells["Predicted errors at entry, 1 sigma"])[0] == "-"
+        assert len(set(cells["Predicted errors at end, 1 sigma"])) == 1
+        assert "So no cheapest is marked." in lines
+        picture.draw(both, asked, tmp_path / "map.png")
+    assert whole.used == short.used
+
+
+def test_a_map_of_nothing_is_refused(tmp_path):
+    axes = tuple(sweeps.Axis(key, ("1", "2")) for key in "abc")
+    made = study(axes, (None, 1e-4) * 4, {})
+    with pytest.raises(picture.PictureError, match="nothing is predicted of the combinations with c 1"):
+        picture.draw(made, plan.Asked("made", axes), tmp_path / "map.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_for_the_corners_can_be_given_to_a_shell():
+    axes = tuple(sweeps.Axis(key, ("1 m", "2 m", "3 m")) for key in "abcde")
+    words = shlex.split(table.corners(plan.Asked("my flight.yaml", axes, ("f=4 m",), seed=7)))
+    assert words[:7] == ["shefex-nav", "campaign", "my flight.yaml", "--runs", "100", "--seed", "7"]
+    assert words.count("--sweep") == 4 and "a=1 m,3 m" in words
+    assert words[-4:] == ["--set", "e=1 m", "--set", "f=4 m"]
+
+
 def test_a_doubtful_prediction_is_neither_first_nor_the_cheapest():
-    axes = (Axis("a", "1", "2"),)
+    axes = (sweeps.Axis("a", ("1", "2")),)
     made = study(axes, (1e-4, 5e-4), {"a": {"1": 1.0, "2": 4.0}})
     first, second = made.combinations
     doubtful = first._replace(prediction=first.prediction._replace(doubtful=True))
@@ -197,12 +228,15 @@ def test_a_doubtful_prediction_is_neither_first_nor_the_cheapest():
 
 
 def test_costs_are_read_as_sweeps_are():
-    assert plan.costs("imu=stim300:8000,bmi088:20.5", sweep.key_of) == (
-        "imu.use", {"stim300": 8000.0, "bmi088": 20.5}
-    )  # fmt: skip
-    for bad in ("imu", "imu=stim300", "imu=stim300:dear", "imu=:5", "imu=stim300:-1"):
+    assert plan.costs(["imu=stim300:8000,bmi088:20.5", "gps.antenna=[0 m, 1 m]:3"]) == {
+        "imu.use": {"stim300": 8000.0, "bmi088": 20.5}, "gps.antenna": {"[0 m, 1 m]": 3.0}
+    }  # fmt: skip
+    for bad in ("imu", "imu=stim300", "imu=stim300:dear", "imu=:5", "imu=stim300:-1", "imu=stim300:inf"):
         with pytest.raises(plan.TradeError, match="expected KEY=VALUE:COST"):
-            plan.costs(bad, sweep.key_of)
+            plan.costs([bad])
+    for bad in (["imu=a:1,a:2"], ["imu=a:1", "imu.use=b:2"]):
+        with pytest.raises(plan.TradeError, match="twice"):
+            plan.costs(bad)
 
 
 def test_what_the_linear_model_does_not_know_is_refused():
@@ -230,6 +264,8 @@ def test_the_command_ranks_and_is_refused(tmp_path):
     assert run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets).exit_code == 2
     costly = run("--sweep", "gps.rate=1 Hz,5 Hz", "--cost", "imu=stim300:1", *sets)
     assert costly.exit_code == 2 and "is not tried" in costly.stderr
+    judged = run("--sweep", "requirements.probability=95 %,99 %", *sets)
+    assert judged.exit_code == 2 and "judged by one requirement" in judged.stderr
 
 
 def test_an_attitude_that_is_hardly_known_is_a_doubt():

@@ -5,9 +5,7 @@ The runs of all combinations draw the same, so they are compared in pairs like a
 
 import re
 import statistics
-from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.compare import comparison, paired, parts, sides
@@ -15,8 +13,7 @@ from shefex_nav.campaign.compare.flying import DIGITS, Flight
 from shefex_nav.campaign.compare.given import CAMPAIGN, CompareError
 from shefex_nav.campaign.compare.quantities import QUANTITIES
 from shefex_nav.campaign.parts import Part
-from shefex_nav.scenario import instruments, load, software
-from shefex_nav.scenario.use import USE
+from shefex_nav.scenario import load, software, sweeps
 
 SHOWN = tuple(  # of `quantities`: the first that there is
     (f"{quantity} at entry", f"{quantity}, rms of the run")
@@ -24,57 +21,14 @@ SHOWN = tuple(  # of `quantities`: the first that there is
 )
 
 
-class Axis(NamedTuple):
-    """A setting and its values, as `--set` takes them."""
-
-    key: str
-    values: tuple
-
-
-def axis(text):
-    """Axis of KEY=A,B,C; CompareError. `imu=stim300,adis16505` means instruments: imu.use."""
-    key, equals, given = text.partition("=")
-    values = tuple(value.strip() for value in _parts(given))
-    if not equals or not key.strip() or not all(values):
-        raise CompareError(f"--sweep {text}: expected KEY=A,B,C, such as imu=stim300,adis16505_1")
-    twice = [value for value in values if values.count(value) > 1]
-    if twice or len(values) < 2:
-        what = f"{twice[0]} stands there twice" if twice else "there is one value"
-        raise CompareError(f"--sweep {text}: {what}; expected two or more that differ")
-    return Axis(key_of(key.strip()), values)
-
-
-def key_of(text):
-    """The whole key of one that is given: imu.use of `imu`, whose values are instruments."""
-    return f"{text}.{USE}" if tuple(text.split(".")) in instruments.SECTIONS else text
-
-
-def _parts(text):
-    """A text at its commas, but for those in brackets: list."""
-    found, depth = [""], 0
-    for letter in text:
-        depth += (letter in "[{(") - (letter in ")}]")
-        if letter == "," and depth == 0:
-            found.append("")
-        else:
-            found[-1] += letter
-    return found
-
-
 def planned(scenario, axes, overrides, out):
-    """(Flight, settings) of each combination: list; ScenarioError, CompareError. Nothing is written.
+    """(Flight, settings) of each combination: list; ScenarioError, SweepError, CompareError.
 
-    scenario : as `load` takes it;  axes : list of Axis;  out : Path of the folder for all
+    scenario : as `load` takes it;  axes : list of sweeps.Axis;  out : Path of the folder for all
     settings : {key: value}
     """
-    keys = [one.key for one in axes]
-    if twice := [key for key in keys if keys.count(key) > 1]:
-        raise CompareError(f"--sweep {twice[0]}: is given twice; give all its values at once")
-    combined = [dict(zip(keys, values, strict=True)) for values in product(*(one.values for one in axes))]
-    if len(combined) > len(sides.LETTERS):
-        raise CompareError(f"--sweep: {len(combined)} combinations; expected {len(sides.LETTERS)} at most")
     found = []
-    for settings in combined:
+    for settings in sweeps.combinations(axes, len(sides.LETTERS)):
         loaded = load.load(scenario, (*overrides, *(f"{key}={value}" for key, value in settings.items())))
         software.refuse_reached(loaded)
         label = ", ".join(f"{key} {value}" for key, value in settings.items())

@@ -98,15 +98,20 @@ def aided_since(data):
     return next(used, None)
 
 
+def part_since(data):
+    """The same, of a log that has more than a second before and after it; otherwise None."""
+    since_s, (begin_s, end_s) = aided_since(data), style.whole(data)
+    return since_s if since_s is not None and begin_s + 1.0 < since_s < end_s - 1.0 else None
+
+
 def _three(data, words, names, unit, series):
     """Three errors over time; a second column since the first star fix, at its own scale."""
     t_s, error, sigma_t_s, sigma = series
     if not len(t_s):
         return None
-    since_s = aided_since(data)
-    whole = style.whole(data)
+    since_s, whole = part_since(data), style.whole(data)
     heads, spans_s = None, [whole]
-    if since_s is not None and since_s < whole[1] - 1.0 and since_s > whole[0] + 1.0:
+    if since_s is not None:
         heads, spans_s = ["the whole log", "since the first star fix"], [whole, (since_s, whole[1])]
     figure, rows = style.panels(
         data, 3, f"{words}, with what the filter says of it (3 σ)", columns=len(spans_s), heads=heads,

@@ -48,6 +48,7 @@ def _flight(axes, data, t_s):
     axes.set_title("height [km]; colours are the phases of the mission")
     axes.set_xlim(*style.whole(data))
     axes.margins(y=0.25)
+    axes.autoscale_view()  # names are placed by the limits
     principal = [event for event in data.events if event.name in _EVENTS]
     at_s = [event.t_s for event in principal]
     xy = np.column_stack([at_s, np.interp(at_s, path.t_s, path.track.height / 1e3)])
@@ -59,12 +60,11 @@ def _attitude(panels, data, t_s):
     """Errors about the axes of the body with 3 sigma, since the first star fix or of the whole log."""
     found = metrics.navigation_errors(data)
     sigma_t_s, _, sigma = metrics.normalised_errors(data, found)
-    since_s = errors.aided_since(data)
-    first_s, last_s = style.whole(data)
+    (first_s, last_s), since_s = style.whole(data), errors.part_since(data)
+    words = "attitude error [deg] in ±3 σ"
+    panels[0].set_title(words if since_s is None else f"{words} since the first star fix")
     since_s = first_s if since_s is None else since_s
     late, late_sigma = found.t_s > since_s, sigma_t_s > since_s
-    since = " since the first star fix" if since_s > first_s else ""
-    panels[0].set_title(f"attitude error [deg] in ±3 σ{since}")
     for k, axes in enumerate(panels):
         style.band(axes, sigma_t_s[late_sigma], sigma[late_sigma, 6 + k] * _DEG)
         style.curve(axes, found.t_s[late], found.attitude_b[late, k] * _DEG, color=style.AXES["xyz"[k]])

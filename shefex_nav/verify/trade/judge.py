@@ -49,7 +49,7 @@ class Judged(NamedTuple):
 def judge(requirements, prediction):
     """list of Judged, of what a scenario requires and a covariance can say. Requirements, Prediction"""
     limits = judging.limits(requirements)
-    entry = next((one for one in prediction.errors if one.what == ENTRY), None)
+    entry = prediction.at(ENTRY)
     return [
         _judged(name, limits[name], entry, requirements.probability) for name in PREDICTED if name in limits
     ]

@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.report.figures import style
+from shefex_nav.verify.trade.predict import END, ENTRY
 from shefex_nav.verify.trade.table import UNITS, sigma
 
 LONGEST = 22  # letters of a value on an axis
@@ -15,15 +16,11 @@ class PictureError(UserError):
     """A map that cannot be drawn; the message says why."""
 
 
-def check(axes):
-    """PictureError unless two settings or one are tried."""
-    if not axes:
-        raise PictureError("--figure: nothing is tried")
-
-
 @style.styled
 def draw(study, asked, path, quantity="attitude"):
     """Draw the predicted sigma of one quantity over the first two settings, the others at their first values.
+
+    At entry if all that is shown have one, else at the end. PictureError where nothing is predicted of them.
 
     study, asked : plan.Study, plan.Asked;  path : its ending decides on the format;  quantity : of UNITS
     """
@@ -31,7 +28,10 @@ def draw(study, asked, path, quantity="attitude"):
     down, others = (rest[0], rest[1:]) if rest else (None, ())
     fixed = {one.key: one.values[0] for one in others}
     shown = [one for one in study.combinations if fixed.items() <= one.settings.items()]
-    what = next(one.prediction for one in study.combinations if one.prediction).errors[0].what
+    predictions = [one.prediction for one in shown if one.prediction]
+    if not predictions:
+        raise PictureError(f"{path}: nothing is predicted of the combinations with {_fixed(fixed)}")
+    what = ENTRY if all(one.at(ENTRY) for one in predictions) else END
     _, field, unit, factor = next(one for one in UNITS if one[0] == quantity)
     rows = ("",) if down is None else down.values
     values, met, doubtful = np.full((3, len(rows), len(across.values)), np.nan)
@@ -39,7 +39,7 @@ def draw(study, asked, path, quantity="attitude"):
         row = 0 if down is None else rows.index(one.settings[down.key])
         place = row, across.values.index(one.settings[across.key])
         if one.prediction is not None:
-            values[place] = factor * sigma(one.prediction.errors[0], field)
+            values[place] = factor * sigma(one.prediction.at(what), field)
             met[place] = np.nan if one.met is None else one.met
             doubtful[place] = one.prediction.doubtful
     figure, axis = _sheet(values, across, down, rows)
@@ -48,10 +48,14 @@ def draw(study, asked, path, quantity="attitude"):
         _mark(axis, study.cheapest, across, down)
     lines = [f"{study.name}: predicted {quantity} error at {what}, 1 sigma [{unit}]"]
     if fixed:
-        lines.append("with " + ", ".join(f"{key} {value}" for key, value in fixed.items()))
+        lines.append(f"with {_fixed(fixed)}")
     lines += _key(met, study)
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=11)
     style.write(figure, path, 110)
+
+
+def _fixed(settings):
+    return ", ".join(f"{key} {value}" for key, value in settings.items())
 
 
 def _sheet(values, across, down, rows):
@@ -131,7 +135,7 @@ def _key(met, study):
     """What the marks mean: list of lines."""
     found, share = [], f"{100.0 * study.probability:.6g} %"
     if (met == 0.0).any():
-        border = ", red line: the border of those" if (met == 1.0).any() else ""
+        border = "; red line: between these and the others" if (met == 1.0).any() else ""
         found.append(f"x: less than {share} of flights meet what is required{border}")
     elif (met == 1.0).any():
         found.append(f"in all of them {share} of flights meet what is required")

@@ -1,12 +1,13 @@
 """All combinations of some settings, predicted in worker processes and put in order."""
 
-from itertools import pairwise, product
+import math
+from itertools import pairwise
 from typing import NamedTuple
 
 from shefex_nav import workers as machine
 from shefex_nav.compiled.target import ONE_THREAD
 from shefex_nav.errors import UserError
-from shefex_nav.scenario import load, software, star_model
+from shefex_nav.scenario import load, software, star_model, sweeps
 from shefex_nav.verify.trade import judge, predict
 
 MOST = 2000  # combinations
@@ -21,7 +22,7 @@ class Asked(NamedTuple):
     """What to compare."""
 
     scenario: str  # as `load` takes it
-    axes: tuple  # of things with a key and values, as `--set` takes them
+    axes: tuple  # of sweeps.Axis
     overrides: tuple = ()
     seed: int = 1
     workers: int | None = None
@@ -49,10 +50,10 @@ class Combination(NamedTuple):
 
     @property
     def used(self):
-        """Largest share of a limit that is used up; without requirements, the attitude's sigma."""
+        """Largest share of a limit that is used up; without requirements, the attitude's sigma at the end."""
         if self.judged:
             return max(one.used for one in self.judged)
-        return float(self.prediction.errors[0].attitude_b.trace()) ** 0.5
+        return float(self.prediction.errors[-1].attitude_b.trace()) ** 0.5
 
 
 class Study(NamedTuple):
@@ -66,17 +67,24 @@ class Study(NamedTuple):
     unpredicted: tuple  # names of requirements
 
 
-def study(asked, note=lambda done: None):
-    """Study of what is asked; ScenarioError, TradeError. note : called with how many more are done"""
-    base, chosen = load.load(asked.scenario, asked.overrides), combinations(asked.axes)
+def checked(asked):
+    """(Scenario, list of combinations) of what is asked; ScenarioError, SweepError, TradeError."""
+    chosen = sweeps.combinations(asked.axes, MOST)
+    for one in asked.axes:
+        if one.key.split(".")[0] == "requirements":
+            raise TradeError(f"--sweep {one.key}: combinations are judged by one requirement; use --set")
+    base = load.load(asked.scenario, asked.overrides)
     software.refuse_own(base, "the linear model")
     _check_values(asked)
-    cost = {key: _costs(asked, key) for key in asked.costs}
-    model = star_model.named_by(asked.scenario, asked.overrides)
-    found = []
-    for each in _predicted(asked, chosen, model):
-        note(len(each))
-        found += each
+    for key in asked.costs:
+        _check_costs(asked, key)
+    return base, chosen
+
+
+def study(asked, base, chosen):
+    """Study of what is asked, with what `checked` gave; TradeError where nothing can be predicted."""
+    model, cost = star_model.named_by(asked.scenario, asked.overrides), asked.costs
+    found = [one for each in _predicted(asked, chosen, model) for one in each]
     whole = [
         Combination(chosen[k], *result, sum(cost[key][chosen[k][key]] for key in cost) if cost else None)
         for k, result in sorted(found, key=lambda one: one[0])
@@ -101,36 +109,33 @@ def ordered(name, requirements, axes, whole, priced):
     )
 
 
-def combinations(axes):
-    """list of {key: value}, those of the last axis one after the other; TradeError."""
-    keys = [one.key for one in axes]
-    if twice := [key for key in keys if keys.count(key) > 1]:
-        raise TradeError(f"--sweep {twice[0]}: is given twice; give all its values at once")
-    found = [dict(zip(keys, values, strict=True)) for values in product(*(one.values for one in axes))]
-    if len(found) > MOST:
-        raise TradeError(f"--sweep: {len(found)} combinations; expected {MOST} at most")
+def costs(texts):
+    """{key: {value: cost}} of texts KEY=VALUE:COST,...; TradeError"""
+    found = {}
+    for text in texts:
+        key, _, given = text.partition("=")
+        prices = [_cost(text, part) for part in sweeps.parts(given)]
+        key = sweeps.key_of(key.strip())
+        if key in found or len(dict(prices)) < len(prices):
+            raise TradeError(f"--cost {text}: one cost is given twice")
+        found[key] = dict(prices)
     return found
 
 
-def costs(text, key_of):
-    """(key, {value: cost}) of KEY=VALUE:COST,...; TradeError. key_of : the whole key of one that is given"""
-    key, equals, given = text.partition("=")
-    found = {}
-    for part in given.split(","):
-        value, colon, number = part.strip().rpartition(":")
-        try:
-            found[value] = float(number)
-        except ValueError:
-            colon = ""
-        if not (equals and colon and value and found[value] >= 0.0):
-            raise TradeError(
-                f"--cost {text}: expected KEY=VALUE:COST,..., such as imu=stim300:8000,bmi088:20"
-            )
-    return key_of(key.strip()), found
+def _cost(text, part):
+    """(value, cost) of VALUE:COST; TradeError. text : the whole of which it is a part"""
+    value, _, number = part.strip().rpartition(":")
+    try:
+        cost = float(number)
+    except ValueError:
+        cost = math.nan
+    if not (value and 0.0 <= cost < math.inf):
+        raise TradeError(f"--cost {text}: expected KEY=VALUE:COST,..., such as imu=stim300:8000,bmi088:20")
+    return value, cost
 
 
-def _costs(asked, key):
-    """{value: cost} of a key, of all that are tried; TradeError."""
+def _check_costs(asked, key):
+    """TradeError unless all values of a key that are tried have a cost, and no others."""
     axis, given = next((one for one in asked.axes if one.key == key), None), asked.costs[key]
     if axis is None:
         raise TradeError(f"--cost {key}: is not tried; add --sweep {key}=...")
@@ -140,7 +145,6 @@ def _costs(asked, key):
     for value in given:
         if value not in axis.values:
             raise TradeError(f"--cost {key}: {value} is not tried; --sweep has {', '.join(axis.values)}")
-    return given
 
 
 def _check_values(asked):

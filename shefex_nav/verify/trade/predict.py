@@ -59,6 +59,10 @@ class Prediction(NamedTuple):
     doubtful: bool  # before the first of the errors the IMU is at its range, or the attitude beyond LARGE
     taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
 
+    def at(self, what):
+        """Errors of ENTRY or END; None where the flight has none."""
+        return next((one for one in self.errors if one.what == what), None)
+
 
 class Shared:
     """What scenarios have in common. model : StarStatistics or None;  seed : of flight and GPS receiver"""
