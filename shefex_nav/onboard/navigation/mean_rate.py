@@ -61,12 +61,14 @@ def camera_rate(constants, memory, ticks, tick, C_bc, interval_s):
     P_omega_c : (3, 3) (rad/s)^2
     """
     omega_b, f_b, noise = _body_rate(constants.model[0], memory, ticks, tick.x, interval_s)
+    if not np.isfinite(noise):
+        return False, omega_b, np.full((3, 3), np.nan)
     H, _ = jacobians_packed(constants.at, tick.P.shape[0], tick.x, omega_b, f_b, tick.vibration, tick.drive)
     first = constants.at[MOUNTING]
     if first >= 0:
         H[:, first : first + 3] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)
-    return np.isfinite(omega_b.sum()), C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc
+    return True, C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc
 
 
 @inner
