@@ -36,11 +36,13 @@ def _each(which, x, y, out):
             out[k] = math.atan2(x[k], y[k])
 
 
-def _of(which, x, y=0.0):
+def _of(which, x, y=None):
     """A function of numbers or arrays of shapes that go together. -> float64 or an array of them"""
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-    out = np.empty(x.shape)
-    _each(which, x.ravel(), y.ravel(), out.reshape(-1))
+    x = np.asarray(x, dtype=np.float64)
+    if y is not None:
+        x, y = np.broadcast_arrays(x, np.asarray(y, dtype=np.float64))
+    out, x = np.empty(x.shape), x.ravel()
+    _each(which, x, x if y is None else y.ravel(), out.reshape(-1))
     return out[()]
 
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import kernel
-from shefex_nav.geometry import frames, rotation, shutter, wgs84
+from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import mean_rate, strapdown
-from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V
+from shefex_nav.onboard.navigation.state import ATT, MOUNTING, X_MOUNTING, X_Q, X_R, X_V
 from shefex_nav.onboard.startracker.tracker import Context
 
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
@@ -30,35 +30,49 @@ def whole(nav, frame, sky):
 
     fusion.Filter, Frame, Sky -> tracker.Context
     """
-    index = nav.history.nearest(frame.t_valid_s)
-    C_bc, C_ic, surroundings = _surroundings(nav, index, frame.t_valid_s, sky)
-    near = nav.history[index]
-    times = shutter.row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
-    end_s = frame.t_start_s + shutter.duration_s(times)
-    omega_c, P_omega_c = mean_rate.camera_rate(nav, near, C_bc, frame.t_start_s, end_s)
-    return surroundings._replace(
-        q_ic=rotation.quat_from_dcm(C_ic),
-        P_c=camera_covariance(nav.layout, near.P, nav.params.C_bc) + PREDICTION_FLOOR**2 * np.eye(3),
-        omega_c=omega_c,
-        P_omega_c=P_omega_c,
-    )
+    history, C_bc = nav.history, nav.params.C_bc
+    ticks = history.oldest, history.newest, history.place(history.nearest(frame.t_valid_s))
+    shot = frame.t_valid_s, frame.t_start_s, frame.exposure_s, frame.line_s, frame.image_dn.shape[0]
+    context, known = _whole(nav.constants, history.arrays, ticks, C_bc, shot, sky)
+    return context if known else context._replace(omega_c=None, P_omega_c=None)
 
 
 def brief(nav, frame, sky):
     """`whole` without prediction and rate, for a chain that does not search by them."""
-    return _surroundings(nav, nav.history.nearest(frame.t_valid_s), frame.t_valid_s, sky)[2]
+    history, t_valid_s = nav.history, frame.t_valid_s
+    place = history.place(history.nearest(t_valid_s))
+    v_i, _, _, *angles = _sight(history.arrays, place, nav.params.C_bc, t_valid_s, nav.earth, sky.sun_i)
+    return Context(v_i + sky.earth_velocity_i, *angles)
 
 
-def _surroundings(nav, index, t_valid_s, sky):
-    """Mounting and attitude of the camera at an instant, and the Context without the prediction.
+@kernel
+def _whole(constants, memory, ticks, C_bc_nominal, shot, sky):
+    """`whole`, and whether the memory covers the exposure.
 
-    Filter, index of the tick nearest to it, time, Sky -> C_bc, C_ic, Context
+    constants, memory : prediction.Constants, prediction.Memory
+    ticks : numbers of its oldest and newest tick, place of the one that ends nearest to the frame's instant
+    shot : mission times of the frame's instant and of the opening of its first row, exposure [s], from one
+        row to the next [s], number of rows
+    sky : Sky
     """
-    history = nav.history
-    v_i, C_bc, C_ic, *angles = _sight(
-        history.arrays, history.place(index), nav.params.C_bc, t_valid_s, nav.earth, sky.sun_i
+    oldest, newest, place = ticks
+    t_valid_s, t_start_s, exposure_s, line_s, n_rows = shot
+    v_i, C_bc, C_ic, rate, sun_angle, limb_angle = _sight(
+        memory, place, C_bc_nominal, t_valid_s, constants.earth, sky.sun_i
     )
-    return C_bc, C_ic, Context(v_i + sky.earth_velocity_i, *angles)
+    near = mean_rate.Estimates(
+        memory.xs[place], memory.Ps[place], memory.numbers[place, 3], memory.drives[place]
+    )
+    exposed_s = t_start_s, t_start_s + (exposure_s + (n_rows - 1) * line_s)
+    known, omega_c, P_omega_c = mean_rate.camera_rate(
+        constants, memory, (oldest, newest), near, C_bc, exposed_s
+    )
+    P_c = camera_covariance(constants.at, near.P, C_bc_nominal)
+    for i in range(3):
+        P_c[i, i] += PREDICTION_FLOOR**2
+    v_i += sky.earth_velocity_i
+    q_ic = rotation.quat_from_dcm(C_ic)
+    return Context(v_i, rate, sun_angle, limb_angle, q_ic, P_c, omega_c, P_omega_c), known
 
 
 @kernel
@@ -81,12 +95,16 @@ def _sight(memory, place, C_bc_nominal, t_valid_s, earth, sun_i):
     return x[X_V].copy(), C_bc, C_ic, sqrt(omega_b @ omega_b), sun_angle, limb_angle
 
 
-def camera_covariance(layout, P, C_bc):
+@inner
+def camera_covariance(at, P, C_bc):
     """Covariance of the camera's attitude error in camera axes: attitude and mounting add up.
 
-    Layout; P : (n, n) of the filter; C_bc : (3, 3) nominal mounting -> (3, 3) rad^2
+    at : of Layout;  P : (n, n) of the filter;  C_bc : (3, 3) nominal mounting -> (3, 3) rad^2
     """
-    P_b = P[ATT, ATT]
-    if mounting := layout.places["mounting"]:
-        P_b = P_b + P[ATT, mounting] + P[mounting, ATT] + P[mounting, mounting]
+    P_b, first = P[ATT, ATT].copy(), at[MOUNTING]
+    if first >= 0:
+        mounting = slice(first, first + 3)
+        P_b += P[ATT, mounting]
+        P_b += P[mounting, ATT]
+        P_b += P[mounting, mounting]
     return C_bc.T @ P_b @ C_bc

@@ -133,7 +133,8 @@ def test_known_bad_pixels_are_taken_out():
     bad = rng.integers([1, 1], [492, 658], (40, 2)).astype(np.int64)
     bad = np.vstack([bad, bad[0] + [0, 1], [0, 0]])  # neighbours of each other, and a corner
     image[bad[:, 0], bad[:, 1]] = 255
-    repaired = repair(image, bad)
+    repaired = np.empty_like(image)
+    repair(image, bad, repaired)
     assert repaired[bad[:, 0], bad[:, 1]].max() < 40
     untouched = np.ones(SHAPE, dtype=bool)
     untouched[bad[:, 0], bad[:, 1]] = False

@@ -8,6 +8,7 @@ from unpacked import correct
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion, mean_rate, solution
+from shefex_nav.onboard.navigation.calibration import NO_DRIVE
 from shefex_nav.onboard.navigation.state import BG, layout, pack
 
 BLOCKS, STATES = fly(1.5)
@@ -24,6 +25,17 @@ def filter_after(blocks=BLOCKS, params=PARAMS):
     return nav
 
 
+def camera_rate(nav, tick, C_bc, begin_s, end_s):
+    history, imu = nav.history, tick.imu
+    of_imu = (0.0, NO_DRIVE) if imu is None else (imu.vibration, imu.drive)
+    estimates = mean_rate.Estimates(tick.x, tick.P, *of_imu)
+    ticks, interval_s = (history.oldest, history.newest), (begin_s, end_s)
+    known, omega_c, P_c = mean_rate.camera_rate(
+        nav.constants, history.arrays, ticks, estimates, C_bc, interval_s
+    )
+    return (omega_c, P_c) if known else (None, None)
+
+
 def true_mean(begin_s, end_s):
     nodes, weights = np.polynomial.legendre.leggauss(20)
     half = 0.5 * (end_s - begin_s)
@@ -35,7 +47,7 @@ def test_the_mean_of_the_motion_in_camera_axes(begin_s, end_s):
     nav = filter_after()
     mounting = np.array([0.01, -0.02, 0.03])
     C_bc = rotation.dcm_from_rotvec(mounting) @ C_BC
-    omega_c, P = mean_rate.camera_rate(nav, nav.history[-1], C_bc, begin_s, end_s)
+    omega_c, P = camera_rate(nav, nav.history[-1], C_bc, begin_s, end_s)
     np.testing.assert_allclose(C_bc @ omega_c, true_mean(begin_s, end_s), atol=3e-6)
     assert np.all(np.linalg.eigvalsh(P) > 0.0)
 
@@ -49,7 +61,7 @@ def test_estimated_gyro_errors_are_taken_out():
     nav = filter_after(blocks)
     tick = nav.history[-1]
     tick = tick._replace(x=pack(tick.state._replace(gyro_bias=bias, gyro_roll_column=k)))
-    omega_c, _ = mean_rate.camera_rate(nav, tick, C_BC, BEGIN_S, END_S)
+    omega_c, _ = camera_rate(nav, tick, C_BC, BEGIN_S, END_S)
     np.testing.assert_allclose(C_BC @ omega_c, true_mean(BEGIN_S, END_S), atol=3e-6)
 
 
@@ -65,11 +77,11 @@ def test_covariance_is_that_of_errors_put_into_the_state(error):
 
     def rate(of):
         C_bc = rotation.dcm_from_rotvec(of.mounting) @ C_BC
-        return mean_rate.camera_rate(nav, tick._replace(x=pack(of)), C_bc, BEGIN_S, END_S)
+        return camera_rate(nav, tick._replace(x=pack(of)), C_bc, BEGIN_S, END_S)
 
     nothing = np.zeros((N_ERROR, N_ERROR))
-    quiet = mean_rate.camera_rate(nav, tick._replace(P=nothing), C_BC, BEGIN_S, END_S)[1]
-    P = mean_rate.camera_rate(nav, tick._replace(P=np.outer(dx, dx)), C_BC, BEGIN_S, END_S)[1] - quiet
+    quiet = camera_rate(nav, tick._replace(P=nothing), C_BC, BEGIN_S, END_S)[1]
+    P = camera_rate(nav, tick._replace(P=np.outer(dx, dx)), C_BC, BEGIN_S, END_S)[1] - quiet
     change = rate(correct(LAYOUT, tick.state, dx))[0] - rate(tick.state)[0]
     np.testing.assert_allclose(P, np.outer(change, change), atol=2e-4 * size**2 + 1e-16)
 
@@ -81,10 +93,10 @@ def test_over_one_sample_it_is_as_sure_as_the_solution():
     tick = nav.history[-1]
     P = tick.P.copy()
     P[MOUNT], P[:, MOUNT] = 0.0, 0.0
-    _, P_c = mean_rate.camera_rate(nav, tick._replace(P=P), C_BC, T_S - DT, T_S)
+    _, P_c = camera_rate(nav, tick._replace(P=P), C_BC, T_S - DT, T_S)
     sigma = np.sqrt(np.diag(C_BC @ P_c @ C_BC.T))
     np.testing.assert_allclose(sigma, solution.solution(nav).sigma_omega_b, rtol=1e-6)
-    _, longer = mean_rate.camera_rate(nav, tick._replace(P=P), C_BC, T_S - 16 * DT, T_S)
+    _, longer = camera_rate(nav, tick._replace(P=P), C_BC, T_S - 16 * DT, T_S)
     # over sixteen times the time white noise falls to 1/16, what the two ends are rounded by to 1/256
     white, ends = model.gyro_random_walk**2 / DT, model.gyro_quantum**2 / 6.0 / DT**2
     quieter = 3.0 * (white * (1.0 - 1.0 / 16.0) + ends * (1.0 - 1.0 / 256.0))
@@ -109,7 +121,7 @@ def test_errors_are_as_large_as_their_covariance_says():
         C_bc = rotation.dcm_from_rotvec(-dx[MOUNT]) @ C_BC  # the estimate; the true one is C_BC
         P = np.zeros((N_ERROR, N_ERROR))
         P[BG.start :, BG.start :] = np.diag(sigma[BG.start :] ** 2)
-        omega_c, P_c = mean_rate.camera_rate(nav, tick._replace(P=P), C_bc, BEGIN_S, END_S)
+        omega_c, P_c = camera_rate(nav, tick._replace(P=P), C_bc, BEGIN_S, END_S)
         error = true_c - omega_c
         nees.append(error @ np.linalg.solve(P_c, error))
     low, high = chi2.ppf([0.0005, 0.9995], 3 * 400) / 400
@@ -121,15 +133,15 @@ def test_no_rate_without_samples():
     nav = filter_after()
     tick = nav.history[-1]
     for begin_s, end_s in ((0.5, 0.6), (1.4, 1.51), (1.3, 1.3)):
-        assert mean_rate.camera_rate(nav, tick, C_BC, begin_s, end_s) == (None, None)
+        assert camera_rate(nav, tick, C_BC, begin_s, end_s) == (None, None)
     started = fusion.start(PARAMS, alignment(STATES[0]), EARTH)
-    assert mean_rate.camera_rate(started, started.history[0], C_BC, -0.05, 0.0) == (None, None)
+    assert camera_rate(started, started.history[0], C_BC, -0.05, 0.0) == (None, None)
 
 
 def test_a_gyro_at_its_range_knows_no_rate():
     blocks = [*BLOCKS[:-20], *(block._replace(saturated=True) for block in BLOCKS[-20:])]
     nav = filter_after(blocks)
-    _, before = mean_rate.camera_rate(nav, nav.history[-1], C_BC, 1.20, 1.25)
-    _, during = mean_rate.camera_rate(nav, nav.history[-1], C_BC, 1.29, 1.34)
+    _, before = camera_rate(nav, nav.history[-1], C_BC, 1.20, 1.25)
+    _, during = camera_rate(nav, nav.history[-1], C_BC, 1.29, 1.34)
     assert np.sqrt(np.trace(before)) < 0.2 * DEG
     assert np.sqrt(np.diag(during)).min() > 0.99 * PARAMS.imu.saturated_rate

@@ -56,7 +56,7 @@ def camera_error(nav, mounting, axes):
     tick = nav.history[-1]
     truth = STATES[round(tick.t_s * 100)]._replace(mounting=mounting)
     turn = camera_attitude(tick.state).T @ camera_attitude(truth)
-    P_c = star_context.camera_covariance(nav.layout, tick.P, C_BC)
+    P_c = star_context.camera_covariance(nav.layout.at, tick.P, C_BC)
     return axes @ Rotation.from_matrix(turn).as_rotvec(), np.sqrt(np.diag(axes @ P_c @ axes.T))
 
 

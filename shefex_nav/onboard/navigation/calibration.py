@@ -82,7 +82,7 @@ def free_increment(x, M, A, G, increments, n, duration_s):
     return t3.turned(M, t3.plus(w, -1.0, t3.turned(G, dv))), dv
 
 
-@kernel
+@inner
 def correct_increments(x, increments, duration_s):
     """Increments free of the estimated sensor errors.
 
@@ -98,7 +98,7 @@ def correct_increments(x, increments, duration_s):
     return out
 
 
-@kernel
+@inner
 def acting(x, vibration, drive):
     """The packed values with the biases of gyros and accelerometers as they act in a tick.
 
@@ -113,17 +113,6 @@ def acting(x, vibration, drive):
             out[X_BG + i] += drive[i, k] * value
             out[X_BA + i] += drive[3 + i, k] * value
     return out
-
-
-def motion(x, increments, duration_s, vibration, drive=NO_DRIVE):
-    """Mean rate and specific force of increments summed over a duration, estimated errors taken out.
-
-    (X,) packed nominal values, (6,) rad and m/s, s, level of vibration, (6, m)
-    -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
-    """
-    whole = np.reshape(increments, (1, 6))
-    free = correct_increments(acting(x, vibration, drive), whole, duration_s)[0] / duration_s
-    return free[:3], free[3:]
 
 
 def jacobians(layout, x, omega_b, f_b, vibration, drive=NO_DRIVE):

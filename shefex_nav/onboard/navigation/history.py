@@ -32,17 +32,6 @@ class Tick(NamedTuple):
         return unpack(self.t_s, self.x)
 
 
-class Samples(NamedTuple):
-    """IMU samples of some ticks, one after the other."""
-
-    increments: np.ndarray  # (N, 6) rad and m/s, as measured
-    dt_s: np.ndarray  # (N,) of each
-    end_s: float  # mission time at which the last one ends
-    vibration: float  # largest level
-    doubtful: bool  # whether a gyro is not trusted in one of the ticks
-    drive: np.ndarray  # (6, m) of ImuWindow, mean of the ticks
-
-
 class History:
     """Ticks, oldest first, at least one.
 
@@ -110,14 +99,6 @@ class History:
         increments = self.increments[place, : BEFORE + int(n)].copy()
         extra, drive = self.extra[place].copy(), self.drives[place].copy()
         return ImuWindow(self.ends_s[k], dt_s, increments, vibration, extra, drive)
-
-    def samples(self, begin_s, end_s):
-        """The IMU samples of the ticks that an interval touches: Samples; None if it is not covered."""
-        if not begin_s < end_s <= self.ends_s[-1] + SAME_S:
-            return None
-        memory = self.numbers, self.increments, self.extra, self.drives
-        found = Samples(*_samples(*memory, self.oldest, self.newest, begin_s, end_s))
-        return found if len(found.dt_s) else None
 
     def length_s(self, k):
         """Duration of tick k."""
@@ -276,34 +257,6 @@ class Moment:
         return felt_packed(
             x, history.increments[place], int(n), dt_s, vibration, history.drives[place], self.at_s
         )
-
-
-@kernel
-def _samples(numbers, increments, extra, drives, oldest, newest, begin_s, end_s):
-    """What `History.samples` tells, without any samples where the interval is not covered."""
-    size, first, last, count, first_s = numbers.shape[0], newest + 1, newest, 0, np.inf
-    for number in range(newest, oldest - 1, -1):
-        k = number % size
-        n = int(numbers[k, 2])
-        if numbers[k, 0] <= begin_s or n == 0:
-            break
-        first_s = numbers[k, 0] - numbers[k, 2] * numbers[k, 1]
-        if first_s < end_s:
-            last = number if first > newest else last
-            first, count = number, count + n
-    if first > newest or first_s > begin_s + SAME_S:
-        first, last, count = newest, newest - 1, 0
-    found, dt_s, drive = np.empty((count, 6)), np.empty(count), np.zeros(drives.shape[1:])
-    at, vibration, doubtful = 0, 0.0, False
-    for number in range(first, last + 1):
-        k = number % size
-        n = int(numbers[k, 2])
-        found[at : at + n] = increments[k, BEFORE : BEFORE + n]
-        dt_s[at : at + n] = numbers[k, 1]
-        at, vibration = at + n, max(vibration, numbers[k, 3])
-        doubtful = doubtful or extra[k, 0].any()
-        drive += drives[k]
-    return found, dt_s, numbers[last % size, 0], vibration, doubtful, drive / max(last + 1 - first, 1)
 
 
 @kernel

@@ -6,48 +6,134 @@ exposure is far quieter than one sample: white noise falls with the duration, an
 remainder is carried on, only the two ends are left.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from shefex_nav.compiled import kernel
+from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import inner
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import calibration
+from shefex_nav.onboard.navigation.calibration import acting, correct_increments, jacobians_packed
+from shefex_nav.onboard.navigation.state import MOUNTING
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 
 
-def body_rate(nav, x, begin_s, end_s):
-    """Mean of omega_ib_b over an interval, corrected with estimates.
+class Estimates(NamedTuple):
+    """What the filter estimates in a tick, and what drives the increments in it."""
+
+    x: np.ndarray  # (X,) packed nominal values
+    P: np.ndarray  # (n, n)
+    vibration: float
+    drive: np.ndarray  # (6, m) of ImuWindow
+
+
+class Samples(NamedTuple):
+    """IMU samples of some ticks, one after the other; none where they do not cover an interval."""
+
+    increments: np.ndarray  # (N, 6) rad and m/s, as measured
+    dt_s: np.ndarray  # (N,) of each
+    end_s: float  # mission time at which the last one ends
+    vibration: float  # largest level
+    doubtful: bool  # whether a gyro is not trusted in one of the ticks
+    drive: np.ndarray  # (6, m) of ImuWindow, mean of the ticks
+
+
+@inner
+def camera_rate(constants, memory, ticks, tick, C_bc, interval_s):
+    """Mean inertial rate of the star camera over an interval, in camera axes.
+
+    omega_c = C_cb omega_b. An error of the mounting turns it: with C_bc(true) = exp(skew(dm)) C_bc,
+
+        d omega_c = C_cb (J_omega dx + omega_b x d mounting + noise),   J_omega of `calibration.jacobians`
 
     Parameters
     ----------
-    nav : fusion.Filter, advanced to the present tick
-    x : (X,) packed nominal values, whose estimated gyro errors are taken out
-    begin_s, end_s : mission times
+    constants, memory : prediction.Constants, prediction.Memory
+    ticks : numbers of the oldest and of the newest tick in the memory
+    tick : Estimates of a tick near the interval
+    C_bc : (3, 3) estimated mounting
+    interval_s : mission times of begin and end
 
     Returns
     -------
-    omega_b : (3,) rad/s; NaN where the filter's memory does not cover the interval
-    f_b : (3,) m/s^2, likewise
-    noise : float, (rad/s)^2, variance on each axis of what is no state of the filter
+    known : bool, False where the memory does not cover the interval
+    omega_c : (3,) rad/s
+    P_omega_c : (3, 3) (rad/s)^2
     """
-    samples = nav.history.samples(begin_s, end_s)
-    if samples is None:
+    omega_b, f_b, noise = _body_rate(constants.model[0], memory, ticks, tick.x, interval_s)
+    if not np.isfinite(noise):
+        return False, omega_b, np.full((3, 3), np.nan)
+    H, _ = jacobians_packed(constants.at, tick.P.shape[0], tick.x, omega_b, f_b, tick.vibration, tick.drive)
+    first = constants.at[MOUNTING]
+    if first >= 0:
+        H[:, first : first + 3] = rotation.skew(omega_b)
+    P_b = H @ tick.P @ H.T + noise * np.eye(3)
+    return True, C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc
+
+
+@inner
+def _body_rate(model, memory, ticks, x, interval_s):
+    """Mean rate and specific force of an interval, corrected with estimates.
+
+    model : of `error_model.record`, what NavParams say;  x : (X,), whose gyro errors are taken out
+    -> omega_b (3,) rad/s, f_b (3,) m/s^2, NaN where the memory does not cover the interval; variance on each
+    axis of what is no state of the filter, (rad/s)^2
+    """
+    begin_s, end_s = interval_s
+    samples = _samples(memory, ticks, begin_s, end_s)
+    if len(samples.dt_s) == 0:
         return np.full(3, np.nan), np.full(3, np.nan), np.inf
-    duration_s, increments = _between(samples.increments, samples.dt_s, samples.end_s, begin_s, end_s)
-    omega_b, f_b = calibration.motion(x, increments, duration_s, samples.vibration, samples.drive)
-    noise = _noise(nav.params.imu, omega_b, f_b, samples, duration_s)
-    return omega_b, f_b, noise
+    duration_s, increments = _between(samples, begin_s, end_s)
+    acts = acting(x, samples.vibration, samples.drive)
+    free = correct_increments(acts, increments.reshape((1, 6)), duration_s)[0] / duration_s
+    omega_b, f_b = free[:3], free[3:]
+    return omega_b, f_b, _noise(model, omega_b, f_b, samples, duration_s)
 
 
-@kernel
-def _between(increments, dt_s, last_s, begin_s, end_s):
-    """Time and increments of an interval. Samples (N, 6), their dt_s (N,), end of the last, interval"""
+@inner
+def _samples(memory, ticks, begin_s, end_s):
+    """Samples of the ticks that an interval touches."""
+    numbers, (oldest, newest) = memory.numbers, ticks
+    size, first, last, count, first_s = numbers.shape[0], newest + 1, newest, 0, np.inf
+    for number in range(newest, oldest - 1, -1):
+        k = number % size
+        n = int(numbers[k, 2])
+        if numbers[k, 0] <= begin_s or n == 0:
+            break
+        first_s = numbers[k, 0] - numbers[k, 2] * numbers[k, 1]
+        if first_s < end_s:
+            last = number if first > newest else last
+            first, count = number, count + n
+    covered = begin_s < end_s <= numbers[newest % size, 0] + SAME_S
+    if not covered or first > newest or first_s > begin_s + SAME_S:
+        first, last, count = newest, newest - 1, 0
+    found, dt_s, drive = np.empty((count, 6)), np.empty(count), np.zeros(memory.drives.shape[1:])
+    at, vibration, doubtful = 0, 0.0, False
+    for number in range(first, last + 1):
+        k = number % size
+        n = int(numbers[k, 2])
+        found[at : at + n] = memory.increments[k, BEFORE : BEFORE + n]
+        dt_s[at : at + n] = numbers[k, 1]
+        at, vibration = at + n, max(vibration, numbers[k, 3])
+        doubtful = doubtful or memory.extra[k, 0].any()
+        drive += memory.drives[k]
+    drive /= max(last + 1 - first, 1)
+    return Samples(found, dt_s, numbers[last % size, 0], vibration, doubtful, drive)
+
+
+@inner
+def _between(samples, begin_s, end_s):
+    """Time and increments of an interval that Samples cover: s, (6,)"""
+    dt_s = samples.dt_s
     weight, sample_s = np.empty(len(dt_s)), np.cumsum(dt_s[::-1])[::-1] - dt_s
     for k in range(len(dt_s)):
-        sample_end_s = last_s - sample_s[k]
+        sample_end_s = samples.end_s - sample_s[k]
         inside_s = min(sample_end_s, end_s) - max(sample_end_s - dt_s[k], begin_s)
         weight[k] = min(max(inside_s / dt_s[k], 0.0), 1.0)
-    return dt_s @ weight, weight @ increments
+    return dt_s @ weight, weight @ samples.increments
 
 
+@inner
 def _noise(model, omega_b, f_b, samples, duration_s):
     """Variance of the mean rate on each axis from what the filter counts as noise, (rad/s)^2.
 
@@ -61,42 +147,4 @@ def _noise(model, omega_b, f_b, samples, duration_s):
     variance += (model.gyro_rectification * vibration**2) ** 2
     if samples.doubtful:
         variance += model.saturated_rate**2
-    return float(variance)
-
-
-def camera_rate(nav, tick, C_bc, begin_s, end_s):
-    """Mean inertial rate of the star camera over an interval, in camera axes.
-
-    omega_c = C_cb omega_b. An error of the mounting turns it: with C_bc(true) = exp(skew(dm)) C_bc,
-
-        d omega_c = C_cb (J_omega dx + omega_b x d mounting + noise),   J_omega of `calibration.jacobians`
-
-    Parameters
-    ----------
-    nav : fusion.Filter, advanced to the present tick
-    tick : fusion.Tick whose estimates and covariance are taken, near the interval
-    C_bc : (3, 3) estimated mounting
-    begin_s, end_s : mission times
-
-    Returns
-    -------
-    omega_c : (3,) rad/s
-    P_omega_c : (3, 3) (rad/s)^2; both None where the filter's memory does not cover the interval
-    """
-    omega_b, f_b, noise = body_rate(nav, tick.x, begin_s, end_s)
-    if not np.isfinite(omega_b.sum()):
-        return None, None
-    vibration, drive = (
-        (0.0, calibration.NO_DRIVE) if tick.imu is None else (tick.imu.vibration, tick.imu.drive)
-    )
-    H, _ = calibration.jacobians(nav.layout, tick.x, omega_b, f_b, vibration, drive)
-    if mounting := nav.layout.places["mounting"]:
-        H[:, mounting] = rotation.skew(omega_b)
-    return _in_camera_axes(C_bc, omega_b, H, tick.P, noise)
-
-
-@kernel
-def _in_camera_axes(C_bc, omega_b, H, P, noise):
-    """Rate and its covariance in camera axes. H : (3, n);  P : (n, n);  noise : (rad/s)^2 on each axis"""
-    P_b = H @ P @ H.T + noise * np.eye(3)
-    return C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc
+    return variance

@@ -33,13 +33,7 @@ TABLE = {
 }
 VECTORS = tuple(name for name, of in TABLE.items() if of.whole and of.quantity is not ATTITUDE)
 RATES = tuple(name for name, of in TABLE.items() if of.quantity is VELOCITY)
-
-
-def about(name):
-    """Quantity that a sensor measures, whole or in rows; None: another one."""
-    return TABLE[name].quantity if name in TABLE else None
-
-
-def fix_of(name):
-    """Quantity of which one fix of a sensor says all; None: of none of these."""
-    return TABLE[name].quantity if name in TABLE and TABLE[name].whole else None
+# about(name): the quantity that a sensor measures, whole or in rows; None: another one
+about = {name: of.quantity for name, of in TABLE.items()}.get
+# fix_of(name): quantity of which one fix of a sensor says all; None: of none of these
+fix_of = {name: of.quantity for name, of in TABLE.items() if of.whole}.get

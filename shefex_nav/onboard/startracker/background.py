@@ -17,11 +17,37 @@ NARROW = 4096  # block sums: the sky of a tile is seldom wider
 QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
 
 
+def survey(image_dn, bad_pixels, tile_px):
+    """All of this file that a search for objects needs of a frame, in one compiled call.
+
+    Returns
+    -------
+    repaired : the frame without its bad pixels
+    blocks : as `block_sums`
+    background, sigma, mean_dn : as `tile_statistics`
+    background_dn, noise_dn : of one pixel, medians over the tiles
+    """
+    repaired, blocks = np.empty_like(image_dn), _blocks_for(image_dn)
+    return repaired, blocks, *_survey_kernel(image_dn, bad_pixels, tile_px, repaired, blocks)
+
+
 @kernel
-def repair(image_dn, bad_pixels):
-    """Copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
+def _survey_kernel(image_dn, bad_pixels, tile_px, repaired, blocks):
+    """`survey` but for the two that are written."""
+    repair(image_dn, bad_pixels, repaired)
+    _block_sums_kernel(repaired, blocks)
+    if blocks.itemsize == 2:
+        background, sigma, mean_dn = _tiles_by_count(blocks, tile_px)
+    else:
+        background, sigma, mean_dn = _tiles_by_order(blocks, tile_px)
+    return background, sigma, mean_dn, np.median(background) / N_BLOCK, np.median(sigma) / BLOCK
+
+
+@inner
+def repair(image_dn, bad_pixels, repaired):
+    """Write a copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
     rows, columns = image_dn.shape
-    repaired = image_dn.copy()
+    repaired[:] = image_dn
     bad = np.zeros(
         rows * columns // 8 + 1, dtype=np.uint8
     )  # one bit a pixel: as large as the frame it were slow
@@ -38,7 +64,6 @@ def repair(image_dn, bad_pixels):
                     total += np.int64(image_dn[y, x])
                     n += 1
         repaired[r, c] = (total + n // 2) // n if n > 0 else 0
-    return repaired
 
 
 def block_sums(image_dn):
@@ -46,9 +71,14 @@ def block_sums(image_dn):
 
     (rows, columns) uint8 -> int16; uint16 -> int32.
     """
-    blocks = np.empty(image_dn.shape, dtype=np.int16 if image_dn.dtype == np.uint8 else np.int32)
+    blocks = _blocks_for(image_dn)
     _block_sums_kernel(image_dn, blocks)
     return blocks
+
+
+def _blocks_for(image_dn):
+    """Room for the sums of a frame."""
+    return np.empty(image_dn.shape, dtype=np.int16 if image_dn.dtype == np.uint8 else np.int32)
 
 
 @kernel
@@ -189,9 +219,3 @@ def _quantile(values, fraction):
         below += value < k
         equal += value == k
     return k - 0.5 + (target - below) / equal
-
-
-@kernel
-def medians(background, sigma):
-    """Background and noise of one pixel, medians over the tiles: two floats [DN]."""
-    return np.median(background) / N_BLOCK, np.median(sigma) / BLOCK

@@ -14,7 +14,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.startracker import centroid, fit, scan
-from shefex_nav.onboard.startracker.background import block_sums, medians, repair, tile_statistics
+from shefex_nav.onboard.startracker.background import survey
 from shefex_nav.onboard.startracker.methods import STEPS
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Detections
@@ -51,15 +51,12 @@ def detect(settings, camera, image_dn, centres=None):
             f"image: expected grey values of shape (rows, columns), uint8 or uint16, "
             f"got {image_dn.dtype} of shape {image_dn.shape}"
         )
-    image_dn = repair(image_dn, camera.bad_pixels)
-    blocks = block_sums(image_dn)
-    background, sigma, mean_dn = tile_statistics(blocks, settings.tile)
+    image_dn, blocks, background, sigma, *levels = survey(image_dn, camera.bad_pixels, settings.tile)
     table = _named("scan", settings.scan)(image_dn, blocks, background, sigma, rules(settings))
     centres = centres or _named("centroid", settings.centroid)
     xy_px, flux_dn, P_px = centres(settings, camera, image_dn, table)
-    statistics = FrameStatistics(mean_dn, *medians(background, sigma))
     detections = Detections(*_brightest_first(table, xy_px, flux_dn, P_px))
-    return detections, statistics
+    return detections, FrameStatistics(*levels)
 
 
 @kernel

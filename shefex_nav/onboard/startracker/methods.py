@@ -4,6 +4,7 @@ The tables hold the default chain. What the papers bring (`papers/*/methods`) an
 them (`plugins`); the papers' when a way is first looked up, so that scenarios are read without kernels.
 """
 
+from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -30,7 +31,7 @@ class Step(NamedTuple):
     @property
     def table(self):
         """{name: function} as it is now."""
-        return getattr(import_module(f"shefex_nav.onboard.startracker.{self.module}"), self.name)
+        return _table(self.module, self.name)
 
     def ways(self):
         """The same with what was waiting."""
@@ -46,6 +47,12 @@ STEPS = {
     "scan": Step(SCAN, "detect", "SCANS"),
     "centroid": Step(("star_tracker", "detection", "centroid"), "detect", "CENTROIDS"),
 }
+
+
+@cache
+def _table(module, name):
+    """The table of that name in a module of this folder."""
+    return getattr(import_module(f"shefex_nav.onboard.startracker.{module}"), name)
 
 
 def add(one):

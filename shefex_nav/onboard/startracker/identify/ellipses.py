@@ -29,15 +29,26 @@ def checked(P_px, n, name="P_px"):
     P = np.ascontiguousarray(P_px, dtype=np.float64)
     if P.shape != (n, 2, 2):
         raise ValueError(f"{name}: expected shape ({n}, 2, 2), got {P.shape}")
-    if not np.isfinite(P).all():
+    finite, k = _first_bad(P)
+    if not finite:
         raise ValueError(f"{name}: contains NaN or infinite values")
-    xx, yy, xy, yx = P[:, 0, 0], P[:, 1, 1], P[:, 0, 1], P[:, 1, 0]
-    symmetric = np.abs(xy - yx) <= 1e-9 * (np.abs(xx) + np.abs(yy))
-    bad = ~(symmetric & (xx > 0.0) & (yy > 0.0) & (xx * yy - xy * yx > 0.0))
-    if bad.any():
-        k = int(np.flatnonzero(bad)[0])
+    if k >= 0:
         raise ValueError(f"{name}: expected positive definite matrices, got {P[k].tolist()} for centroid {k}")
     return P
+
+
+@kernel
+def _first_bad(P):
+    """Whether all of P (n, 2, 2) is finite; the first matrix that is not positive definite, or -1."""
+    bad = -1
+    for k in range(P.shape[0] - 1, -1, -1):
+        xx, xy, yx, yy = P[k, 0, 0], P[k, 0, 1], P[k, 1, 0], P[k, 1, 1]
+        if not (np.isfinite(xx) and np.isfinite(xy) and np.isfinite(yx) and np.isfinite(yy)):
+            return False, -1
+        symmetric = np.abs(xy - yx) <= 1e-9 * (np.abs(xx) + np.abs(yy))
+        if not (symmetric and xx > 0.0 and yy > 0.0 and xx * yy - xy * yx > 0.0):
+            bad = k
+    return True, bad
 
 
 @kernel
