@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.report import scale
+from shefex_nav.report.figures import style
 
 
 def test_one_large_value_is_cut_off_and_counted():
@@ -32,3 +33,16 @@ def test_what_is_no_exception_is_shown(values):
 def test_values_that_are_not_finite_do_not_count():
     found = scale.cut([*[20.0] * 99, np.nan, 500.0, np.inf])
     assert (found.count, found.largest) == (1, 500.0)
+
+
+def test_what_stays_the_same_is_drawn_flat():
+    figure, axes = style.single(3.0, "height")
+    axes.plot([0.0, 1.0], [100.0, 100.0 + 1e-9])
+    style.no_narrower(axes, 0.2)
+    assert axes.get_ylim() == pytest.approx((99.9, 100.1))
+    axes.plot([0.0, 1.0], [100.0, 180.0])
+    axes.relim()
+    axes.autoscale(axis="y")
+    wide = axes.get_ylim()
+    style.no_narrower(axes, 0.2)
+    assert axes.get_ylim() == wide

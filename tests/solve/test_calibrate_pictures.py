@@ -61,6 +61,7 @@ def test_errors_of_the_lens_are_as_large_as_its_covariance_says(sets):
     assert low < sum(nees(found, camera.values) for camera, found in sets) < high
 
 
+@pytest.mark.slow
 def test_a_lens_of_other_pictures_is_found_as_well(monkeypatch):
     monkeypatch.syspath_prepend(BENCHMARKS)
     theirs, squares, size_px = importlib.import_module("pictures"), [], (1024, 768)

@@ -134,7 +134,14 @@ def least_squares(one, flights):
     return end @ P @ end.T, end @ known @ end.T
 
 
-@pytest.mark.parametrize("one", list(BUILT_IN.values()), ids=list(BUILT_IN))
+@pytest.mark.parametrize(
+    "one",
+    [
+        pytest.param(one, marks=pytest.mark.slow if name == "magnetometer" else ())
+        for name, one in BUILT_IN.items()
+    ],
+    ids=list(BUILT_IN),
+)
 def test_the_bound_with_an_instrument_is_what_dense_least_squares_give(one, flights):
     flight, _ = flights
     readings = one.measure(of(one), truth(flight), Numbers()).readings

@@ -89,6 +89,7 @@ def history(data):
     )
     style.curve(rows[0, 0], path.t_s, path.track.height / 1e3, color=style.BLUE)
     rows[0, 0].set_ylabel("height [km]")
+    style.no_narrower(rows[0, 0], style.STILL_KM)
     style.curve(rows[1, 0], path.t_s, np.linalg.norm(path.track.v_e, axis=1), color=style.BLUE)
     rows[1, 0].set_ylabel("speed [m/s]")
     for axes in rows[:, 0]:

@@ -49,6 +49,7 @@ def _flight(axes, data, t_s):
     axes.set_xlim(*style.whole(data))
     axes.margins(y=0.25)
     axes.autoscale_view()  # names are placed by the limits
+    style.no_narrower(axes, style.STILL_KM)
     principal = [event for event in data.events if event.name in _EVENTS]
     at_s = [event.t_s for event in principal]
     xy = np.column_stack([at_s, np.interp(at_s, path.t_s, path.track.height / 1e3)])

@@ -35,6 +35,7 @@ QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "de
 TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}  # of blocks of errors
 RIGHT, BOTTOM = 0.15, 0.55  # inches, margins of a figure
 WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
+STILL_KM = 0.2  # height that an axis shows at least
 _FEW_DOTS = 200
 _DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
 _GAP = 8.0  # steps without a sample are a gap
@@ -189,6 +190,14 @@ def event_lines(axes, data):
         [event.t_s for event in data.events], 0.0, 1.0, transform=axes.get_xaxis_transform(),
         colors="#999999", lw=0.5, ls=":", zorder=0,
     )  # fmt: skip
+
+
+def no_narrower(axes, span):
+    """A y axis that is no narrower than span: of what stays the same, rounding is not drawn as motion."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
 def log_scale(axes, bottom=None, top=None):

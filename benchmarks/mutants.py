@@ -1,0 +1,246 @@
+"""Do the tests notice a wrong program? Mutation testing of what the truthfulness of the program rests on.
+
+    uv run --with coverage python benchmarks/mutants.py lines --work DIR   # once: which test runs which line
+    uv run --with coverage python benchmarks/mutants.py run --work DIR [--each 40] [--seed 1] [--part gates]
+    uv run python benchmarks/mutants.py show --work DIR
+
+A mutant is the package with one change in one file (`mutant_places`): a sign, a comparison, a number, a
+statement left out. It is killed if a test that runs the line fails with it. A seeded sample is drawn from
+each part alike. Kernels are Python functions here (NUMBA_DISABLE_JIT=1): compiled anew for each mutant, they
+would take minutes. So tests which take over 8 s in that mode, most of those that fly, have no say in `run`;
+what survives may be killed by them. `--flights` takes up the survivors with the tests of FLIGHTS, compiled.
+
+DIR keeps the copy of the package that is changed, lines.json and a line a mutant in mutants.jsonl: `run` goes
+on where it was stopped, and survivors that were judged equivalent by a reader (benchmarks/mutants_same.json)
+do not count. `show` prints the score of each part with its 95 % interval, and the survivors.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import mutant_places
+from scipy import stats
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+SAME = HERE / "mutants_same.json"
+NAVIGATION, IDENTIFY = "onboard/navigation", "onboard/startracker/identify"
+PARTS = {  # files of the package, as glob patterns
+    "faults": ("world/faults.py", "world/gps_errors.py"),
+    "gates": tuple(f"{NAVIGATION}/{name}.py" for name in ("gate", "eskf", "reset", "adaptation", "gps_told")),
+    "integrity": (
+        f"{NAVIGATION}/integrity*.py",
+        f"{NAVIGATION}/unknown_attitude.py",
+        "onboard/star_context.py",
+    ),
+    "verdict": tuple(
+        f"{IDENTIFY}/{n}.py" for n in ("bayes", "evidence", "odds", "verify", "doubts", "completeness")
+    ),
+}
+TESTS = (
+    "world/test_faults*.py",
+    "world/test_gps*.py",
+    "world/test_instrument_faults.py",
+    "onboard/test_*.py",
+)
+FLIGHTS = {
+    "faults": ("tests/test_faulty_gps.py", "tests/test_faulty_imu.py", "tests/test_faulty_star_tracker.py"),
+    "gates": ("tests/test_faulty_gps.py", "tests/test_steady_flight.py", "tests/test_told_flights.py"),
+    "integrity": ("tests/test_faulty_gps.py", "tests/test_faulty_imu.py", "tests/test_faulty_gyro.py",
+                  "tests/test_faulty_star_tracker.py", "tests/test_wrong_constants.py",
+                  "tests/test_protection_levels.py"),
+    "verdict": ("tests/onboard/test_tracker_rendered.py", "tests/test_blinded_statistic.py"),
+}  # fmt: skip
+LONGEST_S = 8  # of a test in the table of lines
+MOST_S = 120.0  # of all tests of one mutant, by the table; the fastest first
+FLIGHT_S = 900.0  # of the flights of one mutant
+KILLED, SURVIVED, UNSEEN = "killed", "survived", "unseen"
+
+
+def copied(work):
+    """The copy of the package and its tests that mutants are made in."""
+    tree = work / "tree"
+    if not tree.exists():
+        for name in ("shefex_nav", "tests", "scenarios", "benchmarks", "docs", "notebooks"):
+            shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+        for file in ROOT.glob("*.*"):
+            if file.is_file():
+                shutil.copy(file, tree)
+    return tree
+
+
+def tested(tree, arguments, timeout_s, **environment):
+    """Exit code of pytest in the copy, None if it was stopped for its time; and what it printed."""
+    paths = os.pathsep.join([str(tree), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
+    own = {**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", **environment}
+    words = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *arguments]
+    with subprocess.Popen(
+        words,
+        cwd=tree,
+        env=own,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            said, _ = process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return None, process.communicate()[0]
+    return process.returncode, said
+
+
+def lines(work):
+    """Write lines.json: {file: {line: [test, ...]}} and the seconds of each test, kernels being Python."""
+    tree, out = copied(work), work / "lines.json"
+    for pattern in TESTS:
+        for test in sorted((tree / "tests").glob(pattern)):
+            name, part = test.relative_to(tree).as_posix(), work / "lines" / f"{test.stem}.json"
+            if part.exists():
+                continue
+            part.parent.mkdir(exist_ok=True)
+            print(name, flush=True)
+            environment = {
+                "NUMBA_DISABLE_JIT": "1", "MUTANT_LINES": str(part), "MUTANT_LONGEST_S": str(LONGEST_S)
+            }  # fmt: skip
+            code, said = tested(tree, ["-p", "mutant_lines", name], FLIGHT_S, **environment)
+            if code is None:  # too many slow tests: they have no say
+                part.write_text(json.dumps({"seconds": {}, "lines": {}}))
+            elif not part.exists():
+                sys.exit(said)
+    seconds, found = {}, {}
+    for part in sorted((work / "lines").glob("*.json")):
+        told = json.loads(part.read_text())
+        seconds.update(told["seconds"])
+        for file, of in told["lines"].items():
+            for line, tests in of.items():
+                found.setdefault(file, {}).setdefault(line, []).extend(tests)
+    out.write_text(json.dumps({"seconds": seconds, "lines": found}))
+    print(f"{len(seconds)} tests, {out}")
+
+
+def sample(each, seed, wanted):
+    """Mutants in the order in which they are flown: the first of each part, the second of each, and so on."""
+    drawn = []
+    for part in wanted:
+        files = sorted({file for pattern in PARTS[part] for file in (ROOT / "shefex_nav").glob(pattern)})
+        places = []
+        for file in files:
+            name = file.relative_to(ROOT).as_posix()
+            places += [(part, name, *place) for place in mutant_places.of(file.read_text(encoding="utf-8"))]
+        random.Random(f"{seed} {part}").shuffle(places)
+        drawn.append(places[:each])
+    return [one for together in zip(*drawn, strict=True) for one in together]
+
+
+def fast(table, file, first, last):
+    """Tests that run a line of a mutant, fastest first, as many as MOST_S allows."""
+    of = table["lines"].get(file, {})
+    names = {name for line in range(first, last + 1) for name in of.get(str(line), ())}
+    chosen, left_s = [], MOST_S
+    for name in sorted(names, key=table["seconds"].__getitem__):
+        left_s -= table["seconds"][name]
+        if left_s < 0.0 and chosen:
+            break
+        chosen.append(name)
+    return chosen
+
+
+def judged(work, table, mutant, flights):
+    """What becomes of a mutant: its line in mutants.jsonl."""
+    part, name, line, (first, last), begin, end, new, what = mutant
+    tree, begun = copied(work), time.perf_counter()
+    file = tree / name
+    good = (ROOT / name).read_bytes()
+    row = {"part": part, "file": name, "line": line, "begin": begin, "what": what}
+    file.write_bytes(good[:begin] + new.encode() + good[end:])
+    try:
+        if flights:
+            code, said = tested(tree, ["-x", *FLIGHTS[part]], FLIGHT_S)
+        elif chosen := fast(table, name, first, last):
+            most_s = 60.0 + 5.0 * sum(table["seconds"][test] for test in chosen)
+            code, said = tested(tree, ["-x", *chosen], most_s, NUMBA_DISABLE_JIT="1")
+        else:
+            return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}
+    finally:
+        file.write_bytes(good)
+    failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    by = "time" if code is None else failed[0].split(" - ")[0] if failed else f"code {code}" if code else ""
+    verdict = SURVIVED if code == 0 else KILLED
+    return {**row, "verdict": verdict, "by": by, "s": round(time.perf_counter() - begun, 1)}
+
+
+def told(work):
+    """Verdicts by (file, begin, what), the last one of each."""
+    kept = work / "mutants.jsonl"
+    rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    return {(row["file"], row["begin"], row["what"]): row for row in rows}
+
+
+def run(work, options):
+    """Judge the mutants of a sample that have no verdict yet."""
+    table, known = json.loads((work / "lines.json").read_text()), told(work)
+    mutants = sample(options.each, options.seed, options.part or PARTS)
+    for k, mutant in enumerate(mutants):
+        before = known.get((mutant[1], mutant[4], mutant[7]))
+        if before is not None and not (
+            options.flights and before["verdict"] != KILLED and "flown" not in before
+        ):
+            continue
+        if options.flights and before is None:
+            continue
+        row = judged(work, table, mutant, options.flights)
+        if options.flights:
+            row["flown"] = True
+        with (work / "mutants.jsonl").open("a") as out:
+            out.write(json.dumps(row) + "\n")
+        print(
+            f"{k + 1}/{len(mutants)} {row['file']}:{row['line']} {row['what']}: {row['verdict']} {row['by']}",
+            flush=True,
+        )
+
+
+def show(work):
+    """Print scores and survivors."""
+    same = json.loads(SAME.read_text()) if SAME.exists() else {}
+    rows = list(told(work).values())
+    counted = [row for row in rows if f"{row['file']}:{row['line']} {row['what']}" not in same]
+    for part in [*PARTS, None]:
+        own = [row for row in counted if part in (row["part"], None)]
+        if own:
+            killed = sum(row["verdict"] == KILLED for row in own)
+            low, high = stats.binomtest(killed, len(own)).proportion_ci(method="exact")
+            print(f"{part or 'all':10} {killed:4} of {len(own):4} killed, {100 * killed / len(own):.0f} % "
+                  f"({100 * low:.0f} to {100 * high:.0f})")  # fmt: skip
+    for row in counted:
+        if row["verdict"] != KILLED:
+            print(f"{row['verdict']:9} {row['file']}:{row['line']}  {row['what']}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("lines", "run", "show"))
+    parser.add_argument("--work", type=Path, required=True, help="folder for what is kept")
+    parser.add_argument("--each", type=int, default=100, help="mutants of each part")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--part", choices=PARTS, action="append")
+    parser.add_argument("--flights", action="store_true", help="survivors, with flights")
+    options = parser.parse_args()
+    work = options.work.resolve()
+    work.mkdir(parents=True, exist_ok=True)
+    {"lines": lambda: lines(work), "run": lambda: run(work, options), "show": lambda: show(work)}[
+        options.what
+    ]()
+
+
+if __name__ == "__main__":
+    main()
