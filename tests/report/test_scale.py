@@ -36,7 +36,7 @@ def test_values_that_are_not_finite_do_not_count():
 
 
 def test_what_stays_the_same_is_drawn_flat():
-    figure, axes = style.single(3.0, "height")
+    _, axes = style.single(3.0, "height")
     axes.plot([0.0, 1.0], [100.0, 100.0 + 1e-9])
     style.no_narrower(axes, 0.2)
     assert axes.get_ylim() == pytest.approx((99.9, 100.1))
