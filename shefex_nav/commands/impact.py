@@ -65,9 +65,8 @@ def impact(
     """
     from shefex_nav.campaign.impact import studying
 
-    if aim_body is not None and aim is None:
-        raise typer.BadParameter("says what is aimed with --aim", param_hint="--aim-body")
-    place = None if aim is None else _place(aim)
+    check_aim(aim, aim_body)
+    place = None if aim is None else place_of(aim)
     _check_winds(wind or ())
     if output is not None:
         _check_folder(output, studying.FILES, force)
@@ -75,7 +74,7 @@ def impact(
         scenario,
         tuple(overrides or ()),
         tuple(wind or ()),
-        _height(ground),
+        height(ground),
         runs,
         seed,
         workers,
@@ -106,13 +105,19 @@ def _show(found, as_json):
         say(f"warning: {name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag")
 
 
-def _height(text):
+def check_aim(aim, aim_body):
+    """Refuse a body to be aimed without a place."""
+    if aim_body is not None and aim is None:
+        raise typer.BadParameter("says what is aimed with --aim", param_hint="--aim-body")
+
+
+def height(text):
     from shefex_nav.commands.options import quantity
 
     return None if text is None else quantity(text, "m", "--ground", "360 m")
 
 
-def _place(text):
+def place_of(text):
     """(latitude, longitude), rad."""
     try:
         latitude, longitude = (float(part) for part in text.split(","))

@@ -37,6 +37,7 @@ from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
 from shefex_nav.commands.view import view
 from shefex_nav.commands.warmup import warmup
+from shefex_nav.commands.winds import winds
 from shefex_nav.ending import end_quickly, search_seldom
 
 app = typer.Typer(
@@ -70,6 +71,7 @@ app.command(epilog=TRUST_HELP)(show)
 app.command(epilog=TRUST_HELP)(check)
 app.command(epilog=TRUST_HELP)(vehicle)
 app.command(epilog=TRUST_HELP)(impact)
+app.command(epilog=TRUST_HELP)(winds)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")
 

@@ -76,7 +76,7 @@ def look(scenario, seed=SEED):
     configurations = fly.configurations(given)
     flight = prepare.fly_vehicle(scenario, seed)
     seen = _seen(flight, configurations, prepare.earth_rotation(scenario))
-    speed = _rail_exit_speed(flight, prepare.earth_rotation(scenario))
+    speed = rail_exit_speed(flight, prepare.earth_rotation(scenario))
     return Looked(scenario, flight, configurations, seen, speed, _wind(given))
 
 
@@ -85,7 +85,7 @@ def at(flight, name):
     return next((event.t_s for event in flight.events if event.name == name), None)
 
 
-def _rail_exit_speed(flight, earth):
+def rail_exit_speed(flight, earth):
     """m/s relative to the Earth, between the two samples around the end of the rail."""
     t_s, exit_s = flight.trajectory.t_s, at(flight, "rail_exit")
     k = int(np.searchsorted(t_s, exit_s))

@@ -1,0 +1,193 @@
+"""In which winds a rocket may be launched: a table of go and no-go over the wind's speed and direction.
+
+In: a scenario, speeds, and how far from its place each body may land. The wind is the same at all heights,
+what ranges call a ballistic wind: a measured wind counts by the uniform one that carries the rocket as far.
+Out: a `Cell` for each speed and direction. It is go if
+
+- the flight can be, and comes down;
+- at the end of the rail the rocket is WIND_SHARE times as fast as the wind;
+- each body that is followed lands no farther off its place than is allowed. Its place is where it lands in
+  still air, of the body that is aimed the one that is aimed at.
+
+With a place to aim at, the launcher is set anew in each wind (`aim`), as a launch crew does.
+"""
+
+import math
+from typing import NamedTuple
+
+from shefex_nav.campaign.impact import aim, landing
+from shefex_nav.prepare import earth_rotation
+from shefex_nav.report import geodesic, vehicle
+from shefex_nav.scenario import load, soundings
+from shefex_nav.workers import cores, each
+
+DIRECTIONS = "N", "NE", "E", "SE", "S", "SW", "W", "NW"  # where it blows from, 45 deg apart
+
+
+class Asked(NamedTuple):
+    """What is asked."""
+
+    scenario: str  # name or file
+    overrides: tuple
+    speeds: tuple  # m/s, increasing
+    within: float  # m
+    ground: float | None  # m above the ellipsoid; None: the height of the launcher
+    place: tuple | None  # rad, latitude and longitude that a body is aimed at
+    body: str | None  # which; None: what flies last
+    seed: int
+    workers: int | None  # None: one a core
+
+
+class Down(NamedTuple):
+    """A launch in one wind."""
+
+    landings: tuple  # of landing.Landing
+    azimuth: float  # rad, of the launcher
+    elevation: float  # rad
+    exit_speed: float  # m/s, at the end of the rail
+
+
+class Cell(NamedTuple):
+    """What becomes of a launch in one wind."""
+
+    speed: float  # m/s
+    whence: str  # of DIRECTIONS
+    down: Down | None  # None: it cannot be flown, or not be aimed
+    off: dict  # {body: m from its place}
+    reasons: tuple  # why it is no go, for people; (): it is go
+
+
+class Table(NamedTuple):
+    """All of it."""
+
+    name: str  # of the mission
+    seed: int
+    ground: float  # m above the ellipsoid
+    within: float  # m
+    place: tuple | None
+    calm: Down
+    unknown: tuple  # names of dropped stages whose drag is not described
+    cells: tuple  # of Cell, direction by direction
+
+
+def how_many(speeds):
+    """Winds that are flown: int."""
+    return len(DIRECTIONS) * len(speeds)
+
+
+def study(asked, tell=lambda done, words: None):
+    """Table of a scenario. ImpactError, FlightError if it cannot be launched in still air.
+
+    tell : function of how many winds are flown, of `how_many`, and of words about it
+    """
+    own = load.load(asked.scenario, asked.overrides)
+    ground = 0.0 if own.launch is None else own.launch.height
+    ground = ground if asked.ground is None else asked.ground
+    landing.check(own, ground)
+    if asked.place is not None:
+        aim.check(own, asked.body)
+    first = asked.scenario, asked.overrides, asked.seed, ground, asked.place, asked.body
+    calm, error = launch(*first, 0.0, DIRECTIONS[0])
+    if calm is None:
+        raise landing.ImpactError(f"in still air: {error}")
+    calls = {
+        (k, speed): (*first, speed, whence) for k, whence in enumerate(DIRECTIONS) for speed in asked.speeds
+    }
+    found = {}
+    for key, one in _flown(calls, asked.workers):
+        found[key] = one
+        tell(len(found), f"{len(found)} of {len(calls)} winds flown")
+    names = landing.followed(own)
+    unknown = tuple(
+        name for name, one in own.vehicle.stages.items() if one.separation is not None and name not in names
+    )
+    cells = tuple(_cell(asked, calm, DIRECTIONS[k], speed, *found[k, speed]) for k, speed in sorted(found))
+    return Table(own.mission.name, asked.seed, ground, asked.within, asked.place, calm, unknown, cells)
+
+
+def _flown(calls, workers):
+    most = workers or min(cores(), len(calls))
+    if most == 1:
+        return ((key, launch(*call)) for key, call in calls.items())
+    return each(launch, calls, most)
+
+
+def launch(scenario, overrides, seed, ground, place, body, speed, whence):
+    """Launch in one wind. -> Down, ''; None and the reason why it cannot be"""
+    from shefex_nav.world.flight.fly import FlightError
+
+    degrees = 45.0 * DIRECTIONS.index(whence)
+    wind = soundings.Winds((0.0,), (speed,), (degrees,), "").override()
+    own = load.load(scenario, (*overrides, wind))
+    site = own.launch
+    try:
+        if place is not None:
+            found = aim.aim(own, *place, seed, ground, body)
+            site = site.model_copy(update={"azimuth": found.azimuth, "elevation": found.elevation})
+        flown = own.model_copy(update={"launch": site})
+        landed = landing.land(flown, seed, ground, paths=False)
+    except (FlightError, landing.ImpactError) as error:
+        return None, str(error).splitlines()[0]
+    exit_speed = vehicle.rail_exit_speed(landed.flight, earth_rotation(flown))
+    return Down(landed.landings, site.azimuth, site.elevation, exit_speed), ""
+
+
+def _cell(asked, calm, whence, speed, down, error):
+    """Cell of a launch."""
+    if down is None:
+        return Cell(speed, whence, None, {}, (error,))
+    places = {one.body: (one.latitude, one.longitude) for one in calm.landings}
+    if asked.place is not None:
+        places[asked.body or calm.landings[0].body] = asked.place
+    off = {
+        one.body: geodesic.distance(*places[one.body], one.latitude, one.longitude)
+        for one in down.landings
+        if one.body in places
+    }
+    reasons = [f"{body} {far / 1e3:.1f} km off" for body, far in off.items() if far > asked.within]
+    if down.exit_speed < vehicle.WIND_SHARE * speed:
+        angle = math.degrees(math.atan2(speed, down.exit_speed))
+        reasons.append(f"angle of attack {angle:.0f} deg at the end of the rail")
+    return Cell(speed, whence, down, off, tuple(reasons))
+
+
+def most(table, whence):
+    """Highest speed up to which every wind from a direction is go, m/s; None: not even the lowest is."""
+    speeds = [None]
+    for one in table.cells:
+        if one.whence == whence:
+            if one.reasons:
+                break
+            speeds.append(one.speed)
+    return speeds[-1]
+
+
+def summary(table):
+    """Plain values, for JSON: degrees, metres, seconds."""
+    return {
+        "scenario": table.name, "seed": table.seed, "ground_m": table.ground, "within_m": table.within,
+        "aim": table.place and _place(*table.place),
+        "not_followed": list(table.unknown),
+        "still_air": _down(table.calm),
+        "up_to_m_s": {whence: most(table, whence) for whence in DIRECTIONS},
+        "winds": [
+            {
+                "speed_m_s": one.speed, "from_deg": 45.0 * DIRECTIONS.index(one.whence), "go": not one.reasons,
+                "reasons": list(one.reasons), "off_m": one.off, **(one.down and _down(one.down) or {}),
+            }
+            for one in table.cells
+        ],
+    }  # fmt: skip
+
+
+def _down(down):
+    return {
+        "azimuth_deg": math.degrees(down.azimuth) % 360.0,
+        "elevation_deg": math.degrees(down.elevation),
+        "rail_exit_speed_m_s": down.exit_speed,
+        "landings": [{"body": one.body, **_place(one.latitude, one.longitude)} for one in down.landings],
+    }
+
+
+def _place(latitude, longitude):
+    return {"latitude_deg": math.degrees(latitude), "longitude_deg": math.degrees(longitude)}
