@@ -126,6 +126,7 @@ def _tiles(run):
     tiles = [
         ("apogee", _number(flight["apogee_km"], 1, "km"), ""),
         ("range", _number(flight["range_km"], 1, "km"), ""),
+        ("impact", table.place(flight["at_impact"]) if flight["at_impact"] else _DASH, ""),
         ("highest speed", _number(flight["max_speed_m_s"], 0, "m/s"), ""),
         ("star fixes in the window", *_star_tile(star)),
         ("attitude error", *_rms_tile(nav["attitude_error_deg"], 3, "deg")),

@@ -35,22 +35,25 @@ class AttitudeLimit(Block):
     limit: Quantity("rad", "0.17 deg", f"about each axis; {NOT_USED}", positive=True) = "0.17 deg"
 
 
-class AtEntry(Block):
+class Within(Block):
     """What of a quantity is required to be within its limit."""
 
     at_entry: StrictBool = Field(False, description="true: the navigation error at entry")
+    while_pointing: StrictBool = Field(
+        False, description="true: the navigation error as long as the programme points the vehicle"
+    )
     protection_at_entry: StrictBool = Field(False, description="true: the protection level at entry")
 
 
-class Position(AtEntry, PositionLimit):
+class Position(Within, PositionLimit):
     """How wrong the position may be, and what is required to be within that."""
 
 
-class Velocity(AtEntry, VelocityLimit):
+class Velocity(Within, VelocityLimit):
     """How wrong the velocity may be, and what is required to be within that."""
 
 
-class Attitude(AtEntry, AttitudeLimit):
+class Attitude(Within, AttitudeLimit):
     """How wrong the attitude may be, and what is required to be within that."""
 
 
