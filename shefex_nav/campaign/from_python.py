@@ -13,17 +13,9 @@ import warnings
 
 
 def fly_campaign(
-    scenario,
-    runs=None,
-    *,
-    folder,
-    seed=1,
-    workers=None,
-    engine=None,
-    keep=(),
-    say=print,
+    scenario, runs=None, *, folder, seed=1, workers=None, engine=None, keep=(), say=print,
     until_verified=False,
-):
+):  # fmt: skip
     """Fly a scenario many times; what the folder has of the same campaign already is not flown again.
 
     Parameters
@@ -36,8 +28,7 @@ def fly_campaign(
     engine : 'dask://HOST:PORT' of the scheduler of a cluster, which then flies them; None: this machine
     keep : of 'worst:K' and 'failed', runs that are flown again at the end with a log each
     say : function that is told how far it is, a line at a time
-    until_verified : whether to fly on, to `runs` at most, until each requirement passes or fails; what is
-        shown of each: `Campaign.verdicts`
+    until_verified : whether to fly on, to `runs` at most, until each requirement passes or fails
 
     Returns
     -------
@@ -60,11 +51,9 @@ def fly_campaign(
     asked = running.Request(scenario, runs, seed, workers, running.address(engine), running.kept(keep))
     request = until.checked(asked) if until_verified else running.checked(asked)
     with Store(folder) as store, stopping() as stop:
-        if until_verified:
-            flown = until.fly(request, store, progress.Show(say), stop)
-            ended, runs = flown.ended, flown.asked
-        else:
-            ended = running.fly(request, store, progress.Show(say), stop)
+        fly = until.fly if until_verified else running.fly
+        flown = fly(request, store, progress.Show(say), stop)
+    ended, runs = (flown.ended, flown.asked) if until_verified else (flown, runs)
     _tell(ended, runs, say)
     return results.open_campaign(folder)
 

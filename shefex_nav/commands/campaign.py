@@ -24,21 +24,28 @@ Sweep = Annotated[
         "all combinations. imu=stim300,adis16505_1 means instruments.",
     ),
 ]
+Kept = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="worst:K|failed|none",
+        help="Runs that are flown again at the end with a log each (several times: all of these).",
+    ),
+]
+Runs = Annotated[int | None, typer.Option(min=1, help="How many runs; with --until-verified at most.")]
+UntilVerified = Annotated[
+    bool,
+    typer.Option(
+        "--until-verified",
+        help="Fly on until each requirement passes or fails, at requirements.probability and "
+        "requirements.confidence, or --runs are reached.",
+    ),
+]
 
 
 def campaign(
     scenario: DispersedScenario,
-    runs: Annotated[
-        int | None, typer.Option(min=1, help="How many runs; with --until-verified at most.")
-    ] = None,
-    until_verified: Annotated[
-        bool,
-        typer.Option(
-            "--until-verified",
-            help="Fly on until each requirement passes or fails, at requirements.probability and "
-            "requirements.confidence, or --runs are reached.",
-        ),
-    ] = False,
+    runs: Runs = None,
+    until_verified: UntilVerified = False,
     workers: Workers = None,
     cluster: Annotated[
         str | None,
@@ -49,13 +56,7 @@ def campaign(
         Path | None,
         typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>."),
     ] = None,
-    keep: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="worst:K|failed|none",
-            help="Runs that are flown again at the end with a log each (several times: all of these).",
-        ),
-    ] = None,
+    keep: Kept = None,
     overrides: Overrides = None,
     sweep: Sweep = None,
     dry_run: Annotated[
