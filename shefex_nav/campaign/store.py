@@ -272,10 +272,11 @@ class Store:
 
 def _judging(old, runs, until_verified):
     """What of campaign.json says how its requirements are judged. old : head before, or {}"""
-    before, asked = old.get("asked_before", []), old.get("runs")
+    was, before, asked = old.get("until_verified", False), old.get("asked_before", []), old.get("runs")
+    flown_on = asked is not None and not was and (until_verified or asked != runs)
     return {
-        "until_verified": until_verified or old.get("until_verified", False),
-        "asked_before": [*before, asked] if asked not in (None, runs) else before,  # smaller numbers of runs
+        "until_verified": until_verified or was,
+        "asked_before": [*before, asked] if flown_on else before,  # numbers of runs that were settled
     }
 
 

@@ -62,33 +62,28 @@ def _lines(campaign, found):
         yield f"The {failed} runs that failed gave no answer: they meet no requirement."
     if campaign.lost:
         yield f"{len(campaign.lost)} runs were lost with their workers and are no samples."
+    n, asked = len(campaign), campaign.head["runs"]
     if campaign.head.get("until_verified"):
-        yield from _of_looks(campaign, found)
-    else:
-        yield from _of_settled(campaign, found)
+        yield _of_looks(campaign, found)
+    elif n < asked:
+        yield f"The campaign is not finished: a verdict counts when all of its {asked:,} runs are there."
+    if earlier := verdicts.looked_at_before(campaign, found):
+        yield (
+            f"The campaign was flown on from {', '.join(f'{runs:,}' for runs in earlier)} runs, after which "
+            "the same verdict was possible: its confidence is less than stated. Only the looks of "
+            "`--until-verified` are counted."
+        )
 
 
 def _of_looks(campaign, found):
+    """When it was looked at the campaign, and what the verdict is of."""
     stated, n = (found[0].probability, found[0].confidence), verdicts.complete(campaign.runs)
     taken = looks.until(*stated, n)
     after = "Looks were after " + ", ".join(f"{look.runs:,}" for look in taken) if taken else "No look yet"
     if any(one.verdict == verdicts.MORE for one in found):
         following = next(look for look in looks.each(*stated) if look.runs > n)
         after += f", the next is after {following.runs:,}"
-    yield (
+    return (
         f"{after} runs; the first that decides gives the verdict. Its confidence is that of all looks "
         "together; the bounds are those of so many runs that were settled beforehand."
     )
-
-
-def _of_settled(campaign, found):
-    n, asked = len(campaign), campaign.head["runs"]
-    if n < asked:
-        yield f"The campaign is not finished: a verdict counts when all of its {asked:,} runs are there."
-    earlier = verdicts.looked_at_before(campaign, found)
-    if earlier:
-        yield (
-            f"The campaign was flown on from {', '.join(f'{runs:,}' for runs in earlier)} runs, after which "
-            "the same verdict was possible: its confidence is less than stated. `--until-verified` counts "
-            "such looks."
-        )

@@ -17,7 +17,6 @@ import numpy as np
 from shefex_nav.campaign import looks, tolerance
 
 PASS, FAIL, MORE, UNJUDGED = "pass", "fail", "more runs needed", "not judged"
-DECIDED = PASS, FAIL
 
 
 class Verdict(NamedTuple):
@@ -90,20 +89,19 @@ def at_looks(name, wanted, runs, met):
     """
     n = complete(runs)
     missed = np.concatenate([[0], np.cumsum(~met[:n])])
-    taken = 0
-    for look in looks.until(*wanted, n):
-        taken += 1
+    taken = looks.until(*wanted, n)
+    for k, look in enumerate(taken):
         f = int(missed[look.runs])
         verdict = decided(look, f)
         if verdict is not None:
             bounds = tolerance.bounds(f, look.runs, wanted[1])
-            return Verdict(name, verdict, *wanted, look.runs, f, *bounds, looks=taken)
+            return Verdict(name, verdict, *wanted, look.runs, f, *bounds, looks=k + 1)
     f = int(missed[n])
     bounds = tolerance.bounds(f, n, wanted[1]) if n else (None, None)
     more = _until(wanted, n, lambda look: decided(look, f) == PASS, math.inf)
     rate = f / n if n else 0.0
     at_rate = _until(wanted, n, lambda look: decided(look, round(rate * look.runs)) is not None)
-    return Verdict(name, MORE, *wanted, n, f, *bounds, more, at_rate, taken)
+    return Verdict(name, MORE, *wanted, n, f, *bounds, more, at_rate, len(taken))
 
 
 def complete(runs):
@@ -136,9 +134,9 @@ def summary(campaign):
 
 
 def looked_at_before(campaign, found):
-    """Numbers of runs at which a campaign of a settled number could have ended, with the same verdict: list.
+    """Settled numbers of runs at which a campaign that was flown on could have ended with the same verdict.
 
-    Whoever flies on until a requirement passes has more than one chance to see it pass by luck.
+    Whoever flies on until a requirement passes has more than one chance to see it pass by luck. -> list
     """
     before, kinds = campaign.head.get("asked_before", []), {one.verdict for one in found}
     if FAIL in kinds:  # a single run that misses it can do so

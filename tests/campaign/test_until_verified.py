@@ -237,6 +237,10 @@ def test_a_campaign_of_a_settled_number_can_go_on_look_by_look(scenario, tmp_pat
     assert verified(scenario, tmp_path / "other").verdicts == whole.verdicts
     fly(scenario, tmp_path / "other", whole.asked + 1)
     assert tuple(results.open_campaign(tmp_path / "other").verdicts) == whole.verdicts
+    assert store.read_head(tmp_path / "other")["asked_before"] == [2]
+    assert store.read_head(tmp_path / "whole")["asked_before"] == []
+    lines = parts.verified(results.open_campaign(tmp_path / "other")).lines
+    assert any(line.startswith("The campaign was flown on from 2 runs") for line in lines)  # 2 could fail
 
 
 @pytest.mark.parametrize(
@@ -272,13 +276,15 @@ def test_the_command(scenario, tmp_path, monkeypatch):
     told = {one["name"]: one["verification"] for one in json.loads(done.stdout)["requirements"]}
     assert told["misleading"]["verdict"] == "pass" and told["usable_at_entry"]["verdict"] == "fail"
     fixed[fixed.index(str(out))] = str(tmp_path / "another")
+    fixed += ["--keep", "worst:1"]
     met = CliRunner().invoke(app, [*fixed, "--set", "requirements.usable_at_entry=false"])
     assert met.exit_code == 0, met.output
+    assert len(list((tmp_path / "another" / "logs").glob("*.mcap"))) == 1
     for more, words in (
         (["--sweep", "gps.rate=1 Hz,2 Hz"], "--until-verified: does not go with --sweep"),
         (["--dry-run"], "--runs: is missing"),
     ):
-        refused = CliRunner().invoke(app, [*fixed, *more])
+        refused = CliRunner().invoke(app, [*fixed[:-2], *more])
         assert refused.exit_code == 2 and words in refused.stderr, refused.output
 
 
