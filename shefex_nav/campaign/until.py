@@ -66,9 +66,11 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
         found = _verdicts(store) if ended.rows else ()
         if ended.interrupted or ended.lost:
             return Flown(ended, found, runs, runs)
-        show.say(f"{runs:,} runs: {_words(found)}")
         if not any(one.verdict == verdicts.MORE for one in found):
             following = None
+        further = "" if following is None else f"; the next look is after {following:,}"
+        show.say(f"{runs:,} runs: {_words(found)}{further}")
+        if following is None:
             break
     if request.keep:
         ended = running.fly(request._replace(runs=runs), store, show, stopped, crew)

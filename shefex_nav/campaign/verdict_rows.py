@@ -26,7 +26,7 @@ def table(campaign):
     heads = ("requirement", "verdict", ">runs", ">missed by", f">at least ({confidence})",
              f">at most ({confidence})", ">more at this rate")  # fmt: skip
     return Table(
-        f"Is each requirement met in {probability} of the flights? At {confidence} confidence",
+        f"Is each requirement met in {probability} of the flights, at {confidence} confidence?",
         heads,
         tuple(_row(one) for one in found),
         tuple(_lines(campaign, found)),

@@ -177,8 +177,7 @@ def _fly_until_verified(request, folder, as_json):
     if flown.ended.interrupted:
         return code
     if flown.next_look is not None and not flown.ended.lost:
-        most = f"{request.runs} at most are allowed"
-        say(f"undecided after {flown.asked} runs; the next look is after {flown.next_look}, {most}")
+        say(f"no look is left within {request.runs} runs; the same command goes on with more")
     return 0 if flown.all_pass and not flown.ended.lost else 1
 
 

@@ -192,7 +192,7 @@ def results_successes(campaign):
 def table_of(campaign):
     """{requirement: row} and the lines of the table of verdicts."""
     part = parts.verified(campaign)
-    assert part.title == "Is each requirement met in 99.865 % of the flights? At 90 % confidence"
+    assert part.title == "Is each requirement met in 99.865 % of the flights, at 90 % confidence?"
     return {row[0]: row[1:] for row in part.rows}, part.lines
 
 
