@@ -66,8 +66,14 @@ IntegrityRisk = Quantity(
 
 
 Probability = Quantity(
-    "", "99.865 %", "of the flights in which a requirement has to be met, as `trade` judges it",
-    at_least="50 %", at_most="99.9999 %",
+    "", "99.865 %", "of the flights in which a requirement has to be met: `trade` predicts it, campaigns"
+    " verify it", at_least="50 %", at_most="99.9999 %",
+)  # fmt: skip
+
+
+Confidence = Quantity(
+    "", "90 %", "with which a campaign says of each requirement that it is met, or that it is not, with that"
+    " probability", at_least="50 %", at_most="99.9999 %",
 )  # fmt: skip
 
 
@@ -84,6 +90,7 @@ class Requirements(Block):
         default_factory=Attitude, description="how wrong it may be, for the computer on board, too"
     )
     probability: Probability = "99.865 %"
+    confidence: Confidence = "90 %"
     integrity_risk: IntegrityRisk = "1e-5 /h"
     usable_at_entry: StrictBool = Field(
         False, description="true: the navigation must not say 'do not use' of any of the three at entry"

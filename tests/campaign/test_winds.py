@@ -55,7 +55,7 @@ def test_go_up_to_the_last_wind_before_the_first_that_is_not():
 
 
 def test_a_stage_drifts_as_far_as_the_wind_is_strong(rocket):
-    """Weathercocking and fall are both nearly linear in a wind of a few m/s, and opposite in opposite winds."""
+    """Weathercocking and fall are nearly linear in a wind of a few m/s, and opposite in opposite winds."""
 
     def place(speed, whence):
         down, error = winds.launch(rocket, (), 1, 300.0, None, None, speed, whence)

@@ -129,7 +129,7 @@ def test_a_limit_alone_requires_nothing():
 
 def test_every_field_of_the_section_is_measured():
     judged = set(requirements.MEASURES) - set(requirements.OF_LIMIT)
-    made_for = {"integrity_risk", "probability"}  # levels, predictions; campaigns count against the first
+    made_for = {"integrity_risk", "probability", "confidence"}  # of levels, predictions and campaigns
     assert judged | made_for | set(QUANTITIES) == set(Requirements.model_fields)
     assert {key for _, key in requirements.OF_LIMIT.values()} | {"limit"} == set(Attitude.model_fields)
     assert math.isclose(requirements.MEASURES["cold_gas"].factor, 1.0)

@@ -97,7 +97,7 @@ def test_what_the_default_leaves_out():
         *("magnetometer", "rows", "model_error", "memory"),
         "fix",  # of the GPS receiver
         *("acceptance", "cosine_error", "reference_magnitude"),  # of identifications as published
-        "probability",  # of requirements
+        *("probability", "confidence"),  # of requirements
     }
 
 
