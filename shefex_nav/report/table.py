@@ -167,8 +167,8 @@ def _navigation_rows(navigation):
     if pointing := navigation.get("while_pointing"):
         sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
         largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)
-        name = f"while pointing, T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
-        yield name, f"at most {', '.join(largest)}"
+        when = f"T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
+        yield "while pointing", f"at most {', '.join(largest)}; {when}"
     entry = navigation["at_entry"]
     if entry:
         axes = ", ".join(f"{angle:+.3f}" for angle in entry["attitude_error_deg"])
