@@ -93,10 +93,11 @@ def _flight_rows(flight, *, stood):
         yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
 
 
-def place(at):
-    """Latitude and longitude of a place of `flight`, for people."""
+def place(at, digits=4):
+    """Latitude and longitude [deg] of a place of `flight`, for people."""
     latitude, longitude = at["latitude_deg"], at["longitude_deg"]
-    return f"{abs(latitude):.4f} {'NS'[latitude < 0]}, {abs(longitude):.4f} {'EW'[longitude < 0]}"
+    north, east = "NS"[latitude < 0], "EW"[longitude < 0]
+    return f"{abs(latitude):.{digits}f} {north}, {abs(longitude):.{digits}f} {east}"
 
 
 def _event(name):
