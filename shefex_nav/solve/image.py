@@ -19,6 +19,7 @@ from shefex_nav.solve import field, lens, naming, patterns, picture, proof, told
 from shefex_nav.solve import search as searching
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.header import Taken, of_header, this_year
+from shefex_nav.solve.orientation import AS_STORED
 from shefex_nav.solve.solution import failed
 
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it
@@ -77,7 +78,9 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     Parameters
     ----------
     image : path of a picture file, or an array (rows, columns[, channels]) of grey values, row 0 at the top
-    camera : None, a Camera whose focal length is right to two per cent, or a StarCamera
+        a file is turned as its EXIF orientation says, unless the camera is a StarCamera
+    camera : None, a Camera (of the picture as displayed) whose focal length is right to two per cent, or a
+        StarCamera (of the pixels as stored)
     fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 5 to 70
     epoch : None or a Julian year, for proper motions, with a StarCamera for the velocity of the Earth as
         well; by default the date of the file, else today
@@ -102,38 +105,43 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
             raise ValueError("mirrored: not together with a StarCamera, whose pictures are as they are")
         if fov_deg is not None:
             raise ValueError("fov_deg: not together with a camera, which has its own")
-        image_dn, taken = (image, taken or Taken()) if is_array else _as_stored(image, camera)
+        image_dn, taken, turn = (image, taken or Taken(), AS_STORED) if is_array else as_stored(image, camera)
         if epoch is not None:
             taken = taken._replace(julian_year=_year(epoch, None))
         warmup.get_ready({"command=solve"})
-        return told.solve(image_dn, camera, taken)
+        return told.solve(image_dn, camera, taken)._replace(orientation=turn, as_stored=True)
     seen = picture.Picture(picture.grey(image), None) if is_array else picture.read(image)
     return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch, mirrored=mirrored)
 
 
-def _as_stored(path, camera):
-    """Grey values of a file of a StarCamera, and Taken; PictureError names the file."""
+def as_stored(path, camera):
+    """Grey values of a file of a StarCamera, Taken, and its orientation; PictureError names the file."""
     path, hole = Path(path), camera.params.camera.pinhole
     if path.suffix.lower() in picture.RAW:
-        return picture.raw(path, (hole.width_px, hole.height_px), camera.bits), Taken()
+        return picture.raw(path, (hole.width_px, hole.height_px), camera.bits), Taken(), AS_STORED
     found = picture.stored(path)
     try:
         taken = of_header(found.header)
         if taken.julian_year is None:
             taken = taken._replace(julian_year=found.julian_year)
-        return told.checked(found.values, camera), taken
+        return told.checked(found.values, camera), taken, found.orientation
     except ValueError as error:
         raise picture.PictureError(f"{path}: {str(error).removeprefix('image: ')}") from None
 
 
 def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None, mirrored=False, record=None):
     """`solve_image` for a Picture that has been read. record : Record, filled with the way there."""
+    found = _solved(seen, camera, fov_deg, epoch, mirrored, record)
+    return found._replace(orientation=seen.orientation)
+
+
+def _solved(seen, camera, fov_deg, epoch, mirrored, record):
+    """`solve_picture`."""
     if mirrored:
         width = seen.grey.shape[1]
         over = seen._replace(grey=np.ascontiguousarray(seen.grey[:, ::-1]))
         camera = turned_over(camera) if isinstance(camera, Camera) else camera
-        found = solve_picture(over, camera=camera, fov_deg=fov_deg, epoch=epoch, record=record)
-        return back(found, width)
+        return back(_solved(over, camera, fov_deg, epoch, False, record), width)
     warmup.get_ready({"command=solve"})
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)

@@ -7,6 +7,7 @@ import numpy as np
 from rich.table import Table
 
 from shefex_nav.solve.names import PROPER_NAMES, name_of
+from shefex_nav.solve.orientation import AS_STORED
 
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
@@ -50,6 +51,9 @@ def as_numbers(solution):
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
         numbers["mirrored"] = True
+    if solution.orientation != AS_STORED:
+        numbers["exif_orientation"] = solution.orientation
+        numbers["pixels"] = "as stored" if solution.as_stored else "as displayed"
     return numbers
 
 
@@ -72,6 +76,14 @@ def _accuracy(solution):
     if solution.noise_covariance is not None:
         rows.append(("of it noise of the picture", _arcsec(solution.noise_covariance)))
     return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
+
+
+def _turn(solution):
+    """Row of the table about a picture that is displayed in another way than it is stored."""
+    if solution.orientation == AS_STORED:
+        return ()
+    words = "not applied, pixels as stored" if solution.as_stored else "applied, pixels as displayed"
+    return ((f"EXIF orientation {solution.orientation}", words),)
 
 
 def _arcsec(P):
@@ -105,6 +117,7 @@ def field(solution, name):
         ("declination", f"{solution.dec_deg:+.4f} deg"),
         ("roll (up, from north through east)", f"{solution.roll_deg:.3f} deg"),
         *_accuracy(solution),
+        *_turn(solution),
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),
         ("stars identified", f"{len(solution.matched)} of {len(solution.xy_px)} objects"),
         ("probability of chance, below", f"{max(solution.false_probability, 1e-99):.0e}"),
