@@ -10,7 +10,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve import adjust, lens, pointing
+from shefex_nav.solve import adjust, lens, pointing, steps
 from shefex_nav.solve.camera import undistorted
 from shefex_nav.solve.search import sky_of
 from shefex_nav.solve.solution import ImageSolution, Match
@@ -61,8 +61,14 @@ def _fov_sigma(best, size_px):
         step = 0.01 * sigma[n]
         k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
         moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
-        slope[n] = (_pointing(moved, size_px, None)[3] - _pointing(at, size_px, None)[3]) / step
+        slope[n] = (_across(moved, size_px) - _across(at, size_px)) / step
     return float(np.sqrt(slope @ best.covariance[3:, 3:] @ slope))
+
+
+def _across(at, size_px):
+    """Field of view between the middles of the left and the right edge [deg]."""
+    left, right = lens.rays(at, size_px, pointing.marks(size_px)[2:4])
+    return float(np.degrees(2.0 * np.arcsin(0.5 * np.linalg.norm(left - right))))
 
 
 def all_stars(fit, found, xy_px, size_px, year):
@@ -76,7 +82,7 @@ def all_stars(fit, found, xy_px, size_px, year):
     sky = sky_of(fit.lens, max(2 * len(flux), MAX_DETECTIONS), size_px, year)
     predicted, _ = lens.project(fit.lens, sky.u_i, size_px)
     inside = np.flatnonzero(((predicted > -1.0) & (predicted < size_px)).all(axis=1))
-    gate_px = max(lens.NOISE_GATE * fit.noise_px, lens.LEAST_GATE_PX)
+    gate_px = max(steps.NOISE_GATE * fit.noise_px, steps.LEAST_GATE_PX)
     star = lens.match(predicted[inside], xy_px, gate_px)
     known = np.flatnonzero(star >= 0)
     star[known] = inside[star[known]]
@@ -94,4 +100,4 @@ def _pointing(at, size_px, camera):
     marks = pointing.marks(size_px)
     if camera is not None:
         marks = centred(camera, marks)
-    return pointing.angles(lens.directions(lens.camera_of(at, size_px), marks) @ at.C_ci)
+    return pointing.angles(lens.rays(at, size_px, marks) @ at.C_ci)
