@@ -182,12 +182,13 @@ def grey(values, name="image"):
     if values.ndim == 3 and values.shape[2] not in (1, 2, 3, 4):
         raise PictureError(f"{name}: expected 1 to 4 channels, got {values.shape[2]}")
     _check_size(name, values.shape[1], values.shape[0])
+    whole = values.dtype.kind in "ui"
     if values.ndim == 3:
         colours = 3 if values.shape[2] >= 3 else 1
         values = values[:, :, :colours].mean(axis=2, dtype=np.float32)
     with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused
         values = np.ascontiguousarray(values, dtype=np.float32)
-    if not np.isfinite(values.sum(dtype=np.float64)):
+    if not whole and not np.isfinite(values.sum(dtype=np.float64)):
         raise PictureError(f"{name}: contains NaN or infinite values")
     return values
 
