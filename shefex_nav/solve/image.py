@@ -161,7 +161,8 @@ def _solved(seen, camera, fov_deg, epoch, mirrored, record):
         solved, reason = searching.solve(xy_px, found.flux, search, clock, trials)
     if solved is None and reason == "no_match":
         turned = xy_px[found.in_sky] * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
-        if searching.solve(turned, found.flux[found.in_sky], search, clock)[0] is not None:
+        flux, rounds = found.flux[found.in_sky], searching.FEW_ROUNDS
+        if searching.solve(turned, flux, search, clock, rounds=rounds)[0] is not None:
             reason = "mirrored"
     if solved is None:
         return failed(reason, clock.ms(), found.xy_px)

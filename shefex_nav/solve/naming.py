@@ -56,12 +56,12 @@ def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
 def _fov_sigma(best, size_px):
     """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
     sigma = np.sqrt(np.diag(best.covariance)[3:])
-    at, slope = best.lens, np.zeros(6)
+    at, slope, before = best.lens, np.zeros(6), _across(best.lens, size_px)
     for n in np.flatnonzero(sigma > 0.0):
         step = 0.01 * sigma[n]
         k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
         moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
-        slope[n] = (_across(moved, size_px) - _across(at, size_px)) / step
+        slope[n] = (_across(moved, size_px) - before) / step
     return float(np.sqrt(slope @ best.covariance[3:, 3:] @ slope))
 
 

@@ -43,7 +43,7 @@ class Band(NamedTuple):
     u_i: np.ndarray  # (n, 3) stars, brightest first
     vmag: np.ndarray  # (n,)
     start: np.ndarray  # lists of stars by direction, see SkyGrid
-    row: np.ndarray
+    listed_i: np.ndarray  # (m, 3) float32, directions of the stars in the order of the lists
     corner: (
         np.ndarray
     )  # (m, 3) int32 rows of the stars of each triangle: opposite its long, middle, short side
@@ -165,7 +165,9 @@ def _band(number, julian_year):
     order = np.argsort(key, kind="stable")
     cell = np.searchsorted(key[order], np.arange(2 * COLUMNS**2 + 1))
     corner, shape = np.ascontiguousarray(corner[order]), np.ascontiguousarray(shape[order])
-    return Band(low, high, stars.u_i, stars.vmag, start, row, corner, shape, cell.astype(np.int64))
+    # looked up by number, each star would be a wait for the memory
+    listed_i = stars.u_i.astype(np.float32)[row]
+    return Band(low, high, stars.u_i, stars.vmag, start, listed_i, corner, shape, cell.astype(np.int64))
 
 
 @kernel
