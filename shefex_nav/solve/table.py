@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from shefex_nav.solve.names import PROPER_NAMES, name_of
+from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
 from shefex_nav.solve.orientation import AS_STORED
 
 ARCSEC = np.degrees(1.0) * 3600.0
@@ -36,7 +36,10 @@ def as_numbers(solution):
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
         value = getattr(solution, name)
         numbers[name] = None if isnan(value) else value
-    numbers["matched"] = [match._asdict() | {"name": name_of(match.hip)} for match in solution.matched]
+    numbers["matched"] = [
+        match._asdict() | {"name": name_of(match.hip), "designation": designation_of(match.hip) or None}
+        for match in solution.matched
+    ]
     numbers["false_probability"] = solution.false_probability
     numbers["wall_ms"] = solution.wall_ms
     if solution.covariance is not None:
@@ -131,11 +134,12 @@ def field(solution, name):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "name", "V", "x [px]", "y [px]"):
-        table.add_column(title, justify="left" if title == "name" else "right")
+    for title in ("HIP", "name", "designation", "V", "x [px]", "y [px]"):
+        table.add_column(title, justify="left" if title in ("name", "designation") else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
         places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"
-        table.add_row(str(star.hip), PROPER_NAMES.get(star.hip, ""), f"{star.vmag:.2f}", *places)
+        names = PROPER_NAMES.get(star.hip, ""), designation_of(star.hip)
+        table.add_row(str(star.hip), *names, f"{star.vmag:.2f}", *places)
     return table
 
 
