@@ -60,7 +60,7 @@ class Record:
     adjusted: object = None  # Adjusted, of a picture that is solved
     known: object = None  # (k,) rows of the detections that have a name
     residual_px: object = None  # (k, 2) detection minus star
-    u_i: object = None  # (k, 3) directions of their stars, without aberration
+    u_i: object = None  # (k, 3) directions of their stars in the catalogue, without aberration
 
 
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mirrored=False):
@@ -71,9 +71,10 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     as well. The tables for a range of fields of view are made when they are first needed, 0.1 to 2 s each,
     and kept.
 
-    The covariance is that of the attitude with all of the lens unknown. Aberration is not taken out without a
-    StarCamera: the attitude is that against the stars as they are seen, up to 20.5 arcsec from their places
-    in the catalogue. With a StarCamera the picture goes through the star tracker that flies.
+    The covariance is that of the attitude with all of the lens unknown. Aberration is taken out where the day
+    of the picture is known, by its file or the epoch; where not, the attitude is that against the stars as
+    they are seen, up to 20.5 arcsec from their places in the catalogue (`has_no_aberration` of the result).
+    With a StarCamera the picture goes through the star tracker that flies.
 
     Parameters
     ----------
@@ -82,8 +83,8 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     camera : None, a Camera (of the picture as displayed) whose focal length is right to two per cent, or a
         StarCamera (of the pixels as stored)
     fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 5 to 70
-    epoch : None or a Julian year, for proper motions, with a StarCamera for the velocity of the Earth as
-        well; by default the date of the file, else today
+    epoch : None or a Julian year, for proper motions and the velocity of the Earth, the latter of a whole
+        year with a StarCamera alone; by default the date of the file, else today
     taken : None or a Taken, of an array and with a StarCamera only; a file says it itself
     mirrored : bool, the picture is mirrored, as through a telescope with a diagonal; q_ci and camera of the
         solution are those of the picture turned over, left for right; a mirrored picture is refused without
@@ -166,7 +167,8 @@ def _solved(seen, camera, fov_deg, epoch, mirrored, record):
             reason = "mirrored"
     if solved is None:
         return failed(reason, clock.ms(), found.xy_px)
-    return naming.described(solved, found, xy_px, size_px, year, camera, clock, record)
+    day = year, _velocity(epoch, seen.julian_year)
+    return naming.described(solved, found, xy_px, size_px, day, camera, clock, record)
 
 
 def turned_over(camera):
@@ -205,6 +207,14 @@ def _focal_range(size_px, camera, fov_deg):
             raise ValueError(f"fov_deg: expected {NARROWEST_DEG} to {wide} degrees, got {fov_deg!r}")
         narrow, wide = fov_deg / FOV_TOLERANCE, fov_deg * FOV_TOLERANCE
     return tuple(0.5 * width / np.tan(0.5 * np.radians(fov)) for fov in (wide, narrow))
+
+
+def _velocity(epoch, seen_year):
+    """Barycentric velocity of the Earth [m/s] when a picture was taken; None where nobody says the day."""
+    when = epoch if epoch is not None else seen_year
+    if when is None or (epoch is not None and epoch == int(epoch)):  # a year alone: it may be the other half
+        return None
+    return told.earth_velocity(round(when * told.MINUTES))
 
 
 def _year(epoch, seen_year):

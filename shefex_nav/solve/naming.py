@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.solve import adjust, lens, pointing, steps
 from shefex_nav.solve.camera import undistorted
@@ -25,18 +26,24 @@ def centred(camera, xy_px):
     return undistorted(camera, xy_px) - camera.principal_point_px + lens.middle(size_px)
 
 
-def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
+def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=None):
     """ImageSolution of a proven fit.
 
     found : Field;  xy_px : (n, 2) its detections as an ideal camera sees them, where one is given
+    sky_of_day : Julian year, and barycentric velocity of the Earth [m/s] or None
     """
+    year, velocity_i = sky_of_day
     fit, outcome = solved
     star, sky = all_stars(fit, found, xy_px, size_px, year)
     known = np.flatnonzero(star >= 0)
-    best = adjust.adjust(fit.lens, fit.prior, sky.u_i[star[known]], xy_px[known], found.P_px[known], size_px)
+    first, u_i = fit.lens, sky.u_i[star[known]]
+    seen_i = u_i if velocity_i is None else aberrate(u_i, velocity_i)
+    if velocity_i is not None:
+        first = first._replace(C_ci=against(first.C_ci, velocity_i))
+    best = adjust.adjust(first, fit.prior, seen_i, xy_px[known], found.P_px[known], size_px)
     if record is not None:
-        record.adjusted, record.known, record.u_i = best, known, sky.u_i[star[known]]
-        record.residual_px = xy_px[known] - lens.project(best.lens, record.u_i, size_px)[0]
+        record.adjusted, record.known, record.u_i = best, known, u_i
+        record.residual_px = xy_px[known] - lens.project(best.lens, seen_i, size_px)[0]
     matched = [
         Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
         for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)
@@ -49,8 +56,15 @@ def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
     return ImageSolution(
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
-        fov_sigma_deg=_fov_sigma(best, size_px),
+        fov_sigma_deg=_fov_sigma(best, size_px), has_no_aberration=velocity_i is not None,
     )  # fmt: skip
+
+
+def against(C_ci, velocity_i):
+    """Attitude that sees the aberrated sky as C_ci (3, 3) sees the other, in the middle of the picture."""
+    middle_i = C_ci[2:]
+    moved_c = (aberrate(middle_i, velocity_i) - middle_i)[0] @ C_ci.T
+    return dcm_from_rotvec(np.array([moved_c[1], -moved_c[0], 0.0])) @ C_ci  # by moved x z
 
 
 def _fov_sigma(best, size_px):

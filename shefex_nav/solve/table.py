@@ -50,6 +50,7 @@ def as_numbers(solution):
         if solution.noise_covariance is not None:
             numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
         numbers["residual_px"] = solution.residual_px
+        numbers["has_no_aberration"] = solution.has_no_aberration
     if solution.fov_sigma_deg is not None:
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
@@ -78,6 +79,8 @@ def _accuracy(solution):
     rows = [("1 sigma about x, y, boresight", _arcsec(solution.covariance))]
     if solution.noise_covariance is not None:
         rows.append(("of it noise of the picture", _arcsec(solution.noise_covariance)))
+    if not solution.has_no_aberration:
+        rows.append(("aberration", "is in it, up to 20.5 arcsec: the day is not known"))
     return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
 
 

@@ -35,7 +35,7 @@ def test_json(sky):
     assert list(result) == [
         "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg", "matched",
         "false_probability", "wall_ms", "q_ic", "sigma_arcsec", "covariance_rad2", "residual_px",
-        "fov_x_sigma_deg",
+        "has_no_aberration", "fov_x_sigma_deg",
     ]  # fmt: skip
     assert result["status"] == "ok" and result["reason"] == ""
     assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
