@@ -26,7 +26,7 @@ Camera = Annotated[
     typer.Option(
         metavar="FILE",
         help="Camera file (the export of frames writes one) or scenario: the star tracker that flies solves "
-        "the pictures, with covariance.",
+        "the pictures, with covariance; pixels as stored, whatever EXIF says.",
     ),
 ]
 
@@ -47,8 +47,7 @@ Stages = Annotated[
 Epoch = Annotated[
     str | None,
     typer.Option(
-        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else "
-        "today. Pixels as stored."
+        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else today."
     ),
 ]
 FrameTime = Annotated[
@@ -65,7 +64,8 @@ def solve(
         list[Path],
         typer.Argument(
             metavar="IMAGE...",
-            help="Pictures of the night sky: PNG, JPEG, TIFF, FITS; with --camera .raw and .bin; or a log.",
+            help="Pictures of the night sky, turned by their EXIF orientation: PNG, JPEG, TIFF, FITS; with "
+            "--camera .raw and .bin; or a log.",
         ),
     ],
     camera: Camera = None,
@@ -103,12 +103,24 @@ def solve(
     if not json:
         _show(found, told=camera is not None)
     if overlay is not None:
-        from shefex_nav.solve import overlay as drawing
-        from shefex_nav.solve import picture
-
-        drawing.draw(picture.read(images[0]).grey, found[0][1], overlay)
-        say(f"wrote {overlay}")
+        _draw(images[0], found[0][1], camera, overlay)
     raise typer.Exit(0 if all(one.status == "ok" for _, one in found) else 1)
+
+
+def _draw(image, solution, camera, overlay):
+    """Draw what was found, over the picture whose pixels the solution has."""
+    from shefex_nav.solve import overlay as drawing
+    from shefex_nav.solve import picture
+
+    if camera is None:
+        grey = picture.read(image).grey
+    else:
+        from shefex_nav.frames import camera_file
+        from shefex_nav.solve.image import as_stored
+
+        grey = picture.grey(as_stored(image, camera_file.read(camera))[0])
+    drawing.draw(grey, solution, overlay)
+    say(f"wrote {overlay}")
 
 
 def _frame_of_log(logs, frame, of_pictures, overlay, json):

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from shefex_nav.solve.names import PROPER_NAMES, name_of
+from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
+from shefex_nav.solve.orientation import AS_STORED
 
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
@@ -35,7 +36,10 @@ def as_numbers(solution):
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
         value = getattr(solution, name)
         numbers[name] = None if isnan(value) else value
-    numbers["matched"] = [match._asdict() | {"name": name_of(match.hip)} for match in solution.matched]
+    numbers["matched"] = [
+        match._asdict() | {"name": name_of(match.hip), "designation": designation_of(match.hip) or None}
+        for match in solution.matched
+    ]
     numbers["false_probability"] = solution.false_probability
     numbers["wall_ms"] = solution.wall_ms
     if solution.covariance is not None:
@@ -46,10 +50,14 @@ def as_numbers(solution):
         if solution.noise_covariance is not None:
             numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
         numbers["residual_px"] = solution.residual_px
+        numbers["has_no_aberration"] = solution.has_no_aberration
     if solution.fov_sigma_deg is not None:
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
         numbers["mirrored"] = True
+    if solution.orientation != AS_STORED:
+        numbers["exif_orientation"] = solution.orientation
+        numbers["pixels"] = "as stored" if solution.as_stored else "as displayed"
     return numbers
 
 
@@ -71,7 +79,17 @@ def _accuracy(solution):
     rows = [("1 sigma about x, y, boresight", _arcsec(solution.covariance))]
     if solution.noise_covariance is not None:
         rows.append(("of it noise of the picture", _arcsec(solution.noise_covariance)))
+    if not solution.has_no_aberration:
+        rows.append(("aberration", "is in it, up to 20.5 arcsec: the day is not known"))
     return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
+
+
+def _turn(solution):
+    """Row of the table about a picture that is displayed in another way than it is stored."""
+    if solution.orientation == AS_STORED:
+        return ()
+    words = "not applied, pixels as stored" if solution.as_stored else "applied, pixels as displayed"
+    return ((f"EXIF orientation {solution.orientation}", words),)
 
 
 def _arcsec(P):
@@ -105,6 +123,7 @@ def field(solution, name):
         ("declination", f"{solution.dec_deg:+.4f} deg"),
         ("roll (up, from north through east)", f"{solution.roll_deg:.3f} deg"),
         *_accuracy(solution),
+        *_turn(solution),
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),
         ("stars identified", f"{len(solution.matched)} of {len(solution.xy_px)} objects"),
         ("probability of chance, below", f"{max(solution.false_probability, 1e-99):.0e}"),
@@ -118,11 +137,12 @@ def field(solution, name):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "name", "V", "x [px]", "y [px]"):
-        table.add_column(title, justify="left" if title == "name" else "right")
+    for title in ("HIP", "name", "designation", "V", "x [px]", "y [px]"):
+        table.add_column(title, justify="left" if title in ("name", "designation") else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
         places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"
-        table.add_row(str(star.hip), PROPER_NAMES.get(star.hip, ""), f"{star.vmag:.2f}", *places)
+        names = PROPER_NAMES.get(star.hip, ""), designation_of(star.hip)
+        table.add_row(str(star.hip), *names, f"{star.vmag:.2f}", *places)
     return table
 
 
