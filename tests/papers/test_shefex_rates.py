@@ -61,7 +61,7 @@ def test_success_is_of_all_frames_and_of_those_with_stars_enough():
 
 
 def test_the_printed_scan_explains_what_ours_does_otherwise():
-    """From 4 deg/s rarely: with single pixels none of these, with sums of 3x3 all. The threshold was chosen."""
+    """From 4 deg/s rarely: with single pixels none of these, with sums of 3x3 all."""
     verdicts = np.ones((40, 3, len(rates.RATES)))
     verdicts[:, 0, -2:] = 0
     results = [{"verdicts": verdicts, "exposures": np.full(verdicts.shape, 0.05), "stars": np.full(40, 9)}]

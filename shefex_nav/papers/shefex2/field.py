@@ -65,7 +65,7 @@ def flown_pairs():
 
 @cache
 def uniform_pairs():
-    """Pairs of the uniform catalogue (section 3.3, figure 5), of the size of the one that flies: StarPairs."""
+    """Pairs of the uniform catalogue (section 3.3, figure 5), as many stars as fly: StarPairs."""
     uniform = catalogue.build(replace(COMBINED, kind="uniform"), load_catalogue(8.0), YEAR)
     return catalogue.pair_table(uniform, FIELD)
 

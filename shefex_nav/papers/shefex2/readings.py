@@ -80,7 +80,7 @@ def measure(samples, seed):
 
 
 def _of_frame(sky, q_ic, omega_c, noise_seed):
-    """Verdict of each reading: (readings,). Those with one camera share a picture, and what is found in it."""
+    """Verdict of each reading: (readings,). Those with one camera share a picture and its objects."""
     images, found, out = {}, {}, []
     for case in READINGS.values():
         seen = case.camera, case.false_objects
