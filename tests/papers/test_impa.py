@@ -313,7 +313,7 @@ def test_a_star_is_apart_where_no_other_streak_comes_near():
 
 def test_clusters_of_two_stars_explain_what_they_make_of_the_statistics():
     """Three in a hundred hold two stars and are 3 px off; the others are as published."""
-    rng, n = np.random.default_rng(1), 1500
+    rng, n = np.random.default_rng(1), 4000
     goal = IMPA["centroid_error_std_px"]["global_shutter"]
     rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
     rows[:, :3] = 1.0, centroid_tables.KINDS.index("global_shutter"), 1.0
