@@ -29,6 +29,7 @@ COS_ERROR = SHEFEX["identification"]["cos_error"]
 SINGLE_PIXELS = replace(
     DETECT, scan="single_pixels", centroid="weighted", seed_sigma=6.0, fewest_pixels=1, largest_peak=1.0
 )
+# of the scenario shefex2_as_flown: in space its success against the rate is what the paper saw on the ground
 FLOWN = replace(SINGLE_PIXELS, seed_sigma=8.0, fewest_pixels=3, largest_peak=DETECT.largest_peak)
 BLOCKS = replace(DETECT, centroid="weighted")  # sums of 3x3 pixels, as our tracker reads the scan
 

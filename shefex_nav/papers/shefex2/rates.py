@@ -172,6 +172,15 @@ def _success_row(way, rate, words, solved):
     return row.share(quantity, condition, k, n)
 
 
+def shade(axis):
+    """Where the success of the paper's chain is to lie, by its sentence: as `said_of`."""
+    limits, of_100 = SHEFEX["identification"], 100.0
+    slow, fast = limits["identified_up_to_deg_s"], limits["rarely_above_deg_s"]
+    look = {"color": "0.92", "lw": 0.0, "zorder": 0}
+    axis.fill_between((RATES[0], slow), of_100 * MOST, of_100, **look)
+    axis.fill_between((fast, RATES[-1]), 0.0, (of_100 * SELDOM, of_100 * RARELY), **look)
+
+
 def draw(figure, results, rows):
     """Success against the rate."""
     figure.set_size_inches(8.0, 6.0)
@@ -185,10 +194,10 @@ def draw(figure, results, rows):
             at = [float(one.condition.split()[0]) for one in mine]
             label = f"simulated {way}, {'four stars in view' if words == 'in view' else words}"
             axis.errorbar(at, values, reach, fmt=style, color=colour, ms=4, lw=1.2, capsize=2, label=label)
-    axis.axvspan(0.0, 2.0, color="0.95", zorder=0)
-    axis.text(0.05, 3.0, "published: most", fontsize=9, color="0.4")
-    axis.axvspan(4.0, 5.0, color="0.95", zorder=0)
-    axis.text(4.05, 3.0, "published: rarely", fontsize=9, color="0.4")
+    shade(axis)
+    axis.text(0.05, 100.0 * MOST + 1.0, f"published: most, read as {MOST:.0%}", fontsize=9, color="0.4")
+    words = f"published: rarely, read as {RARELY:.0%}"
+    axis.text(RATES[-1], 1.5, words, fontsize=9, color="0.4", ha="right")
     axis.set_ylim(0.0, 103.0)
     axis.set_xlabel("rate [deg/s]")
     axis.set_ylabel("frames with a right attitude [%]")

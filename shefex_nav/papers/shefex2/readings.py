@@ -148,9 +148,7 @@ def draw(figure, _results, rows):
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
     of = {one.condition: one for one in rows if one.quantity.startswith(SUCCESS)}
     for axis, (title, names) in zip(axes.ravel(), PANELS, strict=True):
-        axis.fill_between((0.0, 2.0), 100.0 * rates.MOST, 103.0, color="0.92", lw=0.0)
-        axis.fill_between((3.95, 4.05), 0.0, 100.0 * rates.SELDOM, color="0.92", lw=0.0)
-        axis.fill_between((4.05, 5.05), 0.0, 100.0 * rates.RARELY, color="0.92", lw=0.0)
+        rates.shade(axis)
         for n, name in enumerate((NAMES[0], *names)):
             mine = [of[f"{name}, {rate:g} deg/s"] for rate in RATES]
             values = 100.0 * np.array([one.measured for one in mine])
@@ -158,8 +156,9 @@ def draw(figure, _results, rows):
             look = {"fmt": "o-" if n == 0 else "s--", "ms": 4, "lw": 1.3, "capsize": 2}
             beside = np.array(RATES) + 0.04 * (n - 2)  # many are nearly the same
             axis.errorbar(beside, values, reach, color=COLOURS[n], label=f"simulated, {name}", **look)
-        axis.set(title=title, ylim=(0.0, 103.0))
-        axis.legend(fontsize=8, loc="upper right", frameon=False)
+        axis.set_ylim(0.0, 103.0)
+        axis.set_title(title, loc="left", fontsize=10)
+        axis.legend(fontsize=8, loc="lower left", frameon=False)  # nothing fails there
         tidy(axis)
     for axis in axes[-1]:
         axis.set_xlabel("rate [deg/s]")
