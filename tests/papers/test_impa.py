@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from shefex_nav.geometry import pinhole, rotation
 from shefex_nav.geometry.pinhole import unit_vectors
@@ -318,16 +319,32 @@ def test_clusters_of_two_stars_explain_what_they_make_of_the_statistics():
     rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
     rows[:, :3] = 1.0, centroid_tables.KINDS.index("global_shutter"), 1.0
     rows[:, 3:5] = rng.standard_normal((n, 2)) * [goal["horizontal"][0], goal["vertical"][0]]
-    rows[:, -1] = np.arange(n) % 33 > 0
-    rows[rows[:, -1] == 0.0, 3:5] = 3.0
+    apart, sample = centroid_tables.COLUMNS.index("apart"), centroid_tables.COLUMNS.index("sample")
+    rows[:, apart], rows[:, sample] = np.arange(n) % 33 > 0, np.arange(n) % 200
+    rows[rows[:, apart] == 0.0, 3:5] = 3.0
     of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}])}
     spread = of["std, horizontal [px]"]
     assert spread.verdict == Verdict.EXPLAINED and spread.run == "impa-centroids/stars apart"
     assert "of 97.0% of the clusters" in spread.why and spread.measured > 2.0 * spread.published
     assert of["kurtosis, horizontal"].verdict == Verdict.OPEN  # a normal error is not as the paper's
-    rows[:, -1] = 1.0  # nobody blames a neighbour: it is told by the distance, or not at all
+    rows[:, apart] = 1.0  # nobody blames a neighbour: it is told by the distance, or not at all
     of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}])}
     assert of["std, horizontal [px]"].run == "impa-centroids/within 2 px"
     rows[:, 3:5] = rng.standard_normal((n, 2))
     of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}])}
     assert of["std, horizontal [px]"].verdict == Verdict.OPEN
+
+
+def test_moments_of_samples_and_their_interval():
+    """Against SciPy; clusters of one sample that are all alike tell no more than one of them."""
+    rng = np.random.default_rng(1)
+    each = rng.standard_t(8, 300) + 0.3
+    errors, sample = np.repeat(each, 10), np.repeat(np.arange(300), 10)
+    sums = centroid_tables.power_sums(errors, sample)
+    expected = each.mean(), each.std(), stats.skew(each), stats.kurtosis(each, fisher=False)
+    assert centroid_tables.moments(sums) == pytest.approx(expected)
+    mean = {
+        one.quantity: one
+        for one in centroid_tables._moment_rows("vertical", "", (errors, sample), "global_shutter", 0, "")
+    }["mean, vertical [px]"]
+    assert mean.ci95[1] - mean.ci95[0] == pytest.approx(2 * 1.96 * each.std() / np.sqrt(300), rel=0.1)

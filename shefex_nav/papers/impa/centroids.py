@@ -115,13 +115,13 @@ def frames_of(shutter, case, seed):
 def _row(case, kind, star, error, light, P_px=None, best=None, seen=True, is_apart=np.nan):
     """One row of COLUMNS."""
     row = np.full(len(COLUMNS), np.nan)
-    row[-1] = is_apart
+    row[COLUMNS.index("apart")] = is_apart
     row[:6] = round(np.degrees(case.rate)), KINDS.index(kind), star >= 0, *error, light
     if best is not None:
         turned = bound.along_across(error[None], np.array([best.heading]))[0]
         C = trackers.turn2(best.heading)
         least, said = C.T @ best.P_px @ C, C.T @ P_px @ C
-        row[6:-1] = (
+        row[6:-2] = (
             seen, best.snr, best.inside, *turned, least[0, 0], least[1, 1],
             error @ np.linalg.solve(P_px, error), said[0, 0], said[1, 1],
         )  # fmt: skip
@@ -135,8 +135,10 @@ def measure(samples, seed, first):
         for rate, one in zip(field.RATES, own.spawn(len(field.RATES)), strict=True):
             case = field.pair(rate, number)
             for shutter, frames_seed in zip(field.SHUTTERS, one.spawn(2), strict=True):
-                rows += frames_of(shutter, case, frames_seed)
-    return {"rows": np.array(rows).reshape(-1, len(COLUMNS))}
+                found = np.array(frames_of(shutter, case, frames_seed)).reshape(-1, len(COLUMNS))
+                found[:, COLUMNS.index("sample")] = number
+                rows.append(found)
+    return {"rows": np.concatenate(rows)}
 
 
 # what makes the results or says what a stored number means
