@@ -22,7 +22,8 @@ COLUMNS = (
     "seen", "snr", "inside", "along", "across", "least_along", "least_across", "nes", "said_along",
     "said_across", "apart", "sample",
 )  # fmt: skip
-TABLE = {"rolling_implicit": "rolling_compensated"}  # whose published column a kind is held against
+VARIANT = "rolling_implicit"  # of equation (22): beside the other one, not counted a second time
+TABLE = {VARIANT: "rolling_compensated"}  # whose published column a kind is held against
 RATES = tuple(IMPA["protocol"]["rates_deg_s"])
 MARGIN = 0.25  # of a standard deviation: what counts as the same
 OWN_GOAL_PX = 0.2  # at 5 deg/s with a rolling shutter, stars that the published threshold detects
@@ -80,20 +81,32 @@ def _published_rows(kind, rate, rows):
     words = f"{kind.replace('_', ' ')}, {rate:g} deg/s"
     condition, out = f"{words}, {len(mine)} clusters", []
     for axis, name in enumerate(("horizontal", "vertical")):
-        errors = mine[:, COLUMNS.index("x") + axis]
-        sample = column(mine, "sample")
-        found = _moment_rows(name, condition, (errors, sample), table, r, WHY.get(kind, ""))
-        for reading, which in readings(kind, mine).items():
-            others = _moment_rows(name, condition, (errors[which], sample[which]), table, r, "")
-            run = f"impa-centroids/{reading}"
-            said = f"of {which.mean():.1%} of the clusters, {READINGS[reading]}"
-            found = [row.explained(one, other, run, said) for one, other in zip(found, others, strict=True)]
-        out += found
+        errors, sample = mine[:, COLUMNS.index("x") + axis], column(mine, "sample")
+
+        def measured(which, why="", name=name, errors=errors, sample=sample):
+            return _moment_rows(name, condition, (errors[which], sample[which]), table, r, why)
+
+        found = measured(np.ones(len(mine), dtype=bool), WHY.get(kind, ""))
+        others = {reading: measured(which) for reading, which in readings(kind, mine).items()}
+        found = [_read(one, {key: rows_of[k] for key, rows_of in others.items()})
+                 for k, one in enumerate(found)]  # fmt: skip
+        out += found if kind != VARIANT else [row.variant(one) for one in found]
     for reading, which in readings(kind, mine).items():
         out.append(row.share(f"clusters, {READINGS[reading]}", condition, which.sum(), len(which)))
     at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
     out.append(row.share("clusters at no star", condition, at.sum() - len(mine), at.sum()))
     return out
+
+
+def _read(one, others):
+    """A row, explained by the first reading that reaches the paper, or with what each of them gives."""
+    for reading, other in others.items():
+        run = f"impa-centroids/{reading}"
+        one = row.explained(one, other, run, f"of clusters {READINGS[reading]} alone")
+    if one.verdict == row.Verdict.OPEN and others:
+        given = ", ".join(f"{READINGS[reading]} {other.measured:.3g}" for reading, other in others.items())
+        one = one._replace(why=f"published {one.published:.3g}, here {one.measured:.3g}; of clusters {given}")
+    return one
 
 
 def readings(kind, mine):
