@@ -227,6 +227,7 @@ def test_cells_count_the_simulations_that_were_right_in_time():
     assert ten.measured == 0.5
     wrong = find(many, "IMPA verified: wrong across", "best case, global")[0]
     assert wrong.measured == pytest.approx(1.0 / 3.0) and wrong.verdict == Verdict.OPEN  # none is published
+    assert wrong.why == "wrong of what was given out: verified 60 of 180, as published 60 of 180"
     ours = find(many, "ours: success", "worst case, rolling shutter, 5 deg/s")[0]
     assert ours.measured == 1.0 and ours.published == pytest.approx(0.0825)
     assert ours.verdict == Verdict.GOAL_MET
