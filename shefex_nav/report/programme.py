@@ -107,7 +107,7 @@ def warnings(scenario, flown):
     The programmes of vehicles that are not launched have no such moments; nothing is said of what a cut log
     has not seen.
     """
-    found = _of_epoch(scenario.mission.epoch)
+    found = _of_epoch(scenario.mission.epoch) + _of_acceptance(scenario.star_tracker)
     if scenario.launch is not None:
         found += _of_programme(scenario, flown)
     if flown.motion is not None:
@@ -127,6 +127,18 @@ def _of_epoch(epoch_utc):
         return []
     words = "leap seconds of that year are not known, and those of today are taken: sky and Earth are"
     return [Warned(("mission", "epoch"), f"{words} 15 arcsec off for each that is missing")]
+
+
+def _of_acceptance(tracker):
+    """A star tracker whose attitudes nobody verifies: list of Warned."""
+    settings = tracker.identification
+    if not tracker.enabled or settings.acceptance == "verified":
+        return []
+    words = (
+        f"an attitude of method {settings.method!r} is accepted as its paper does, so wrong attitudes are "
+        "believed; acceptance: verified holds each against the whole field"
+    )
+    return [Warned(("star_tracker", "identification", "acceptance"), words)]
 
 
 def _of_programme(scenario, flown):
