@@ -94,7 +94,8 @@ def frames_of(shutter, case, seed):
     kinds = ("global_shutter",) if shutter == "global_shutter" else KINDS[1:4]
     for kind, error in zip(kinds, errors, strict=False):
         for s, e in zip(star, error, strict=True):
-            rows.append(_row(case, kind, s, e, stars.light[s], is_apart=stars.apart[s]))
+            rows.append(_row(case, kind, s, e, stars.light[s]))
+            rows[-1][COLUMNS.index("apart")] = stars.apart[s]
     omega_c, P_omega_c = field.gyro(case, gyro_rng)
     found = trackers.streaks_of(second, omega_c, P_omega_c, times)
     motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
@@ -112,10 +113,9 @@ def frames_of(shutter, case, seed):
     return rows
 
 
-def _row(case, kind, star, error, light, P_px=None, best=None, seen=True, is_apart=np.nan):
+def _row(case, kind, star, error, light, P_px=None, best=None, seen=True):
     """One row of COLUMNS."""
     row = np.full(len(COLUMNS), np.nan)
-    row[COLUMNS.index("apart")] = is_apart
     row[:6] = round(np.degrees(case.rate)), KINDS.index(kind), star >= 0, *error, light
     if best is not None:
         turned = bound.along_across(error[None], np.array([best.heading]))[0]
