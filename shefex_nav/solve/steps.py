@@ -240,6 +240,15 @@ def fitted(C_ci, focal_px, k, u_i, xy_px, size_px, prior, gates_px, least):
     return True, C_ci, focal_px, k, star, residual, noise, covariance
 
 
+@kernel
+def jacobians(focal_px, k, ideal):
+    """How the pixels of n points move with the unknowns: (n, 2, UNKNOWNS). ideal : (n, 2) of a pinhole"""
+    J = np.empty((len(ideal), 2, UNKNOWNS))
+    for n in range(len(ideal)):
+        fill_jacobian(focal_px, k, ideal[n, 0], ideal[n, 1], J[n])
+    return J
+
+
 @inner
 def axes_of(P_px):
     """Eigenvalues (n, 2) and the cosines and sines (n, 2) of the first axis, of covariances (n, 2, 2)."""
@@ -301,6 +310,18 @@ def noise_of(along2, values, n_lens):
         if cost < least:
             least, best, best_floor = cost, multiple, floor2
     return best, best_floor
+
+
+@kernel
+def noise_in(residual_px, P_px, n_lens):
+    """The same of residuals (n, 2) and covariances (n, 2, 2)."""
+    values, turn = axes_of(P_px)
+    along2 = np.empty((len(P_px), 2))
+    for i in range(len(P_px)):
+        rx, ry = residual_px[i]
+        along2[i, 0] = (turn[i, 0] * rx + turn[i, 1] * ry) ** 2
+        along2[i, 1] = (turn[i, 0] * ry - turn[i, 1] * rx) ** 2
+    return noise_of(along2, values, n_lens)
 
 
 @kernel
