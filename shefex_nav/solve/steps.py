@@ -94,6 +94,15 @@ def fill_jacobian(focal_px, k, x, y, J):
         J[1, a] *= focal_px
 
 
+@kernel
+def jacobians(focal_px, k, ideal):
+    """Derivatives of pixels by the nine unknowns. k : (5,);  ideal : (n, 2) X/Z, Y/Z -> (n, 2, 9)"""
+    J = np.empty((ideal.shape[0], 2, UNKNOWNS))
+    for n in range(ideal.shape[0]):
+        fill_jacobian(focal_px, k, ideal[n, 0], ideal[n, 1], J[n])
+    return J
+
+
 @inner
 def add_star(N, b, J, W, rx, ry):
     """Add a star to normal equations. W : (xx, xy, yy), its weight;  rx, ry : its residual [px]"""
@@ -306,6 +315,18 @@ def noise_of(along2, values, n_lens):
         if cost < least:
             least, best, best_floor = cost, multiple, floor2
     return best, best_floor
+
+
+@kernel
+def noise_seen(residual_px, P_px, n_lens):
+    """`noise_of` by residuals (n, 2) [px] and covariances (n, 2, 2) [px^2]."""
+    values, turn = axes_of(P_px)
+    along2 = np.empty((len(P_px), 2))
+    for n in range(len(P_px)):
+        rx, ry = residual_px[n, 0], residual_px[n, 1]
+        along2[n, 0] = (turn[n, 0] * rx + turn[n, 1] * ry) ** 2
+        along2[n, 1] = (turn[n, 0] * ry - turn[n, 1] * rx) ** 2
+    return noise_of(along2, values, n_lens)
 
 
 @kernel
