@@ -60,6 +60,17 @@ def bent_one(k, x, y):
 
 
 @inner
+def project(C_ci, focal_px, k, u_i, size_px, ideal, seen_px, inside):
+    """Fill ideal x, y (m, 2), pixels (m, 2), and which are in the picture (m,), of the stars (m, 3)."""
+    cx, cy = 0.5 * (size_px[0] - 1.0), 0.5 * (size_px[1] - 1.0)
+    for s in range(u_i.shape[0]):
+        ideal[s, 0], ideal[s, 1] = ideal_of(C_ci, u_i, s)
+        x, y = bent_one(k, ideal[s, 0], ideal[s, 1])
+        seen_px[s, 0], seen_px[s, 1] = cx + focal_px * x, cy + focal_px * y
+        inside[s] = -1.0 < seen_px[s, 0] < size_px[0] and -1.0 < seen_px[s, 1] < size_px[1]
+
+
+@inner
 def fill_jacobian(focal_px, k, x, y, J):
     """Derivatives of a pixel by the nine unknowns. J : (2, 9), filled"""
     r2 = x * x + y * y
@@ -83,6 +94,15 @@ def fill_jacobian(focal_px, k, x, y, J):
         J[1, a] *= focal_px
 
 
+@kernel
+def jacobians(focal_px, k, ideal):
+    """Derivatives of pixels by the nine unknowns. k : (5,);  ideal : (n, 2) X/Z, Y/Z -> (n, 2, 9)"""
+    J = np.empty((ideal.shape[0], 2, UNKNOWNS))
+    for n in range(ideal.shape[0]):
+        fill_jacobian(focal_px, k, ideal[n, 0], ideal[n, 1], J[n])
+    return J
+
+
 @inner
 def add_star(N, b, J, W, rx, ry):
     """Add a star to normal equations. W : (xx, xy, yy), its weight;  rx, ry : its residual [px]"""
@@ -104,7 +124,7 @@ def solved(N, b, k, prior):
         if a < 4 or prior[a - 4] > 0.0:
             rows[m] = a
             m += 1
-    A, right, scale = np.empty((m, m)), np.empty(m), np.empty(m)
+    A, right, scale, M = np.empty((m, m)), np.empty(m), np.empty(m), np.zeros((m, m))
     for i in range(m):
         a = rows[i]
         right[i] = b[a]
@@ -128,7 +148,6 @@ def solved(N, b, k, prior):
                 A[i, i] = np.sqrt(total)
             else:
                 A[i, j] = total / A[j, j]
-    M = np.zeros((m, m))
     for j in range(m):
         M[j, j] = 1.0 / A[j, j]
         for i in range(j + 1, m):
@@ -203,17 +222,12 @@ def fitted(C_ci, focal_px, k, u_i, xy_px, size_px, prior, gates_px, least):
     noise_px : float;  covariance : (9, 9)
     """
     n, m, start_px, last = xy_px.shape[0], u_i.shape[0], focal_px, len(gates_px) + CONVERGED - 1
-    cx, cy = 0.5 * (size_px[0] - 1.0), 0.5 * (size_px[1] - 1.0)
     C_ci, k = C_ci.copy(), k.copy()
     seen, ideal, inside = np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_)
     star, residual, J = np.full(n, -1, dtype=np.int64), np.zeros((n, 2)), np.empty((2, UNKNOWNS))
     covariance, noise = np.zeros((UNKNOWNS, UNKNOWNS)), np.inf
     for step in range(last + 1):
-        for s in range(m):
-            ideal[s, 0], ideal[s, 1] = ideal_of(C_ci, u_i, s)
-            x, y = bent_one(k, ideal[s, 0], ideal[s, 1])
-            seen[s, 0], seen[s, 1] = cx + focal_px * x, cy + focal_px * y
-            inside[s] = -1.0 < seen[s, 0] < size_px[0] and -1.0 < seen[s, 1] < size_px[1]
+        project(C_ci, focal_px, k, u_i, size_px, ideal, seen, inside)
         gate_px = max(gates_px[step] if step < len(gates_px) else NOISE_GATE * noise, LEAST_GATE_PX)
         known = match(seen, inside, xy_px, gate_px, star)
         if known < least:
@@ -238,15 +252,6 @@ def fitted(C_ci, focal_px, k, u_i, xy_px, size_px, prior, gates_px, least):
             if not 0.5 < focal_px / start_px < 2.0:  # no fit, whatever it is
                 return False, C_ci, focal_px, k, star, residual, noise, covariance
     return True, C_ci, focal_px, k, star, residual, noise, covariance
-
-
-@kernel
-def jacobians(focal_px, k, ideal):
-    """How the pixels of n points move with the unknowns: (n, 2, UNKNOWNS). ideal : (n, 2) of a pinhole"""
-    J = np.empty((len(ideal), 2, UNKNOWNS))
-    for n in range(len(ideal)):
-        fill_jacobian(focal_px, k, ideal[n, 0], ideal[n, 1], J[n])
-    return J
 
 
 @inner
@@ -313,14 +318,14 @@ def noise_of(along2, values, n_lens):
 
 
 @kernel
-def noise_in(residual_px, P_px, n_lens):
-    """The same of residuals (n, 2) and covariances (n, 2, 2)."""
+def noise_seen(residual_px, P_px, n_lens):
+    """`noise_of` by residuals (n, 2) [px] and covariances (n, 2, 2) [px^2]."""
     values, turn = axes_of(P_px)
     along2 = np.empty((len(P_px), 2))
-    for i in range(len(P_px)):
-        rx, ry = residual_px[i]
-        along2[i, 0] = (turn[i, 0] * rx + turn[i, 1] * ry) ** 2
-        along2[i, 1] = (turn[i, 0] * ry - turn[i, 1] * rx) ** 2
+    for n in range(len(P_px)):
+        rx, ry = residual_px[n, 0], residual_px[n, 1]
+        along2[n, 0] = (turn[n, 0] * rx + turn[n, 1] * ry) ** 2
+        along2[n, 1] = (turn[n, 0] * ry - turn[n, 1] * rx) ** 2
     return noise_of(along2, values, n_lens)
 
 

@@ -78,9 +78,7 @@ def test_slopes_are_derivatives():
     xy = rng.uniform([-0.6, -0.5], [0.6, 0.5], (12, 2))
     u_c = np.column_stack([xy, np.ones(12)])
     u_i = u_c / np.linalg.norm(u_c, axis=1, keepdims=True) @ at.C_ci
-    J = np.empty((12, 2, steps.UNKNOWNS))
-    for n, (x, y) in enumerate(lens.project(at, u_i, SIZE)[1]):
-        steps.fill_jacobian(at.focal_px, np.array(at.k), x, y, J[n])
+    J = steps.jacobians(at.focal_px, np.array(at.k), lens.project(at, u_i, SIZE)[1])
 
     def moved(n, by):
         change = np.zeros(9)
