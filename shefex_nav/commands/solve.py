@@ -101,7 +101,7 @@ def solve(
             name = {"file": str(image)} if len(images) > 1 else {}
             print_json(name | table.as_numbers(solution))
     if not json:
-        _show(found, told=camera is not None)
+        _show(found, told=camera is not None, fov_deg=fov_deg)
     if overlay is not None:
         _draw(images[0], found[0][1], camera, overlay)
     raise typer.Exit(0 if all(one.status == "ok" for _, one in found) else 1)
@@ -248,7 +248,7 @@ def field_of_view(text):
     return fov_deg
 
 
-def _show(found, *, told):
+def _show(found, *, told, fov_deg=None):
     """The results as people read them. found : list of (path, ImageSolution)"""
     from shefex_nav.solve import table
 
@@ -257,9 +257,9 @@ def _show(found, *, told):
         console.print(table.brief(found))
     for name, solution in found:
         if solution.status != "ok":
-            console.print(f"{name}: not solved, {table.why(solution, told)}", markup=False)
+            console.print(f"{name}: not solved, {table.why(solution, told, fov_deg)}", markup=False)
             if len(found) == 1:
-                console.print(f"{len(solution.xy_px)} objects, {solution.wall_ms:.3g} ms")
+                console.print(f"{len(solution.xy_px)} objects, {table.duration(solution.wall_ms)}")
         elif len(found) == 1:
             console.print(table.field(solution, name))
             console.print(table.stars(solution))

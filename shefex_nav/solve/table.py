@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from shefex_nav.solve.image import FOV_DEG
 from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
 from shefex_nav.solve.orientation import AS_STORED
 
@@ -13,15 +14,16 @@ ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
     "too_few_stars": "fewer than five point-like objects were found",
     "too_few_stars_told": "fewer objects were found than an attitude needs",
-    "no_match": "the objects found fit no stars of the catalogue, for any field of view that was looked for: "
-    "5 to 70 deg across, or 20 % about the one that is told",
+    "no_match": "the objects found fit no stars of the catalogue, for any field of view {looked}; where a "
+    "landscape hides them among its lights, crop the picture to the sky or tell --camera",
     "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
     "--camera its field of view is found as well",
     "focal_length": "the stars contradict the focal length of the camera that is told",
     "residuals": "the identified stars do not fit one attitude; is the focal length of the camera right?",
     "rolling": "rows are exposed one after the other; without the rate of the camera there is no attitude",
     "saturated": "the picture is too bright for the star tracker of the camera that is told",
-    "smeared": "the camera turned faster than star_tracker.highest_rate: the stars are streaks",
+    "smeared": "the spots are no points: the camera turned faster than star_tracker.highest_rate, or the "
+    "picture was compressed or blurred",
     "ambiguous": "more than one identification of the stars fits",
     "mirrored": "the stars fit only when the picture is mirrored; --mirrored solves it so",
     "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring",
@@ -66,10 +68,12 @@ def sigmas(P):
     return tuple((ARCSEC * np.sqrt(np.diag(P))).tolist())
 
 
-def why(solution, told):
-    """Words for a picture without solution. told : with a StarCamera"""
+def why(solution, told, fov_deg=None):
+    """Words for a picture without solution. told : with a StarCamera;  fov_deg : that is told, or None"""
     text = WHY.get(f"{solution.reason}_told") if told else None
-    return f"{solution.reason}: {text or WHY[solution.reason]}"
+    low, high = FOV_DEG
+    looked = f"from {low:g} to {high:g} deg across" if fov_deg is None else f"within 20 % of {fov_deg:g} deg"
+    return f"{solution.reason}: {(text or WHY[solution.reason]).format(looked=looked)}"
 
 
 def _accuracy(solution):
@@ -90,6 +94,11 @@ def _turn(solution):
         return ()
     words = "not applied, pixels as stored" if solution.as_stored else "applied, pixels as displayed"
     return ((f"EXIF orientation {solution.orientation}", words),)
+
+
+def duration(wall_ms):
+    """Milliseconds, or seconds, for people."""
+    return f"{wall_ms:.3g} ms" if wall_ms < 1000.0 else f"{1e-3 * wall_ms:.1f} s"
 
 
 def _arcsec(P):
@@ -127,7 +136,7 @@ def field(solution, name):
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),
         ("stars identified", f"{len(solution.matched)} of {len(solution.xy_px)} objects"),
         ("probability of chance, below", f"{max(solution.false_probability, 1e-99):.0e}"),
-        ("time", f"{solution.wall_ms:.3g} ms"),
+        ("time", duration(solution.wall_ms)),
     )
     for row in rows:
         table.add_row(*row)
