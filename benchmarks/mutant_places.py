@@ -86,7 +86,8 @@ class _Finder(ast.NodeVisitor):
 
     def visit_UnaryOp(self, node):
         if isinstance(node.op, (ast.USub, ast.Not)):
-            self._add(node, self._begin(node), self._begin(node.operand), "")
+            sign = self._begin(node)
+            self._add(node, sign, sign + (1 if isinstance(node.op, ast.USub) else 3), "")
         self.generic_visit(node)
 
     def visit_Constant(self, node):

@@ -11,8 +11,9 @@ would take minutes. So tests which take over 8 s in that mode, most of those tha
 what survives may be killed by them. `--flights` takes up the survivors with the tests of FLIGHTS, compiled.
 
 DIR keeps the copy of the package that is changed, lines.json and a line a mutant in mutants.jsonl: `run` goes
-on where it was stopped, and survivors that were judged equivalent by a reader (benchmarks/mutants_same.json)
-do not count. `show` prints the score of each part with its 95 % interval, and the survivors.
+on where it was stopped. Survivors that a reader found equivalent do not count, if `mutants_same.json` beside
+this file says why: {"FILE CHANGE": "argument"}. `show` prints the score of each part with its 95 % interval,
+and the survivors.
 """
 
 import argparse
@@ -24,6 +25,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import zip_longest
 from pathlib import Path
 
 import mutant_places
@@ -139,7 +141,7 @@ def sample(each, seed, wanted):
             places += [(part, name, *place) for place in mutant_places.of(file.read_text(encoding="utf-8"))]
         random.Random(f"{seed} {part}").shuffle(places)
         drawn.append(places[:each])
-    return [one for together in zip(*drawn, strict=True) for one in together]
+    return [one for together in zip_longest(*drawn) for one in together if one is not None]
 
 
 def fast(table, file, first, last):
@@ -162,7 +164,9 @@ def judged(work, table, mutant, flights):
     file = tree / name
     good = (ROOT / name).read_bytes()
     row = {"part": part, "file": name, "line": line, "begin": begin, "what": what}
-    file.write_bytes(good[:begin] + new.encode() + good[end:])
+    bad = good[:begin] + new.encode() + good[end:]
+    compile(bad, name, "exec")
+    file.write_bytes(bad)
     try:
         if flights:
             code, said = tested(tree, ["-x", *FLIGHTS[part]], FLIGHT_S)
@@ -173,8 +177,10 @@ def judged(work, table, mutant, flights):
             return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}
     finally:
         file.write_bytes(good)
+    if code not in (0, 1, None):
+        sys.exit(f"{name}:{line} {what}: pytest ended with code {code}\n{said}")
     failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    by = "time" if code is None else failed[0].split(" - ")[0] if failed else f"code {code}" if code else ""
+    by = "time" if code is None else failed[0].split(" - ")[0] if failed else ""
     verdict = SURVIVED if code == 0 else KILLED
     return {**row, "verdict": verdict, "by": by, "s": round(time.perf_counter() - begun, 1)}
 
@@ -188,6 +194,8 @@ def told(work):
 
 def run(work, options):
     """Judge the mutants of a sample that have no verdict yet."""
+    if options.flights:
+        _check_flights(work, options.part or PARTS)
     table, known = json.loads((work / "lines.json").read_text()), told(work)
     mutants = sample(options.each, options.seed, options.part or PARTS)
     for k, mutant in enumerate(mutants):
@@ -209,11 +217,19 @@ def run(work, options):
         )
 
 
+def _check_flights(work, parts):
+    """End where a flight fails of the program as it is: it would kill every mutant."""
+    for part in parts:
+        code, said = tested(copied(work), ["-x", *FLIGHTS[part]], FLIGHT_S)
+        if code != 0:
+            sys.exit(f"{part}: the tests fail without any mutant, or take over {FLIGHT_S:.0f} s\n{said}")
+
+
 def show(work):
     """Print scores and survivors."""
     same = json.loads(SAME.read_text()) if SAME.exists() else {}
     rows = list(told(work).values())
-    counted = [row for row in rows if f"{row['file']}:{row['line']} {row['what']}" not in same]
+    counted = [row for row in rows if f"{row['file']} {row['what']}" not in same]
     for part in [*PARTS, None]:
         own = [row for row in counted if part in (row["part"], None)]
         if own:

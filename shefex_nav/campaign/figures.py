@@ -129,7 +129,7 @@ def draw_containment(series):
 
 @style.styled
 def draw_ellipses(campaign):
-    """Where the flights are at apogee and at entry."""
+    """Where the flights are at apogee, at entry and at impact."""
     found = statistics.ellipses(campaign)
     if not found:
         return None

@@ -26,7 +26,7 @@ from scipy.stats import binom
 from shefex_nav.campaign import tolerance
 from shefex_nav.campaign.tolerance import TIE
 
-FEWEST = 20  # runs before the first look
+FEWEST = 20  # runs before the first of the looks that come before any can pass
 TINY = 1e-16  # probability of numbers of failures that are left out at a look
 
 
@@ -83,7 +83,11 @@ def each(probability, confidence):
     k = 0
     while True:
         if k == len(known.found):
-            known.found.append(next(known.rest))
+            try:
+                known.found.append(next(known.rest))
+            except BaseException:  # interrupted within: the iterator has ended, and is made anew
+                _known.cache_clear()
+                raise
         yield known.found[k]
         k += 1
 

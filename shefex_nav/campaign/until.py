@@ -82,7 +82,7 @@ def _legs(request, store):
     head, most = store.head(), request.runs
     asked = 0 if head is None else head["runs"]
     if most is not None and most < asked:
-        yield most, None  # which the store refuses
+        yield most, None  # the store refuses fewer runs than it was asked for before
     for look, following in pairwise(looks.each(*verdicts.stated(request.scenario.requirements))):
         if following.runs <= asked:
             continue

@@ -45,7 +45,7 @@ def _row(one):
     bounds = ("-" if share is None else f"{100.0 * share:.3f} %" for share in (one.least, one.most))
     words, at_rate = one.verdict, "-"
     if one.verdict == verdicts.MORE:
-        words = "undecided" if one.more is None else f"{one.more:,} more runs needed"
+        words = "fails at the next look" if one.more is None else f"{one.more:,} more runs needed"
         at_rate = f"> {tolerance.FAR:,}" if one.more_at_rate is None else f"{one.more_at_rate:,}"
     return name, words, f"{one.runs:,}", str(one.missed), *bounds, at_rate
 
@@ -59,9 +59,11 @@ def _lines(campaign, found):
         )
     failed = len(campaign) - int(campaign.succeeded.sum())
     if failed:
-        yield f"The {failed} runs that failed gave no answer: they meet no requirement."
+        yield f"Runs that failed gave no answer, {failed}: they meet no requirement."
     if campaign.lost:
-        yield f"{len(campaign.lost)} runs were lost with their workers and are no samples."
+        yield f"Runs that were lost with their workers, {len(campaign.lost)}, are no samples."
+    if campaign.head.get("sampling") == "latin_hypercube":
+        yield "The draws are a Latin hypercube, not independent: bounds and verdicts hold about."
     n, asked = len(campaign), campaign.head["runs"]
     if campaign.head.get("until_verified"):
         yield _of_looks(campaign, found)

@@ -9,7 +9,6 @@ it is verified at its looks (`looks`), of the first so many runs by their number
 the runs that are kept, in whatever order and in however many sessions they were flown.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +65,8 @@ def _met(campaign):
 def settled(name, wanted, runs, met):
     """Verdict of all runs, whose number was settled before. Arguments as of `at_looks`."""
     n, missed = len(met), int((~met).sum())
+    if n == 0:
+        return Verdict(name, MORE, *wanted, 0, 0, None, None, tolerance.needed(0, *wanted))
     one = Verdict(name, MORE, *wanted, n, missed, *tolerance.bounds(missed, n, wanted[1]))
     if tolerance.passes(missed, n, *wanted):
         return one._replace(verdict=PASS)
@@ -98,9 +99,10 @@ def at_looks(name, wanted, runs, met):
             return Verdict(name, verdict, *wanted, look.runs, f, *bounds, looks=k + 1)
     f = int(missed[n])
     bounds = tolerance.bounds(f, n, wanted[1]) if n else (None, None)
-    more = _until(wanted, n, lambda look: decided(look, f) == PASS, math.inf)
+    ahead = next(look for look in looks.each(*wanted) if look.runs > n and decided(look, f))
+    more = ahead.runs - n if decided(ahead, f) == PASS else None
     rate = f / n if n else 0.0
-    at_rate = _until(wanted, n, lambda look: decided(look, round(rate * look.runs)) is not None)
+    at_rate = _until(wanted, n, lambda look: decided(look, max(f, round(rate * look.runs))) is not None)
     return Verdict(name, MORE, *wanted, n, f, *bounds, more, at_rate, len(taken))
 
 
@@ -118,19 +120,30 @@ def decided(look, missed):
     return None
 
 
-def _until(wanted, n, ends, most=tolerance.FAR):
-    """Further runs after n until the first look of which `ends` holds; None beyond `most` runs."""
+def _until(wanted, n, ends):
+    """Further runs after n until the first look of which `ends` holds; None beyond FAR runs."""
     for look in looks.each(*wanted):
-        if look.runs > max(n, most):
+        if look.runs > max(n, tolerance.FAR):
             return None
         if look.runs > n and ends(look):
             return look.runs - n
 
 
 def summary(campaign):
-    """The same for `--json`: {name: dict}."""
-    return {one.name: {key: value for key, value in one._asdict().items() if key != "name"}
-            for one in of_campaign(campaign)}  # fmt: skip
+    """The same for `--json`: {name: dict}, with what takes from the confidence that is told.
+
+    finished : whether all runs are there whose number was settled, or it was judged at looks
+    flown_on_from : of `looked_at_before`
+    """
+    found = of_campaign(campaign)
+    whole = {
+        "finished": bool(campaign.head.get("until_verified")) or len(campaign) >= campaign.head["runs"],
+        "flown_on_from": looked_at_before(campaign, found) if found else [],
+    }
+    return {
+        one.name: {key: value for key, value in one._asdict().items() if key != "name"} | whole
+        for one in found
+    }
 
 
 def looked_at_before(campaign, found):

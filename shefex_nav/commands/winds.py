@@ -75,6 +75,6 @@ def _speeds(text):
     """Speeds of the wind, m/s, increasing; the unit stands once, at the end, or with each."""
     parts = [part.strip() for part in text.split(",")]
     unit = parts[-1].lstrip("0123456789.+-eE ")
-    with_units = (part if part[-1:].isalpha() else f"{part} {unit}" for part in parts)
-    speeds = sorted({quantity(part, "m/s", "--speeds", "2,4,6 m/s", positive=True) for part in with_units})
+    with_units = (part if part[-1:].isalpha() else f"{part} {unit}".strip() for part in parts)
+    speeds = sorted({quantity(part, "m/s", "--speeds", "4 m/s", positive=True) for part in with_units})
     return tuple(speeds)

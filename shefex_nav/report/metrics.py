@@ -221,7 +221,7 @@ def _star_tracker(data):
 
 
 def _outside(data, window):
-    """Frames out of the window by the first reason that holds: {sun, earth_limb, rate: count}."""
+    """Frames out of the window by the first reason that holds: {sun, earth_limb, excluded, rate: count}."""
     limits = configured(data)
     reasons = Counter()
     for frame in data.frame_truths:
@@ -231,8 +231,10 @@ def _outside(data, window):
             reasons["rate"] += 1
         else:
             sun_limit = limits.sun_exclusion_rad
-            near_sun = sun_limit is not None and frame.sun_angle < sun_limit
-            reasons["sun" if near_sun else "earth_limb"] += 1
+            if sun_limit is None:
+                reasons["excluded"] += 1
+            else:
+                reasons["sun" if frame.sun_angle < sun_limit else "earth_limb"] += 1
     return dict(sorted(reasons.items()))
 
 

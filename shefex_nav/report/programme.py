@@ -144,12 +144,12 @@ def _of_acceptance(tracker):
 def _of_programme(scenario, flown):
     """Times, devices and attitude of a vehicle that is launched: list of Warned."""
     found = [*_tasks(scenario, flown), *_devices(scenario, flown), *_star_tracker(scenario, flown)]
-    if flown.sight is not None:
-        looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
-        found += [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
     if not found and flown.astray_deg > ASTRAY_DEG:
         words = f"the vehicle was up to {flown.astray_deg:.1f} deg off the attitude that it was to hold"
         found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))
+    elif flown.sight is not None:
+        looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
+        found += [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
     return found
 
 

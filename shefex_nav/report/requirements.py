@@ -30,6 +30,7 @@ OF_LIMIT = {  # requirement: the section with its limit, the key that says wheth
     **{f"{quantity}_protection_at_entry": (quantity, "protection_at_entry") for quantity in QUANTITIES},
     **{f"{quantity}_while_pointing": (quantity, "while_pointing") for quantity in QUANTITIES},
 }
+WHILE_POINTING, SOLVED = "navigation.while_pointing", 0.99  # of the ticks: less is not measured
 ONCE, GROWS, MOVES = "once", "grows", "moves"  # nothing; make it larger; make it larger or smaller
 
 
@@ -99,9 +100,23 @@ def _frames(get):
 
 
 def _pointing(get):
-    """When the vehicle pointed, or that it never did."""
-    first_s, last_s = (get(f"navigation.while_pointing.{key}") for key in ("from_s", "to_s"))
-    return "it never pointed" if first_s is None else f"at most, T{first_s:+.0f} to {last_s:+.0f} s"
+    """When the vehicle pointed, or why there is no figure."""
+    first_s, last_s, share = (get(f"{WHILE_POINTING}.{key}") for key in ("from_s", "to_s", "solution_share"))
+    if first_s is None:
+        return "it never pointed, or had no solution then"
+    if share < SOLVED:
+        return f"a solution for {100.0 * share:.0f} % of the pointing alone"
+    return f"at most, T{first_s:+.0f} to {last_s:+.0f} s"
+
+
+def _while_pointing(figure):
+    """The largest error while pointing, if there was a solution all the time."""
+
+    def largest(get):
+        share = get(f"{WHILE_POINTING}.solution_share")
+        return None if share is None or share < SOLVED else get(f"{WHILE_POINTING}.{figure}.max")
+
+    return largest
 
 
 def _which(get):
@@ -120,7 +135,7 @@ MEASURES = {
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
     **{
         f"{quantity}_while_pointing": _Measure(
-            _at(f"navigation.while_pointing.{figure}.max"), unit, factor, "at most", GROWS, _pointing
+            _while_pointing(figure), unit, factor, "at most", GROWS, _pointing
         )
         for quantity, figure, unit, factor in (
             ("attitude", "attitude_deg", "deg", DEG),

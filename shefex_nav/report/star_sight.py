@@ -61,14 +61,22 @@ def excluded(scenario, seen, looks):
     for what, angle, limit in zip(("the Sun", "the Earth's limb"), found, limits, strict=True):
         inside = angle < limit
         if inside.mean() > SHARE:
-            yield ("programme", looks[-1][0]), _words(what, pointed.t_s, angle, limit, inside)
+            name = _aims(looks, float(np.median(pointed.t_s[inside])))
+            yield ("programme", name), _words(what, pointed.t_s, angle, limit, inside)
+
+
+def _aims(looks, t_s):
+    """Name of the task that says where the camera looks at an instant: a dwell keeps what was before."""
+    begun = [one for one in looks if one[1].start <= t_s]
+    aimed = [name for name, task in begun if task.task == "point"]
+    return aimed[-1] if aimed else begun[-1][0]
 
 
 def _words(what, t_s, angle, limit, inside):
-    k = int(angle.argmin())
+    k, seconds = int(angle.argmin()), inside.size * float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
     part = "all of" if inside.all() else f"{100.0 * inside.mean():.0f} % of"
     return (
-        f"for {part} the {inside.size * STEP_S:.0f} s in which the star camera is pointed and its tracker is "
+        f"for {part} the {seconds:.0f} s in which the star camera is pointed and its tracker is "
         f"on, it looks within {np.degrees(limit):.0f} deg of {what}, at T{t_s[k]:+.0f} s as near as "
         f"{np.degrees(angle[k]):.0f} deg: such frames are not of the window; point it elsewhere"
     )

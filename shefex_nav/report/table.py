@@ -138,7 +138,8 @@ def _star_rows(star):
 
 def _outside(counts):
     """Why frames are out of the window, in words."""
-    words = {"sun": "too near to the Sun", "earth_limb": "to the Earth's limb", "rate": "too fast"}
+    words = {"sun": "too near to the Sun", "earth_limb": "to the Earth's limb"}
+    words |= {"excluded": "too near to Sun or limb", "rate": "too fast"}  # a log that does not say to which
     if "sun" not in counts:
         words["earth_limb"] = "too near to the Earth's limb"
     return ", ".join(f"{counts[name]} {words[name]}" for name in words if name in counts)

@@ -10,13 +10,15 @@ def errors(truth, found):
     """Figures of the errors while the vehicle points; None where it never does, or has no solution then.
 
     truth : of a RunData;  found : metrics.NavErrors
-    -> from_s, to_s; position_m and velocity_m_s of the whole error; attitude_deg, its `max` about one axis
+    -> solution_share, of its ticks; from_s, to_s; position_m and velocity_m_s of the whole error;
+    attitude_deg, its `max` about one axis
     """
     rows = phase_at(truth, found.t_s) == Phase.POINTING
     if not rows.any():
         return None
     t_s = found.t_s[rows]
     return {
+        "solution_share": float(rows.sum() / (truth.phase == Phase.POINTING).sum()),
         "from_s": float(t_s[0]),
         "to_s": float(t_s[-1]),
         "position_m": _figures(np.linalg.norm(found.position_i[rows], axis=1)),

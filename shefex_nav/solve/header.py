@@ -4,7 +4,7 @@ DATE-OBS (UTC, middle of the exposure), EXPTIME (s) and VELX, VELY, VELZ (m/s, o
 centre of the Earth, axes of the ICRS) are read; what else a file says, such as its true attitude, is not.
 """
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from math import hypot, isfinite
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of pictures and of the sky
 DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
+MINUTE = 1.0 / (365.25 * 1440.0)  # year
 FASTEST = 1e6  # m/s, of a camera: five times the fastest probe (Parker, 1.92e5 m/s)
 
 
@@ -61,12 +62,22 @@ def year_of_date(text):
         raise ValueError(words) from None
     if not FIRST_YEAR < year < LAST_YEAR:
         raise ValueError(f"expected a year between {FIRST_YEAR} and {LAST_YEAR}, got {text!r}")
-    return year
+    return year if says_day(year) else year + MINUTE
+
+
+def says_day(year):
+    """Whether a Julian year tells a day: 2012 and 2012.5 mean any of a year, or of a tenth of it."""
+    return abs(10.0 * year - round(10.0 * year)) > MINUTE
 
 
 def julian_year(moment):
     """Decimal Julian year of a datetime without time zone: 2000.0 is 2000-01-01 12:00."""
     return 2000.0 + (moment - datetime(2000, 1, 1, 12)).total_seconds() / (365.25 * 86400.0)
+
+
+def date_of(year):
+    """datetime (UTC) of a decimal Julian year."""
+    return datetime(2000, 1, 1, 12) + timedelta(days=365.25 * (year - 2000.0))
 
 
 def this_year():

@@ -18,8 +18,8 @@ from shefex_nav import warmup
 from shefex_nav.solve import field, lens, naming, patterns, picture, proof, told, triangles
 from shefex_nav.solve import search as searching
 from shefex_nav.solve.camera import Camera
-from shefex_nav.solve.header import Taken, of_header, this_year
-from shefex_nav.solve.orientation import AS_STORED
+from shefex_nav.solve.header import Taken, of_header, says_day, this_year
+from shefex_nav.solve.orientation import AS_STORED, ON_ITS_SIDE
 from shefex_nav.solve.solution import failed
 
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it
@@ -73,7 +73,7 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
 
     The covariance is that of the attitude with all of the lens unknown. Aberration is taken out where the day
     of the picture is known, by its file or the epoch; where not, the attitude is that against the stars as
-    they are seen, up to 20.5 arcsec from their places in the catalogue (`has_no_aberration` of the result).
+    they are seen, up to 20.5 arcsec from their places in the catalogue (`aberration_removed` of the result).
     With a StarCamera the picture goes through the star tracker that flies.
 
     Parameters
@@ -83,8 +83,8 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     camera : None, a Camera (of the picture as displayed) whose focal length is right to two per cent, or a
         StarCamera (of the pixels as stored)
     fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 5 to 70
-    epoch : None or a Julian year, for proper motions and the velocity of the Earth, the latter of a whole
-        year with a StarCamera alone; by default the date of the file, else today
+    epoch : None or a Julian year, for proper motions and the velocity of the Earth, the latter if it says a
+        day (2012.473, not 2012 or 2012.5); by default the date of the file, else today
     taken : None or a Taken, of an array and with a StarCamera only; a file says it itself
     mirrored : bool, the picture is mirrored, as through a telescope with a diagonal; q_ci and camera of the
         solution are those of the picture turned over, left for right; a mirrored picture is refused without
@@ -145,7 +145,7 @@ def _solved(seen, camera, fov_deg, epoch, mirrored, record):
         return back(_solved(over, camera, fov_deg, epoch, False, record), width)
     warmup.get_ready({"command=solve"})
     size_px = seen.grey.shape[::-1]
-    focal_range = _focal_range(size_px, camera, fov_deg)
+    focal_range = _focal_range(size_px, camera, fov_deg, is_turned=seen.orientation in ON_ITS_SIDE)
     year = _year(epoch, seen.julian_year)
     _load(year)
     clock = searching.Clock()
@@ -167,7 +167,7 @@ def _solved(seen, camera, fov_deg, epoch, mirrored, record):
             reason = "mirrored"
     if solved is None:
         return failed(reason, clock.ms(), found.xy_px)
-    day = year, _velocity(epoch, seen.julian_year)
+    day = year, _velocity(epoch, seen)
     return naming.described(solved, found, xy_px, size_px, day, camera, clock, record)
 
 
@@ -187,9 +187,11 @@ def back(found, width):
     return found._replace(reason=reason, matched=matched, xy_px=xy_px, mirrored=True)
 
 
-def _focal_range(size_px, camera, fov_deg):
-    """Shortest and longest focal length [px] to look for."""
-    width = size_px[0]
+def _focal_range(size_px, camera, fov_deg, is_turned=False):
+    """Shortest and longest focal length [px] to look for.
+
+    is_turned : on its side by EXIF: the field of view that is told may be meant of either side
+    """
     if camera is not None:
         if fov_deg is not None:
             raise ValueError("fov_deg: not together with a camera, which has its own")
@@ -206,15 +208,18 @@ def _focal_range(size_px, camera, fov_deg):
         if not (np.isscalar(fov_deg) and isfinite(fov_deg) and NARROWEST_DEG <= fov_deg <= wide):
             raise ValueError(f"fov_deg: expected {NARROWEST_DEG} to {wide} degrees, got {fov_deg!r}")
         narrow, wide = fov_deg / FOV_TOLERANCE, fov_deg * FOV_TOLERANCE
-    return tuple(0.5 * width / np.tan(0.5 * np.radians(fov)) for fov in (wide, narrow))
+    sides = size_px if is_turned and fov_deg is not None else size_px[:1]
+    found = [0.5 * side / np.tan(0.5 * np.radians(fov)) for side in sides for fov in (wide, narrow)]
+    return min(found), max(found)
 
 
-def _velocity(epoch, seen_year):
-    """Barycentric velocity of the Earth [m/s] when a picture was taken; None where nobody says the day."""
-    when = epoch if epoch is not None else seen_year
-    if when is None or (epoch is not None and epoch == int(epoch)):  # a year alone: it may be the other half
+def _velocity(epoch, seen):
+    """Barycentric velocity of the camera [m/s] when a Picture was taken; None where nobody says the day."""
+    when = epoch if epoch is not None else seen.julian_year
+    if when is None or not says_day(when):
         return None
-    return told.earth_velocity(round(when * told.MINUTES))
+    velocity_i = told.earth_velocity(round(when * told.MINUTES))
+    return velocity_i if seen.velocity_i is None else velocity_i + seen.velocity_i
 
 
 def _year(epoch, seen_year):

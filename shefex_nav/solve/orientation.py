@@ -8,6 +8,7 @@ mirrored besides. Other numbers mean nothing and are taken for 1, as viewers do.
 import numpy as np
 
 AS_STORED = 1
+ON_ITS_SIDE = 5, 6, 7, 8  # width and height change places
 _BACK = {6: 8, 8: 6}  # the others undo themselves
 
 

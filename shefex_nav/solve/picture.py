@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.solve import deep, orientation
-from shefex_nav.solve.header import julian_year, year_of
+from shefex_nav.solve.header import julian_year, of_header, year_of
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
@@ -32,6 +32,7 @@ class Picture(NamedTuple):
     grey: np.ndarray  # (rows, columns) float32, row 0 at the top
     julian_year: float | None  # when it was taken, if the file says so
     orientation: int = orientation.AS_STORED  # of EXIF, by which the rows of the file were turned
+    velocity_i: np.ndarray | None = None  # (3,) m/s, of the camera relative to the Earth, likewise
 
 
 class Stored(NamedTuple):
@@ -47,7 +48,7 @@ def read(path):
     """Picture of a file."""
     found = stored(path)
     turned = orientation.displayed(found.values, found.orientation)
-    return Picture(grey(turned, str(path)), found.julian_year, found.orientation)
+    return Picture(grey(turned, str(path)), found.julian_year, found.orientation, _velocity(found.header))
 
 
 def stored(path):
@@ -122,6 +123,14 @@ def _of_fits(path):
         values, header = plane.data, dict(plane.header)
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     return Stored(values, header, _year(header))
+
+
+def _velocity(header):
+    """Velocity of a header, (3,) m/s; None if it says none that can be read."""
+    try:
+        return of_header(header).velocity_i
+    except ValueError:
+        return None
 
 
 def _year(header):

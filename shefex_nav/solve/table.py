@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from shefex_nav.solve.header import date_of
 from shefex_nav.solve.image import FOV_DEG
 from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
 from shefex_nav.solve.orientation import AS_STORED
@@ -52,7 +53,8 @@ def as_numbers(solution):
         if solution.noise_covariance is not None:
             numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
         numbers["residual_px"] = solution.residual_px
-        numbers["has_no_aberration"] = solution.has_no_aberration
+        numbers["aberration_removed"] = solution.aberration_removed
+        numbers["julian_year"] = solution.julian_year
     if solution.fov_sigma_deg is not None:
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
@@ -83,8 +85,10 @@ def _accuracy(solution):
     rows = [("1 sigma about x, y, boresight", _arcsec(solution.covariance))]
     if solution.noise_covariance is not None:
         rows.append(("of it noise of the picture", _arcsec(solution.noise_covariance)))
-    if not solution.has_no_aberration:
+    if not solution.aberration_removed:
         rows.append(("aberration", "is in it, up to 20.5 arcsec: the day is not known"))
+    elif solution.julian_year is not None:
+        rows.append(("aberration", f"removed, as of {date_of(solution.julian_year):%Y-%m-%d}"))
     return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
 
 

@@ -28,7 +28,7 @@ from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Reason
 from shefex_nav.solve import pointing
 from shefex_nav.solve.camera import Camera, undistorted
-from shefex_nav.solve.header import Taken
+from shefex_nav.solve.header import Taken, says_day
 from shefex_nav.solve.lens import slopes
 from shefex_nav.solve.picture import PictureError
 from shefex_nav.solve.solution import ImageSolution, Match, failed
@@ -82,13 +82,14 @@ def solve(image, camera, taken=None):
     if year is None:  # the aberration of another day would be an error of up to 40 arcsec
         words = "give DATE-OBS, --epoch YEAR, or an epoch in the camera file"
         raise PictureError(f"image: does not say when it was taken; {words}")
-    tracker, velocity_i = tracker_of(camera, round(year * 365.25)), earth_velocity(round(year * MINUTES))
-    if taken.velocity_i is not None:
+    tracker = tracker_of(camera, round(year * 365.25))
+    velocity_i = earth_velocity(round(year * MINUTES)) if says_day(year) else np.zeros(3)
+    if says_day(year) and taken.velocity_i is not None:
         velocity_i = velocity_i + taken.velocity_i
     if image_dn.dtype not in _ready:  # compiled code is loaded before the clock runs
         _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s)
         _ready.add(image_dn.dtype)
-    return _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s)
+    return _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s)._replace(julian_year=year)
 
 
 def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
@@ -136,7 +137,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     return ImageSolution(
         "ok", "", *pointing.angles(marks_i), matched, float(np.exp(-found.log_odds)),
         1e3 * (perf_counter() - began), q_ci, told, seen.xy_px, noise + constant, noise, residual_px,
-        has_no_aberration=True,
+        aberration_removed=bool(np.any(velocity_i)),
     )  # fmt: skip
 
 

@@ -89,7 +89,6 @@ def test_naive_looks_are_wrong_more_often():
 @pytest.mark.parametrize("stated", STATED)
 def test_looks_grow_and_leave_room_between_pass_and_fail(stated):
     plan = looks.until(*stated, 20_000)
-    assert plan == looks.until(*stated, 20_000)[: len(plan)]  # asked again, the same
     first = looks.first_pass(*stated)
     assert tolerance.at_most(0, first, 1.0 - stated[0]) <= 0.5 * (1.0 - stated[1])
     assert tolerance.at_most(0, first - 1, 1.0 - stated[0]) > 0.5 * (1.0 - stated[1])

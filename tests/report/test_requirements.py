@@ -17,7 +17,7 @@ SUMMARY = {
     "navigation": {
         "at_entry": {"attitude_error_deg": [0.1, -0.18, 0.0], "position_error_m": 99.0},
         "while_pointing": {
-            **{"from_s": 250.0, "to_s": 372.0},
+            **{"solution_share": 1.0, "from_s": 250.0, "to_s": 372.0},
             "attitude_deg": {"rms": 0.02, "max": 0.05},
             "position_m": {"rms": 2.0, "max": 4.0},
         },

@@ -20,7 +20,7 @@ def test_where_the_programme_points(overrides, what):
         assert found == []
     else:
         (one,) = found
-        assert one.field == ("programme", "pointing") and what in one.text
+        assert one.field == ("programme", "slew") and what in one.text
 
 
 def test_angles_of_the_boresight():

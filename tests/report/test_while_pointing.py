@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from shefex_nav.records import Phase
-from shefex_nav.report import while_pointing
+from shefex_nav.report import requirements, while_pointing
 from shefex_nav.report.metrics import NavErrors
+from shefex_nav.scenario.requirements import Requirements
 
 
 class Truth:
@@ -31,6 +32,17 @@ def test_they_are_of_the_phases_pointing_alone():
     assert found["velocity_m_s"] == pytest.approx({"rms": 0.5, "max": 0.5})
     sizes = np.hypot(0.01, 0.02) * np.array([1.0, 2.0])
     assert found["attitude_deg"] == pytest.approx({"rms": np.sqrt(np.mean(sizes**2)), "max": 0.04})
+
+
+def test_a_solution_for_a_part_of_it_measures_nothing():
+    phases = [Phase.POINTING] * 4
+    found = while_pointing.errors(
+        Truth(phases), NavErrors(np.arange(2.0), *(np.zeros((2, 3)) for _ in range(3)))
+    )
+    assert found["solution_share"] == 0.5
+    wanted = Requirements(attitude={"limit": "1 deg", "while_pointing": True})
+    (one,) = requirements.judge(wanted, {"navigation": {"while_pointing": found}})
+    assert not one.passed and one.found is None and "50 % of the pointing" in one.note
 
 
 def test_one_that_never_points_has_none():

@@ -4,7 +4,7 @@ In: a scenario, speeds, and how far from its place each body may land. The wind 
 what ranges call a ballistic wind: a measured wind counts by the uniform one that carries the rocket as far.
 Out: a `Cell` for each speed and direction. It is go if
 
-- the flight can be, and comes down;
+- the flight can be, and each body comes down that does in still air;
 - at the end of the rail the rocket is WIND_SHARE times as fast as the wind;
 - each body that is followed lands no farther off its place than is allowed. Its place is where it lands in
   still air, of the body that is aimed the one that is aimed at.
@@ -47,6 +47,16 @@ class Down(NamedTuple):
     exit_speed: float  # m/s, at the end of the rail
 
 
+class Reason(NamedTuple):
+    """Why a wind is no go."""
+
+    what: str
+    figure: str = ""
+
+    def __str__(self):
+        return f"{self.what}: {self.figure}" if self.figure else self.what
+
+
 class Cell(NamedTuple):
     """What becomes of a launch in one wind."""
 
@@ -54,7 +64,7 @@ class Cell(NamedTuple):
     whence: str  # of DIRECTIONS
     down: Down | None  # None: it cannot be flown, or not be aimed
     off: dict  # {body: m from its place}
-    reasons: tuple  # why it is no go, for people; (): it is go
+    reasons: tuple  # of Reason; (): it is go
 
 
 class Table(NamedTuple):
@@ -135,19 +145,21 @@ def launch(scenario, overrides, seed, ground, place, body, speed, whence):
 def _cell(asked, calm, whence, speed, down, error):
     """Cell of a launch."""
     if down is None:
-        return Cell(speed, whence, None, {}, (error,))
+        return Cell(speed, whence, None, {}, (Reason(error),))
     places = {one.body: (one.latitude, one.longitude) for one in calm.landings}
     if asked.place is not None:
         places[asked.body or calm.landings[0].body] = asked.place
-    off = {
-        one.body: geodesic.distance(*places[one.body], one.latitude, one.longitude)
-        for one in down.landings
-        if one.body in places
-    }
-    reasons = [f"{body} {far / 1e3:.1f} km off" for body, far in off.items() if far > asked.within]
+    landed = {one.body: (one.latitude, one.longitude) for one in down.landings}
+    off = {body: geodesic.distance(*places[body], *landed[body]) for body in places if body in landed}
+    reasons = [
+        Reason(f"{body} off", f"{far / 1e3:.1f} km") for body, far in off.items() if far > asked.within
+    ]
+    reasons += [
+        Reason(f"{body} lands in this wind, or in still air, alone") for body in {*places} ^ {*landed}
+    ]
     if down.exit_speed < vehicle.WIND_SHARE * speed:
         angle = math.degrees(math.atan2(speed, down.exit_speed))
-        reasons.append(f"angle of attack {angle:.0f} deg at the end of the rail")
+        reasons.append(Reason("angle of attack at the end of the rail", f"{angle:.0f} deg"))
     return Cell(speed, whence, down, off, tuple(reasons))
 
 
@@ -173,7 +185,7 @@ def summary(table):
         "winds": [
             {
                 "speed_m_s": one.speed, "from_deg": 45.0 * DIRECTIONS.index(one.whence),
-                "go": not one.reasons, "reasons": list(one.reasons), "off_m": one.off,
+                "go": not one.reasons, "reasons": [str(reason) for reason in one.reasons], "off_m": one.off,
                 **(_down(one.down) if one.down is not None else {}),
             }
             for one in table.cells

@@ -5,9 +5,9 @@ import numpy as np
 from shefex_nav.campaign.impact.winds import DIRECTIONS, most
 from shefex_nav.report import columns
 from shefex_nav.report.figures import style
-from shefex_nav.report.table import number
 
 GO, NO = "go", "NO"
+MOST_FIGURES = 7  # speeds: with more there is no room for figures in the picture
 COLOURS = {True: "#9ecae1", False: "#f4a582"}  # go, no-go; told apart in grey, too
 
 
@@ -19,11 +19,11 @@ def table(found):
     speeds = sorted({one.speed for one in found.cells})
     heads = ("wind", *(f">from {whence}" for whence in DIRECTIONS))
     rows = [
-        [number(speed, 1, "m/s"), *(_cell(by_wind[speed, whence], Text) for whence in DIRECTIONS)]
+        [f"{speed:g} m/s", *(_cell(by_wind[speed, whence], Text) for whence in DIRECTIONS)]
         for speed in speeds
     ]
     limits = (most(found, whence) for whence in DIRECTIONS)
-    rows.append(["go up to", *("-" if limit is None else number(limit, 1, "m/s") for limit in limits)])
+    rows.append(["go up to", *("-" if limit is None else f"{limit:g} m/s" for limit in limits)])
     title = f"{found.name}, seed {found.seed}: go within {found.within / 1e3:g} km of its place"
     return columns.table(title, heads, rows, no_wrap=True)
 
@@ -36,8 +36,8 @@ def _cell(one, text):
 def lines(found):
     """What one has to know to read the table."""
     yield (
-        "A wind is the same at all heights (a ballistic wind). The figure is how far off its place the "
-        "farthest body lands."
+        "A wind is the same at all heights (a ballistic wind), in place of the scenario's. The figure is how "
+        "far off its place the farthest body lands."
     )
     if found.place is not None:
         tilts = [np.degrees(0.5 * np.pi - one.down.elevation) for one in found.cells if one.down is not None]
@@ -46,18 +46,13 @@ def lines(found):
                 f"The launcher is set anew in each wind, {min(tilts):.1f} to {max(tilts):.1f} deg from the "
                 "vertical; --json has its azimuth and elevation."
             )
-    for reason in dict.fromkeys(_without_figures(one) for one in found.cells if one.reasons):
-        winds = [one for one in found.cells if one.reasons and _without_figures(one) == reason]
-        first = min(winds, key=lambda one: one.speed)
-        others = f", and {len(winds) - 1} more" if len(winds) > 1 else ""
-        yield f"NO: {'; '.join(first.reasons)} ({first.speed:g} m/s from {first.whence}{others})"
+    for what in dict.fromkeys(reason.what for one in found.cells for reason in one.reasons):
+        refused = [(one, reason) for one in found.cells for reason in one.reasons if reason.what == what]
+        first, reason = min(refused, key=lambda pair: pair[0].speed)
+        others = f", and in {len(refused) - 1} more winds" if len(refused) > 1 else ""
+        yield f"NO: {reason} ({first.speed:g} m/s from {first.whence}{others})"
     for name in found.unknown:
         yield f"{name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag"
-
-
-def _without_figures(one):
-    """Reasons of a cell but for their figures: those of one kind are told once."""
-    return tuple("".join(letter for letter in reason if not letter.isdigit()) for reason in one.reasons)
 
 
 @style.styled
@@ -74,10 +69,11 @@ def compass(found):
         axes.bar(
             angle, edges[k + 1] - edges[k], width=0.25 * np.pi, bottom=edges[k], color=colour, ec="white"
         )
-        far = f"{max(one.off.values()) / 1e3:.1f}" if one.off else "-"
-        axes.text(angle, one.speed, far, ha="center", va="center", fontsize=9)
+        if len(speeds) <= MOST_FIGURES:
+            far = f"{max(one.off.values()) / 1e3:.1f}" if one.off else "not flown"
+            axes.text(angle, one.speed, far, ha="center", va="center", fontsize=9)
     axes.set_xticks(0.25 * np.pi * np.arange(8), [f"from {whence}" for whence in DIRECTIONS])
-    for speed in speeds:
+    for speed in speeds[:: 1 + (len(speeds) - 1) // MOST_FIGURES]:
         box = {"fc": "white", "ec": "none", "pad": 1.0}
         axes.text(np.pi / 8.0, speed, f"{speed:g} m/s", ha="center", va="center", fontsize=8, bbox=box)
     axes.set_yticks([])
