@@ -273,3 +273,24 @@ def test_an_attitude_that_is_hardly_known_is_a_doubt():
     shared = predict.Shared(None, 1)
     for bias, doubtful in ((0.045, False), (0.055, True)):
         assert predicted("night_sky", [*BLIND, f"imu.gyro.bias={bias} deg/s"], shared).doubtful is doubtful
+
+
+@pytest.mark.parametrize("states", ["automatic", "[gravity]"])
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [("night_sky", ["mission.time_limit=200 s", "star_tracker.off=200 s"]), ("rexus_like", [])],
+)
+def test_it_warns_of_what_check_warns(name, more, states):
+    """A sweep of the IMU, whose ranges and lasting errors differ; states by name, and left to the program."""
+    sets = [f"navigation.states={states}", "star_tracker.enabled=false", *more]
+    units = "stim300", "mpu_6050"
+    found = plan.work(name, tuple(sets), 1, None, list(enumerate({"imu.use": unit} for unit in units)))
+    texts = {k: result[0].warnings for k, result in found}
+    for k, unit in enumerate(units):
+        words = [word for one in (*sets, f"imu.use={unit}") for word in ("--set", one)]
+        told = CliRunner().invoke(app, ["check", name, *words]).stderr.splitlines()
+        said = [line for line in told if line.startswith("warning: ")]
+        assert len(said) == len(texts[k])
+        for line, text in zip(said, texts[k], strict=True):
+            assert text.partition(": ")[2] in line and text.partition(": ")[0] in line
+    assert any("navigation.states" in text for text in texts[1]) is (states != "automatic")

@@ -13,7 +13,8 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
 from shefex_nav.report import imu_range, metrics, programme, track
-from shefex_nav.scenario import params, star_statistics, surroundings
+from shefex_nav.scenario import params, star_statistics, surroundings, wanted_states
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.dispersions import OF_FLIGHT
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model, over_bound
@@ -25,7 +26,7 @@ GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END = "entry", "end"
 LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
 LOOK_S = 10.0  # between two looks at that
-MOST = {"flight": 2, "growth": 4}  # that are kept, of what is large
+MOST = {"flight": 2, "planned": 2, "moved": 2, "growth": 4}  # that are kept, of what is large
 MOST_OTHERS = 64
 ALONE = (  # sections that GPS fixes and readings of instruments do not depend on
     "imu", "star_camera", "star_tracker", "navigation", "requirements", "log", "campaign", "dispersions",
@@ -102,16 +103,27 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
     flown = shared.of("flown", key, lambda: programme.of_flight(flight))
     errors, widest = _errors(along, growth, process)
+    settled = _settled(scenario, shared, key, flight)
     return Prediction(
         errors,
         len(along.gps_fixes),
         seen.frames,
         seen.solved,
         seen.sigma,
-        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.warnings(scenario, flown)),
+        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(settled, flown)),
         at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
         _taken_over(scenario),
     )
+
+
+def _settled(scenario, shared, key, flight):
+    """The Scenario with the states that its filter has. key, flight : of it, with the seed of `shared`"""
+    if scenario.navigation.states != AUTOMATIC:
+        return scenario
+    if shared.seed != prepare.PLANNED:
+        flight = shared.of("planned", key, lambda: prepare.fly_vehicle(scenario, prepare.PLANNED))
+    moved = shared.of("moved", key, lambda: wanted_states.motion(flight.trajectory))
+    return prepare.settled(scenario, flight, moved)
 
 
 def at_range(imu, motion, until_s):
