@@ -83,7 +83,12 @@ def foreseen(scenario, flown=None):
         from shefex_nav import prepare
 
         flown = of_flight(prepare.fly_vehicle(scenario, prepare.PLANNED))
-    return (*of_trajectory(scenario), *warnings(scenario, flown))
+    return (*of_files(scenario), *warnings(scenario, flown))
+
+
+def of_files(scenario):
+    """What is odd in the files of a scenario, whatever flies: tuple of Warned."""
+    return (*(Warned(*one) for one in scenario.dropped), *of_trajectory(scenario))
 
 
 def of_trajectory(scenario):

@@ -261,7 +261,13 @@ def test_the_command_ranks_and_is_refused(tmp_path):
     assert [one["settings"]["imu.gyro.bias"] for one in found] == ["9 deg/h", "90 deg/h"]
     first, second = (one["errors"]["end"]["attitude_axes_deg"][0] for one in found)
     assert 0.0 < first < second
-    assert run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets).exit_code == 2
+    bad = run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets)
+    assert bad.exit_code == 2 and "--sweep imu.gyro.bias=much: " in bad.stderr
+    kept = drawn.read_bytes()
+    again = run("--sweep", "imu.gyro.bias=9 deg/h,90 deg/h", *sets, "--figure", str(drawn))
+    assert again.exit_code == 2 and drawn.read_bytes() == kept
+    again = run("--sweep", "imu.gyro.bias=9 deg/h,9 deg/s", *sets, "--figure", str(drawn), "--force")
+    assert again.exit_code == 0 and drawn.read_bytes() != kept
     costly = run("--sweep", "gps.rate=1 Hz,5 Hz", "--cost", "imu=stim300:1", *sets)
     assert costly.exit_code == 2 and "is not tried" in costly.stderr
     judged = run("--sweep", "requirements.probability=95 %,99 %", *sets)
