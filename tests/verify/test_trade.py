@@ -300,3 +300,31 @@ def test_it_warns_of_what_check_warns(name, more, states):
         for line, text in zip(said, texts[k], strict=True):
             assert text.partition(": ")[2] in line and text.partition(": ")[0] in line
     assert any("navigation.states" in text for text in texts[1]) is (states != "automatic")
+
+
+def test_the_largest_error_between_star_fixes():
+    """A fix every 20 s, between them white noise of the gyros: sigma = N sqrt(20 s), far above that of a fix.
+
+    Not before the first fix, where the attitude is known to a degree, and not the less just after one.
+    """
+    quiet = [f"imu.gyro.{name}=0 deg/h" for name in ("bias", "in_run_bias")]
+    quiet += ["star_camera.mounting.error=0 deg", "imu.gyro.random_walk=1 deg/sqrt(h)"]
+    sets = [*NIGHT, *quiet, "gps.max_pdop=0.001"]
+    shared = predict.Shared(star_model.named_by("night_sky", sets), 1)
+    found = predicted("night_sky", sets, shared, star_s=20.0)
+    assert found.star_fixes > 0
+    largest = found.at(predict.STARS)
+    sigmas = np.degrees(np.sqrt(np.linalg.eigvalsh(largest.attitude_b)))
+    assert sigmas[:2] == pytest.approx(np.sqrt(20.0 / 3600.0), rel=0.02)
+    numbers = table.as_numbers(*of_one(found))["combinations"][0]["errors"]
+    assert numbers["stars"]["t_s"] == largest.t_s and list(numbers) == ["stars", "end"]
+    titles = [one.title for one in table.tables(*of_one(found))[0]]
+    assert titles[1:] == [f"{table.TITLES[what]}, 1 sigma" for what in (predict.STARS, predict.END)]
+    assert predicted("night_sky", SHORT).at(predict.STARS) is None
+
+
+def of_one(prediction):
+    """plan.Study and plan.Asked of one prediction."""
+    axes = (sweeps.Axis("a", ("1", "2")),)
+    one = plan.Combination({"a": "1"}, prediction, "", (), None)
+    return plan.ordered("made", Requirements(), axes, [one], False), plan.Asked("made", axes)
