@@ -24,9 +24,10 @@ import numpy as np
 from PIL import Image
 from scipy.ndimage import gaussian_filter, zoom
 
-from shefex_nav.environment.stars import at_epoch, load_catalogue
+from shefex_nav.environment.ephemeris import sky_bodies
+from shefex_nav.environment.stars import aberrate, at_epoch, load_catalogue
 
-YEAR = 2024.5
+YEAR, MOMENT = 2024.5, "2024-07-02T03:00:00"  # the same
 WIDTHS_DEG = (5.0, 10.0, 20.0, 40.0, 65.0)
 FAINTEST = {5.0: (7.6, 8.2), 10.0: (6.3, 7.8), 20.0: (5.2, 6.8), 40.0: (4.2, 6.2), 65.0: (3.6, 5.8)}
 SIZES = ((1024, 768), (1200, 800), (1280, 720), (800, 1200), (1600, 1200), (2400, 1600))
@@ -162,7 +163,7 @@ def shoot(rng, width_deg, kind, *, size_px=None, lens=None):
     drawn = {name: rng.random() < chance for name, chance in (
         ("glow", 0.4), ("trees", 0.25), ("aircraft", 0.2), ("tone", 0.35), ("jpeg", 0.8))}  # fmt: skip
     stars = at_epoch(load_catalogue(BEYOND), YEAR)
-    u_c = stars.u_i @ C_ci.T
+    u_c = aberrate(stars.u_i, sky_bodies(MOMENT).earth_v_i) @ C_ci.T
     corner = np.radians(width_deg) * 0.5 * np.hypot(width, height) / width * 1.3
     ahead = u_c[:, 2] > np.cos(min(corner, 1.3))
     u_c, mag = u_c[ahead], stars.vmag[ahead]

@@ -4,7 +4,8 @@ The folder of a campaign
 ------------------------
 campaign.json
     What is flown: the scenario's whole text and its digest, root seed, number of runs asked for,
-    dispersions, versions; what the sessions took.
+    dispersions, versions; what the sessions took; whether it is judged at looks, and which numbers of runs
+    were asked for before.
 runs/000123.json, runs/000123.npz
     One run: its record and its series (`flight.Pilot.fly`). Each is written whole or not at all, the record
     last: a run whose record is there is done.
@@ -20,7 +21,8 @@ Everything but what was measured with a clock depends on scenario, root seed and
 plan, draws, flight              what all runs have in common; what run k draws; one run
 engine, cluster, store, table    runs handed to workers; one file a run; one table
 results, statistics, over_time, sensitivity, convergence     what they mean
-parts, summary, page, figures    printed; one HTML page
+tolerance, looks, verdicts, until      which requirements the runs show, and when that is looked at
+parts, verdict_rows, summary, page, figures    printed; one HTML page
 repeating                        one run again
 characterise/                    the statistical star tracker, fitted to rendered runs and judged on others
 """

@@ -12,19 +12,23 @@ import multiprocessing
 import warnings
 
 
-def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, keep=(), say=print):
+def fly_campaign(
+    scenario, runs=None, *, folder, seed=1, workers=None, engine=None, keep=(), say=print,
+    until_verified=False,
+):  # fmt: skip
     """Fly a scenario many times; what the folder has of the same campaign already is not flown again.
 
     Parameters
     ----------
     scenario : Scenario, with `dispersions`
-    runs : int, how many
+    runs : int, how many; None: any number, if `until_verified`
     folder : path of the results, made if it is not there
     seed : int, root of all randomness
     workers : processes; None: one a core
     engine : 'dask://HOST:PORT' of the scheduler of a cluster, which then flies them; None: this machine
     keep : of 'worst:K' and 'failed', runs that are flown again at the end with a log each
     say : function that is told how far it is, a line at a time
+    until_verified : whether to fly on, to `runs` at most, until each requirement passes or fails
 
     Returns
     -------
@@ -35,7 +39,7 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, k
     KeyboardInterrupt if it was interrupted: what is done is kept, the same call goes on. Warns of runs that
     were lost with their workers, which the Campaign is without; EngineError if all of them were.
     """
-    from shefex_nav.campaign import progress, results, running
+    from shefex_nav.campaign import progress, results, running, until
     from shefex_nav.campaign.store import Store
     from shefex_nav.stopping import stopping
 
@@ -45,9 +49,11 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, k
             "`if __name__ == '__main__':`, because the workers read the script too"
         )
     asked = running.Request(scenario, runs, seed, workers, running.address(engine), running.kept(keep))
-    request = running.checked(asked)
+    request = until.checked(asked) if until_verified else running.checked(asked)
     with Store(folder) as store, stopping() as stop:
-        ended = running.fly(request, store, progress.Show(say), stop)
+        fly = until.fly if until_verified else running.fly
+        flown = fly(request, store, progress.Show(say), stop)
+    ended, runs = (flown.ended, flown.asked) if until_verified else (flown, runs)
     _tell(ended, runs, say)
     return results.open_campaign(folder)
 

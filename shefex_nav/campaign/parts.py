@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics
+from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics, verdict_rows
 from shefex_nav.campaign.summary import name_of, repeat, worst_runs
 from shefex_nav.report import intervals
 from shefex_nav.report.requirements import NO_LEVELS
@@ -33,7 +33,7 @@ class Part(NamedTuple):
 
 def parts(campaign, series=None):
     """Everything for people: list of Part. series : over_time.Series, None if no run has any"""
-    found = [head(campaign), requirements(campaign), errors(campaign), flights(campaign)]
+    found = [head(campaign), requirements(campaign), verified(campaign), errors(campaign), flights(campaign)]
     found.append(unjudged(campaign) if series is None else covariance(campaign, series))
     found += [
         trusted(campaign),
@@ -92,6 +92,15 @@ def requirements(campaign):
     if unjudged:
         lines.append(f"Cannot be judged, {NO_LEVELS}: {', '.join(unjudged)}.")
     return Part(title, heads, tuple(rows), tuple(lines))
+
+
+def verified(campaign):
+    """Whether each requirement is met as often as is stated; None without any."""
+    found = verdict_rows.table(campaign)
+    if found is None:
+        return None
+    rows = (tuple(Loud(cell) if cell in verdict_rows.LOUD else cell for cell in row) for row in found.rows)
+    return Part(found.title, found.heads, tuple(rows), found.lines)
 
 
 def errors(campaign):

@@ -175,6 +175,13 @@ class Campaign:
             tuple(limits), tuple(limits.values()), units, measured, passed, judgeable, severity
         )  # fmt: skip
 
+    @property
+    def verdicts(self):
+        """Whether each requirement is met as often as is stated: list of verdicts.Verdict."""
+        from shefex_nav.campaign import verdicts
+
+        return verdicts.of_campaign(self)
+
     def judged(self, runs):
         """What succeeded runs made of the requirements: {run: list of report.requirements.Judged}."""
         wanted = set(runs)

@@ -27,6 +27,7 @@ class Request(NamedTuple):
     workers: int | None  # processes on this machine; None: one a core
     cluster: str | None  # HOST:PORT of a Dask scheduler; None: this machine
     keep: tuple  # of Keep
+    until_verified: bool = False  # whether it is judged at its looks (`until`)
 
 
 class Keep(NamedTuple):
@@ -137,7 +138,7 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     """
     session = Session(store)
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
-    store.begin(plan, described(request.scenario), request.scenario.place)
+    store.begin(plan, described(request.scenario), request.scenario.place, request.until_verified)
     tally = progress.Tally(plan.runs, badness(request.scenario))
     missing = _missing(plan, store, show, tally)
     lost, unlogged, interrupted, table = [], [], False, None

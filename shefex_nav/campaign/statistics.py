@@ -196,9 +196,9 @@ def at_most(k, n, confidence=CONFIDENCE):
 
 
 def ellipses(campaign):
-    """Dispersion of the flights at apogee and at entry: list of Ellipse; empty if there is none."""
+    """Dispersion of the flights at apogee, entry and impact: list of Ellipse; empty if there is none."""
     result = []
-    for what in ("apogee", "entry"):
+    for what in ("apogee", "entry", "impact"):
         names = [f"summary.flight.at_{what}.{key}" for key in PLACE]
         places = np.array([campaign.numbers(name) for name in names]).T
         places = places[np.isfinite(places).all(axis=1) & campaign.succeeded]

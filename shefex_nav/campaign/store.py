@@ -90,10 +90,11 @@ class Store:
         """What campaign.json holds; None if there is none."""
         return read_head(self.folder, missing=None)
 
-    def begin(self, plan, dispersions, place=lambda path: ""):
+    def begin(self, plan, dispersions, place=lambda path: "", until_verified=False):
         """Say what is flown here, or go on with the same; StoreError if it was something else. -> head
 
         place : where the value at a path of the scenario is written, for that error
+        until_verified : whether it is judged at its looks from now on
         """
         old = self.head()
         if old is not None:
@@ -116,6 +117,7 @@ class Store:
             "wall_s": 0.0 if old is None else old["wall_s"],
             "timed": (old or {}).get("timed", {"runs": 0, "wall_s": 0.0}),  # runs, and what flying these took
             "flight_sha256": None if old is None else old.get("flight_sha256"),
+            **_judging(old or {}, plan.runs, until_verified),
         }
         self._keep_head(head)
         return head
@@ -266,6 +268,16 @@ class Store:
             table.save(rows, self.folder / "results.parquet", self._units())
             settle(self.folder)
         return rows, table.digest(rows)
+
+
+def _judging(old, runs, until_verified):
+    """What of campaign.json says how its requirements are judged. old : head before, or {}"""
+    was, before, asked = old.get("until_verified", False), old.get("asked_before", []), old.get("runs")
+    flown_on = asked is not None and not was and (until_verified or asked != runs)
+    return {
+        "until_verified": until_verified or was,
+        "asked_before": [*before, asked] if flown_on else before,  # numbers of runs that were settled
+    }
 
 
 def read_head(folder, missing=StoreError):

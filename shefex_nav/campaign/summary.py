@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import integrity, statistics
+from shefex_nav.campaign import integrity, statistics, verdicts
 from shefex_nav.report.requirements import said, severity, words
 
 MOST_WORST = 3  # runs to look at
@@ -20,14 +20,16 @@ class Worst(NamedTuple):
 
 def summary_object(campaign):
     """The object that `campaign --json` and `report DIR --json` print: plain dict, ready for JSON."""
-    succeeded = int(campaign.succeeded.sum())
+    succeeded, verified = int(campaign.succeeded.sum()), verdicts.summary(campaign)
     return {
         "runs": len(campaign),
         "asked": campaign.head["runs"],
         "lost": len(campaign.lost),
         "succeeded": succeeded,
         "failed": len(campaign) - succeeded,
-        "requirements": [_requirement(one) for one in statistics.successes(campaign)],
+        "requirements": [
+            _requirement(one) | {"verification": verified[one.name]} for one in statistics.successes(campaign)
+        ],
         "integrity": integrity.summary(campaign),
         "wall_s": campaign.wall_s,
         "results_digest": campaign.digest,

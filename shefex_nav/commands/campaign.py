@@ -1,7 +1,8 @@
 """`shefex-nav campaign`: fly a scenario many times, each time with draws and sensor seeds of its own.
 
 Exit codes: 0 all runs flew to their end, 1 a run failed (its row in the table says why) or was lost (the same
-command flies it), 2 bad input or no workers, 130 interrupted; the same command goes on.
+command flies it), 2 bad input or no workers, 130 interrupted; the same command goes on. With --until-verified
+0 means that every requirement passes and 1 that one does not, or that a run was lost.
 """
 
 from pathlib import Path
@@ -23,11 +24,28 @@ Sweep = Annotated[
         "all combinations. imu=stim300,adis16505_1 means instruments.",
     ),
 ]
+Kept = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="worst:K|failed|none",
+        help="Runs that are flown again at the end with a log each (several times: all of these).",
+    ),
+]
+Runs = Annotated[int | None, typer.Option(min=1, help="How many runs; with --until-verified at most.")]
+UntilVerified = Annotated[
+    bool,
+    typer.Option(
+        "--until-verified",
+        help="Fly on until each requirement passes or fails, at requirements.probability and "
+        "requirements.confidence, or --runs are reached.",
+    ),
+]
 
 
 def campaign(
     scenario: DispersedScenario,
-    runs: Annotated[int, typer.Option(min=1, help="How many runs.")],
+    runs: Runs = None,
+    until_verified: UntilVerified = False,
     workers: Workers = None,
     cluster: Annotated[
         str | None,
@@ -38,13 +56,7 @@ def campaign(
         Path | None,
         typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>."),
     ] = None,
-    keep: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="worst:K|failed|none",
-            help="Runs that are flown again at the end with a log each (several times: all of these).",
-        ),
-    ] = None,
+    keep: Kept = None,
     overrides: Overrides = None,
     sweep: Sweep = None,
     dry_run: Annotated[
@@ -56,8 +68,10 @@ def campaign(
     from shefex_nav.campaign import running
     from shefex_nav.scenario import load, software
 
+    if runs is None and (dry_run or not until_verified):
+        raise typer.BadParameter("is missing; see `shefex-nav campaign --help`", param_hint="--runs")
     if sweep:
-        _check_sweep(cluster, keep, dry_run)
+        _check_sweep(cluster, keep, dry_run, until_verified)
         from shefex_nav.campaign.compare import flying
 
         how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
@@ -67,20 +81,25 @@ def campaign(
     loaded = load.load(scenario, overrides or ())
     software.refuse_reached(loaded)
     warn(loaded, loaded.dropped)
-    request = running.checked(running.Request(loaded, runs, seed, workers, address, kept))
+    request = running.Request(loaded, runs, seed, workers, address, kept)
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     if dry_run:
-        _print_draws(running.prepared(loaded, runs, seed)[1], runs, json)
+        _print_draws(running.prepared(loaded, running.checked(request).runs, seed)[1], runs, json)
         return
-    ended = _fly(request, folder)
+    if until_verified:
+        raise typer.Exit(_fly_until_verified(request, folder, json))
+    ended = _fly(running.checked(request), folder)
     raise typer.Exit(_result(ended, folder, runs, json))
 
 
-def _check_sweep(cluster, keep, dry_run):
+def _check_sweep(cluster, keep, dry_run, until_verified):
     """Refuse what does not go with --sweep."""
     for option, given in (("--engine", cluster), ("--keep", keep), ("--dry-run", dry_run)):
         if given:
             raise typer.BadParameter("does not go with --sweep", param_hint=option)
+    if until_verified:
+        words = "does not go with --sweep, whose combinations are compared run by run; verify the chosen one"
+        raise typer.BadParameter(words, param_hint="--until-verified")
 
 
 def _sweep(how, given, as_json):
@@ -145,6 +164,26 @@ def _fly(request, folder):
         name = request.scenario.mission.name
         say(f"{name}, {request.runs} runs, seed {request.seed} -> {folder}")
         return running.fly(request, store, TerminalShow(say), stop)
+
+
+def _fly_until_verified(request, folder, as_json):
+    """Fly from look to look and print what came of it. -> exit code"""
+    from shefex_nav.campaign import until
+    from shefex_nav.campaign.progress import TerminalShow
+    from shefex_nav.campaign.store import Store
+    from shefex_nav.stopping import stopping
+
+    request = until.checked(request)
+    with Store(folder) as store, stopping() as stop:
+        most = "" if request.runs is None else f", at most {request.runs} runs"
+        say(f"{request.scenario.mission.name} until verified{most}, seed {request.seed} -> {folder}")
+        flown = until.fly(request, store, TerminalShow(say), stop)
+    code = _result(flown.ended, folder, flown.asked, as_json)
+    if flown.ended.interrupted:
+        return code
+    if flown.next_look is not None and not flown.ended.lost:
+        say(f"no look is left within {request.runs} runs; the same command goes on with more")
+    return 0 if flown.all_pass and not flown.ended.lost else 1
 
 
 def _result(ended, folder, runs, as_json):

@@ -26,7 +26,7 @@ Camera = Annotated[
     typer.Option(
         metavar="FILE",
         help="Camera file (the export of frames writes one) or scenario: the star tracker that flies solves "
-        "the pictures, with covariance.",
+        "the pictures, with covariance; pixels as stored, whatever EXIF says.",
     ),
 ]
 
@@ -47,8 +47,7 @@ Stages = Annotated[
 Epoch = Annotated[
     str | None,
     typer.Option(
-        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else "
-        "today. Pixels as stored."
+        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else today."
     ),
 ]
 FrameTime = Annotated[
@@ -65,7 +64,8 @@ def solve(
         list[Path],
         typer.Argument(
             metavar="IMAGE...",
-            help="Pictures of the night sky: PNG, JPEG, TIFF, FITS; with --camera .raw and .bin; or a log.",
+            help="Pictures of the night sky, turned by their EXIF orientation: PNG, JPEG, TIFF, FITS; with "
+            "--camera .raw and .bin; or a log.",
         ),
     ],
     camera: Camera = None,
@@ -100,14 +100,26 @@ def solve(
             name = {"file": str(image)} if len(images) > 1 else {}
             print_json(name | table.as_numbers(solution))
     if not json:
-        _show(found, told=camera is not None)
+        _show(found, told=camera is not None, fov_deg=fov_deg)
     if overlay is not None:
-        from shefex_nav.solve import overlay as drawing
-        from shefex_nav.solve import picture
-
-        drawing.draw(picture.read(images[0]).grey, found[0][1], overlay)
-        say(f"wrote {overlay}")
+        _draw(images[0], found[0][1], camera, overlay)
     raise typer.Exit(0 if all(one.status == "ok" for _, one in found) else 1)
+
+
+def _draw(image, solution, camera, overlay):
+    """Draw what was found, over the picture whose pixels the solution has."""
+    from shefex_nav.solve import overlay as drawing
+    from shefex_nav.solve import picture
+
+    if camera is None:
+        grey = picture.read(image).grey
+    else:
+        from shefex_nav.frames import camera_file
+        from shefex_nav.solve.image import as_stored
+
+        grey = picture.grey(as_stored(image, camera_file.read(camera))[0])
+    drawing.draw(grey, solution, overlay)
+    say(f"wrote {overlay}")
 
 
 def _frame_of_log(logs, frame, of_pictures, overlay, json):
@@ -235,7 +247,7 @@ def field_of_view(text):
     return fov_deg
 
 
-def _show(found, *, told):
+def _show(found, *, told, fov_deg=None):
     """The results as people read them. found : list of (path, ImageSolution)"""
     from shefex_nav.solve import table
 
@@ -244,9 +256,9 @@ def _show(found, *, told):
         console.print(table.brief(found))
     for name, solution in found:
         if solution.status != "ok":
-            console.print(f"{name}: not solved, {table.why(solution, told)}", markup=False)
+            console.print(f"{name}: not solved, {table.why(solution, told, fov_deg)}", markup=False)
             if len(found) == 1:
-                console.print(f"{len(solution.xy_px)} objects, {solution.wall_ms:.3g} ms")
+                console.print(f"{len(solution.xy_px)} objects, {table.duration(solution.wall_ms)}")
         elif len(found) == 1:
             console.print(table.field(solution, name))
             console.print(table.stars(solution))

@@ -14,6 +14,7 @@ EXPERIMENTS = {
         "SHEFEX 4 and 5: success of the whole chain on rendered frames",
     ),
     "shefex-rates": ("shefex2.rates", "SHEFEX 4: success against rate, exposure under automatic control"),
+    "shefex-readings": ("shefex2.readings", "SHEFEX 4: success against rate, reading by reading"),
     "shefex-calibration": ("shefex2.experiments", "SHEFEX 4: focal length from identified frames"),
     "bright-table2": ("bright.experiments", "BRIGHT table 2: stars per magnitude"),
     "bright-brightest": ("bright.experiments", "BRIGHT 4.1, figure 3: the brightest star of a field"),

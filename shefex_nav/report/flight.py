@@ -14,7 +14,7 @@ def of_truth(data, track, entry):
     """Figures of a RunData with truth: dict. track : of the truth;  entry : index of its sample, or None"""
     impact = next((event for event in data.events if event.name == "impact"), None)
     mission = data.mission
-    range_km = None
+    range_km, k = None, None
     if impact and len(track.height):
         k = int(np.argmin(np.abs(data.truth.t_s - impact.t_s)))
         length = geodesic.distance(
@@ -26,6 +26,7 @@ def of_truth(data, track, entry):
         **_rise(data, data.truth.t_s, track, *np.zeros((2, len(data.truth.t_s)))),
         "range_km": range_km,
         "at_entry": None if entry is None else _place(data.truth.t_s, track, entry),
+        "at_impact": None if k is None else _place(data.truth.t_s, track, k),
         "events": _events(data),
     }
 
@@ -43,6 +44,7 @@ def of_solution(data):
         **_rise(data, nav.t_s, track, *errors),
         "range_km": None,
         "at_entry": None,
+        "at_impact": None,
         "events": _events(data),
     }
 

@@ -13,6 +13,7 @@ Definitions
   rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is mounting
   and principal point.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
+- `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else too fast.
 - The star phase is from the first frame in the window to the last, whatever software flies.
 - `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
@@ -39,7 +40,7 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
 from shefex_nav.records import Reason
-from shefex_nav.report import flight, local_level, programme, trust
+from shefex_nav.report import flight, local_level, programme, trust, while_pointing
 from shefex_nav.report.configured import configured
 from shefex_nav.report.nees import nees
 from shefex_nav.report.pairing import pointing_error, same_times
@@ -199,6 +200,7 @@ def _star_tracker(data):
     return {
         "frames": len(data.frame_truths),
         "in_window": len(window) + n_missing,
+        "outside": _outside(data, window),
         "solved": int(in_window.sum()),
         "fixes": len(angle),  # of the whole flight
         "wrong": int((angle > WRONG_ANGLE).sum()),
@@ -216,6 +218,22 @@ def _star_tracker(data):
         "by_rate": by_rate(data, errors),
         "chain_ms": _chain_ms(data.compute_times.chain_s),
     }
+
+
+def _outside(data, window):
+    """Frames out of the window by the first reason that holds: {sun, earth_limb, rate: count}."""
+    limits = configured(data)
+    reasons = Counter()
+    for frame in data.frame_truths:
+        if frame.number in window:
+            continue
+        if frame.exclusion_met:
+            reasons["rate"] += 1
+        else:
+            sun_limit = limits.sun_exclusion_rad
+            near_sun = sun_limit is not None and frame.sun_angle < sun_limit
+            reasons["sun" if near_sun else "earth_limb"] += 1
+    return dict(sorted(reasons.items()))
 
 
 def by_rate(data, errors):
@@ -276,6 +294,7 @@ def _navigation(data, height, entry):
         "velocity_error_m_s": {"rms": _rms(velocity), "max": _max(velocity)},
         "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
         "star_phase": _star_phase(data, errors.t_s, position, velocity, attitude_deg),
+        "while_pointing": while_pointing.errors(data.truth, errors),
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry])),

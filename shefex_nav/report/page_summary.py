@@ -126,9 +126,11 @@ def _tiles(run):
     tiles = [
         ("apogee", _number(flight["apogee_km"], 1, "km"), ""),
         ("range", _number(flight["range_km"], 1, "km"), ""),
+        ("impact", table.place(flight["at_impact"], 2) if flight["at_impact"] else _DASH, ""),
         ("highest speed", _number(flight["max_speed_m_s"], 0, "m/s"), ""),
         ("star fixes in the window", *_star_tile(star)),
         ("attitude error", *_rms_tile(nav["attitude_error_deg"], 3, "deg")),
+        *_pointing_tile(nav["while_pointing"]),
         ("velocity error", *_rms_tile(nav["velocity_error_m_s"], 3, "m/s")),
         ("position error", *_rms_tile(nav["position_error_m"], 1, "m")),
         ("NEES of 9", _number(nees["mean"], 1, ""), f"{nees['samples']} epochs with star fixes before entry"),
@@ -150,12 +152,19 @@ def _tiles(run):
     return element("dl", *shown, class_="tiles") if shown else ""
 
 
+def _pointing_tile(pointing):
+    """The largest attitude error while the vehicle points; none if it never does."""
+    if pointing is not None:
+        when = f"largest about an axis, T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
+        yield "attitude error while pointing", _number(pointing["attitude_deg"]["max"], 4, "deg"), when
+
+
 def _usable_tile(quantity, one):
     """Share of the time in which a quantity may be used, and how near its errors came to the level."""
     share, over = one["misleading_share"], one["over_level"]
-    words = (
-        "" if share is None else "never misleading" if share == 0.0 else f"misleading {100.0 * share:.2f} %"
-    )
+    words = ""
+    if one["usable_share"] and share is not None:
+        words = "never misleading" if share == 0.0 else f"misleading {100.0 * share:.2f} %"
     if over is not None:
         words += f"{', ' if words else ''}error at most {over:.2f} of its level"
     return f"{quantity} usable", _number(100.0 * one["usable_share"], 1, "%"), words

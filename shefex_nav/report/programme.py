@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report import gps_limits, imu_range, lasting
+from shefex_nav.report import gps_limits, imu_range, lasting, star_sight
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
@@ -36,6 +36,7 @@ class Flown(NamedTuple):
     end_s: float  # of what is known of it
     motion: imu_range.Motion | None = None  # None: not known
     track: gps_limits.Track | None = None  # likewise
+    sight: star_sight.Sight | None = None  # likewise
 
 
 class _Moments(NamedTuple):
@@ -53,16 +54,19 @@ def of_flight(flight):
     moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
     track = gps_limits.track(trajectory.t_s, trajectory.r_i, trajectory.v_i)
     astray = astray_deg(flight.control, trajectory)
-    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track)
+    sight = star_sight.sight(trajectory.t_s, trajectory.q_ib, trajectory.r_i)
+    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track, sight)
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved, track = data.truth, None, None
+    truth, moved, track, sight = data.truth, None, None, None
     if len(truth.t_s):
         moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
         track = gps_limits.track(truth.t_s, truth.r_i, truth.v_i)
-    return Flown(tuple(data.events), astray_deg(data.control, truth), float(data.last_t_s), moved, track)
+        sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
+    astray = astray_deg(data.control, truth)
+    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight)
 
 
 def astray_deg(control, truth):
@@ -108,7 +112,7 @@ def warnings(scenario, flown):
     The programmes of vehicles that are not launched have no such moments; nothing is said of what a cut log
     has not seen.
     """
-    found = _of_epoch(scenario.mission.epoch)
+    found = _of_epoch(scenario.mission.epoch) + _of_acceptance(scenario.star_tracker)
     if scenario.launch is not None:
         found += _of_programme(scenario, flown)
     if flown.motion is not None:
@@ -130,9 +134,24 @@ def _of_epoch(epoch_utc):
     return [Warned(("mission", "epoch"), f"{words} 15 arcsec off for each that is missing")]
 
 
+def _of_acceptance(tracker):
+    """A star tracker whose attitudes nobody verifies: list of Warned."""
+    settings = tracker.identification
+    if not tracker.enabled or settings.acceptance == "verified":
+        return []
+    words = (
+        f"an attitude of method {settings.method!r} is accepted as its paper does, so wrong attitudes are "
+        "believed; acceptance: verified holds each against the whole field"
+    )
+    return [Warned(("star_tracker", "identification", "acceptance"), words)]
+
+
 def _of_programme(scenario, flown):
     """Times, devices and attitude of a vehicle that is launched: list of Warned."""
     found = [*_tasks(scenario, flown), *_devices(scenario, flown), *_star_tracker(scenario, flown)]
+    if flown.sight is not None:
+        looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
+        found += [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
     if not found and flown.astray_deg > ASTRAY_DEG:
         words = f"the vehicle was up to {flown.astray_deg:.1f} deg off the attitude that it was to hold"
         found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))

@@ -28,6 +28,7 @@ class Judged(NamedTuple):
 OF_LIMIT = {  # requirement: the section with its limit, the key that says whether it is required
     **{f"{quantity}_at_entry": (quantity, "at_entry") for quantity in QUANTITIES},
     **{f"{quantity}_protection_at_entry": (quantity, "protection_at_entry") for quantity in QUANTITIES},
+    **{f"{quantity}_while_pointing": (quantity, "while_pointing") for quantity in QUANTITIES},
 }
 ONCE, GROWS, MOVES = "once", "grows", "moves"  # nothing; make it larger; make it larger or smaller
 
@@ -97,6 +98,12 @@ def _frames(get):
     return f"of {frames:.0f} frame{'s' if frames > 1 else ''}"
 
 
+def _pointing(get):
+    """When the vehicle pointed, or that it never did."""
+    first_s, last_s = (get(f"navigation.while_pointing.{key}") for key in ("from_s", "to_s"))
+    return "it never pointed" if first_s is None else f"at most, T{first_s:+.0f} to {last_s:+.0f} s"
+
+
 def _which(get):
     """What of the solution was misleading."""
     names = [q for q in QUANTITIES if get(f"navigation.integrity.{q}.misleading_share")]
@@ -111,6 +118,16 @@ MEASURES = {
     "attitude_at_entry": _Measure(_largest("navigation.at_entry.attitude_error_deg"), "deg", DEG, "at most"),
     "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
+    **{
+        f"{quantity}_while_pointing": _Measure(
+            _at(f"navigation.while_pointing.{figure}.max"), unit, factor, "at most", GROWS, _pointing
+        )
+        for quantity, figure, unit, factor in (
+            ("attitude", "attitude_deg", "deg", DEG),
+            ("position", "position_m", "m", 1.0),
+            ("velocity", "velocity_m_s", "m/s", 1.0),
+        )
+    },
     "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is", by_levels=True),
     "position_protection_at_entry": _Measure(
         together("navigation.integrity.position.at_entry.protection_m"),

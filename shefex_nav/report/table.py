@@ -83,12 +83,21 @@ def _flight_rows(flight, *, stood):
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
             yield name, number(flight[key], digits, unit)
+    if flight.get("at_impact"):
+        yield "impact at", place(flight["at_impact"])
     if stood and flight["max_speed_m_s"] is None:
         yield "motion", "none beyond the errors" if estimated else "none, it stands on the ground"
     if stood and estimated:
         yield "as estimated", "there is no truth"
     for event in flight["events"]:
         yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
+
+
+def place(at, digits=4):
+    """Latitude and longitude [deg] of a place of `flight`, for people."""
+    latitude, longitude = at["latitude_deg"], at["longitude_deg"]
+    north, east = "NS"[latitude < 0], "EW"[longitude < 0]
+    return f"{abs(latitude):.{digits}f} {north}, {abs(longitude):.{digits}f} {east}"
 
 
 def _event(name):
@@ -110,6 +119,9 @@ def _star_rows(star):
     share = f" ({100.0 * star['solved'] / star['in_window']:.1f} %)" if star["in_window"] else ""
     yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
     yield "solved in the window", f"{star['solved']}{share}"
+    if outside := star.get("outside"):
+        beyond = star["fixes"] - star["solved"]
+        yield "outside it", f"{beyond} of {sum(outside.values())} solved; {_outside(outside)}"
     yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
     yield from _rate_rows(star["by_rate"])
     if star["no_fix"]:
@@ -122,6 +134,14 @@ def _star_rows(star):
     if chain["median"] is not None:
         median, p99 = (number(chain[key], 2, "ms") for key in ("median", "p99"))
         yield "time per frame", f"{median} median, 99 % below {p99}"
+
+
+def _outside(counts):
+    """Why frames are out of the window, in words."""
+    words = {"sun": "too near to the Sun", "earth_limb": "to the Earth's limb", "rate": "too fast"}
+    if "sun" not in counts:
+        words["earth_limb"] = "too near to the Earth's limb"
+    return ", ".join(f"{counts[name]} {words[name]}" for name in words if name in counts)
 
 
 def _rate_rows(by_rate):
@@ -145,6 +165,11 @@ def _navigation_rows(navigation):
     yield "position error", _pair(navigation["position_error_m"], 1, "m")
     yield "velocity error", _pair(navigation["velocity_error_m_s"], 3, "m/s")
     yield "attitude error", _pair(navigation["attitude_error_deg"], 3, "deg")
+    if pointing := navigation.get("while_pointing"):
+        sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
+        largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)
+        when = f"T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
+        yield "while pointing", f"at most {', '.join(largest)}; {when}"
     entry = navigation["at_entry"]
     if entry:
         axes = ", ".join(f"{angle:+.3f}" for angle in entry["attitude_error_deg"])

@@ -35,22 +35,25 @@ class AttitudeLimit(Block):
     limit: Quantity("rad", "0.17 deg", f"about each axis; {NOT_USED}", positive=True) = "0.17 deg"
 
 
-class AtEntry(Block):
+class Within(Block):
     """What of a quantity is required to be within its limit."""
 
     at_entry: StrictBool = Field(False, description="true: the navigation error at entry")
+    while_pointing: StrictBool = Field(
+        False, description="true: the navigation error as long as the programme points the vehicle"
+    )
     protection_at_entry: StrictBool = Field(False, description="true: the protection level at entry")
 
 
-class Position(AtEntry, PositionLimit):
+class Position(Within, PositionLimit):
     """How wrong the position may be, and what is required to be within that."""
 
 
-class Velocity(AtEntry, VelocityLimit):
+class Velocity(Within, VelocityLimit):
     """How wrong the velocity may be, and what is required to be within that."""
 
 
-class Attitude(AtEntry, AttitudeLimit):
+class Attitude(Within, AttitudeLimit):
     """How wrong the attitude may be, and what is required to be within that."""
 
 
@@ -63,8 +66,14 @@ IntegrityRisk = Quantity(
 
 
 Probability = Quantity(
-    "", "99.865 %", "of the flights in which a requirement has to be met, as `trade` judges it",
-    at_least="50 %", at_most="99.9999 %",
+    "", "99.865 %", "of the flights in which a requirement has to be met: `trade` predicts it, campaigns"
+    " verify it", at_least="50 %", at_most="99.9999 %",
+)  # fmt: skip
+
+
+Confidence = Quantity(
+    "", "90 %", "with which a campaign says of each requirement that it is met, or that it is not, with that"
+    " probability", at_least="50 %", at_most="99.9999 %",
 )  # fmt: skip
 
 
@@ -81,6 +90,7 @@ class Requirements(Block):
         default_factory=Attitude, description="how wrong it may be, for the computer on board, too"
     )
     probability: Probability = "99.865 %"
+    confidence: Confidence = "90 %"
     integrity_risk: IntegrityRisk = "1e-5 /h"
     usable_at_entry: StrictBool = Field(
         False, description="true: the navigation must not say 'do not use' of any of the three at entry"

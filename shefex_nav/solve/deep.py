@@ -15,6 +15,7 @@ from shefex_nav.compiled import kernel
 # start row, start column, row step, column step of the passes of an interlaced PNG
 PASSES = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
 PNG_CHANNELS = {2: 3, 4: 2, 6: 4}  # by colour type; grey (0) is left to Pillow
+WIDTH, HEIGHT = 256, 257
 BITS, COMPRESSION, STRIPS, SAMPLES, ROWS_PER_STRIP, LENGTHS = 258, 259, 273, 277, 278, 279
 INTERLEAVED, PREDICTOR, TILES, FORMAT = 284, 317, 324, 339
 NONE, LZW, DEFLATE, OLD_DEFLATE = 1, 5, 8, 32946
@@ -109,7 +110,7 @@ def unfilter(lines, step):
 def _tiff(data, image):
     """Pixels of a TIFF whose channels all have 16 bits."""
     tags = image.tag_v2
-    width, height = image.size
+    width, height = int(tags[WIDTH]), int(tags[HEIGHT])  # as stored; Pillow's size is as displayed
     channels, compression = int(tags[SAMPLES]), int(tags.get(COMPRESSION, NONE))
     formats = set(np.atleast_1d(tags.get(FORMAT, 1)).tolist())
     odd = tags.get(INTERLEAVED, 1) != 1 or TILES in tags or formats != {1}

@@ -22,6 +22,7 @@ from shefex_nav.onboard.startracker.spot import Picture
 
 LARGEST_PX = 2048  # of the longer side; larger pictures are binned
 TILE_PX, EVERY = 24, 2  # of the background; pixels that are looked at for it
+COUNTED = 512  # whole grey values of a tile that are counted, in the place of being sorted
 BLACK_DN, NOISE_DN, WHITE_DN = 20.0, 3.0, 255.0  # of the 8-bit frame
 APERTURE_PX = 1.0  # beyond the radius of an object, for its brightness
 RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
@@ -210,15 +211,65 @@ def tile_quantiles(grey, edges_r, edges_c):
     """
     n_r, n_c = len(edges_r) - 1, len(edges_c) - 1
     middle, low = np.empty((n_r, n_c)), np.empty((n_r, n_c))
+    values = np.empty(((edges_r[1:] - edges_r[:-1]).max()) * (edges_c[1:] - edges_c[:-1]).max(), grey.dtype)
+    count = np.empty(COUNTED, dtype=np.int64)
     for i in range(n_r):
         for j in range(n_c):
-            values = (
-                grey[edges_r[i] : edges_r[i + 1] : EVERY, edges_c[j] : edges_c[j + 1] : EVERY].copy().ravel()
-            )
-            values.sort()
-            middle[i, j] = values[len(values) // 2]
-            low[i, j] = values[int(0.158655 * len(values))]
+            n, darkest, brightest, whole = 0, np.inf, -np.inf, True
+            for r in range(edges_r[i], edges_r[i + 1], EVERY):
+                for c in range(edges_c[j], edges_c[j + 1], EVERY):
+                    value = grey[r, c]
+                    values[n] = value
+                    darkest, brightest = min(darkest, value), max(brightest, value)
+                    whole = whole and value == np.floor(value)
+                    n += 1
+            middle_rank, low_rank = n // 2, int(0.158655 * n)
+            if whole and brightest - darkest < COUNTED:
+                count[: int(brightest - darkest) + 1] = 0
+                for m in range(n):
+                    count[int(values[m] - darkest)] += 1
+                middle[i, j], low[i, j] = darkest + _at(count, middle_rank), darkest + _at(count, low_rank)
+            else:
+                middle[i, j] = _nth(values, middle_rank, n)
+                low[i, j] = _nth(values, low_rank, middle_rank + 1)  # the lower half comes first now
     return middle, low
+
+
+@inner
+def _at(count, rank):
+    """Which value has a rank, counted from 0. count : how often 0, 1, ... occur"""
+    value, below = 0, count[0]
+    while below <= rank:
+        value += 1
+        below += count[value]
+    return value
+
+
+@inner
+def _nth(values, k, n):
+    """Number k, counted from 0, of the first n values in ascending order; those before it become no larger.
+
+    Hoare's selection: only the side of the pivot that holds it is looked at again.
+    """
+    low, high = 0, n - 1
+    while low < high:
+        pivot, i, j = values[(low + high) // 2], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    return values[k]
 
 
 @kernel
@@ -229,16 +280,16 @@ def subtract(grey, tiles, at_r, at_c):
     left, share = np.empty(columns, dtype=np.int64), np.empty(columns)
     for c in range(columns):
         left[c], share[c] = _between(at_c, c)
-    line = np.empty(len(at_c) + 1)
+    first = np.searchsorted(left, np.arange(len(at_c) + 1))  # columns of each pair of nodes, one by one
     for r in range(rows):
         i, s = _between(at_r, r)
         below = min(i + 1, len(at_r) - 1)
         for j in range(len(at_c)):
-            line[j] = (1.0 - s) * tiles[i, j] + s * tiles[below, j]
-        line[len(at_c)] = line[len(at_c) - 1]
-        for c in range(columns):
-            j = left[c]
-            flat[r, c] = grey[r, c] - ((1.0 - share[c]) * line[j] + share[c] * line[j + 1])
+            k = min(j + 1, len(at_c) - 1)
+            here = (1.0 - s) * tiles[i, j] + s * tiles[below, j]
+            then = (1.0 - s) * tiles[i, k] + s * tiles[below, k]
+            for c in range(first[j], first[j + 1]):
+                flat[r, c] = grey[r, c] - ((1.0 - share[c]) * here + share[c] * then)
     return flat
 
 

@@ -19,6 +19,7 @@ from shefex_nav.solve import field, lens, naming, patterns, picture, proof, told
 from shefex_nav.solve import search as searching
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.header import Taken, of_header, this_year
+from shefex_nav.solve.orientation import AS_STORED
 from shefex_nav.solve.solution import failed
 
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it
@@ -59,7 +60,7 @@ class Record:
     adjusted: object = None  # Adjusted, of a picture that is solved
     known: object = None  # (k,) rows of the detections that have a name
     residual_px: object = None  # (k, 2) detection minus star
-    u_i: object = None  # (k, 3) directions of their stars, without aberration
+    u_i: object = None  # (k, 3) directions of their stars in the catalogue, without aberration
 
 
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mirrored=False):
@@ -70,17 +71,20 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     as well. The tables for a range of fields of view are made when they are first needed, 0.1 to 2 s each,
     and kept.
 
-    The covariance is that of the attitude with all of the lens unknown. Aberration is not taken out without a
-    StarCamera: the attitude is that against the stars as they are seen, up to 20.5 arcsec from their places
-    in the catalogue. With a StarCamera the picture goes through the star tracker that flies.
+    The covariance is that of the attitude with all of the lens unknown. Aberration is taken out where the day
+    of the picture is known, by its file or the epoch; where not, the attitude is that against the stars as
+    they are seen, up to 20.5 arcsec from their places in the catalogue (`has_no_aberration` of the result).
+    With a StarCamera the picture goes through the star tracker that flies.
 
     Parameters
     ----------
     image : path of a picture file, or an array (rows, columns[, channels]) of grey values, row 0 at the top
-    camera : None, a Camera whose focal length is right to two per cent, or a StarCamera
+        a file is turned as its EXIF orientation says, unless the camera is a StarCamera
+    camera : None, a Camera (of the picture as displayed) whose focal length is right to two per cent, or a
+        StarCamera (of the pixels as stored)
     fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 5 to 70
-    epoch : None or a Julian year, for proper motions, with a StarCamera for the velocity of the Earth as
-        well; by default the date of the file, else today
+    epoch : None or a Julian year, for proper motions and the velocity of the Earth, the latter of a whole
+        year with a StarCamera alone; by default the date of the file, else today
     taken : None or a Taken, of an array and with a StarCamera only; a file says it itself
     mirrored : bool, the picture is mirrored, as through a telescope with a diagonal; q_ci and camera of the
         solution are those of the picture turned over, left for right; a mirrored picture is refused without
@@ -102,38 +106,43 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
             raise ValueError("mirrored: not together with a StarCamera, whose pictures are as they are")
         if fov_deg is not None:
             raise ValueError("fov_deg: not together with a camera, which has its own")
-        image_dn, taken = (image, taken or Taken()) if is_array else _as_stored(image, camera)
+        image_dn, taken, turn = (image, taken or Taken(), AS_STORED) if is_array else as_stored(image, camera)
         if epoch is not None:
             taken = taken._replace(julian_year=_year(epoch, None))
         warmup.get_ready({"command=solve"})
-        return told.solve(image_dn, camera, taken)
+        return told.solve(image_dn, camera, taken)._replace(orientation=turn, as_stored=True)
     seen = picture.Picture(picture.grey(image), None) if is_array else picture.read(image)
     return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch, mirrored=mirrored)
 
 
-def _as_stored(path, camera):
-    """Grey values of a file of a StarCamera, and Taken; PictureError names the file."""
+def as_stored(path, camera):
+    """Grey values of a file of a StarCamera, Taken, and its orientation; PictureError names the file."""
     path, hole = Path(path), camera.params.camera.pinhole
     if path.suffix.lower() in picture.RAW:
-        return picture.raw(path, (hole.width_px, hole.height_px), camera.bits), Taken()
+        return picture.raw(path, (hole.width_px, hole.height_px), camera.bits), Taken(), AS_STORED
     found = picture.stored(path)
     try:
         taken = of_header(found.header)
         if taken.julian_year is None:
             taken = taken._replace(julian_year=found.julian_year)
-        return told.checked(found.values, camera), taken
+        return told.checked(found.values, camera), taken, found.orientation
     except ValueError as error:
         raise picture.PictureError(f"{path}: {str(error).removeprefix('image: ')}") from None
 
 
 def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None, mirrored=False, record=None):
     """`solve_image` for a Picture that has been read. record : Record, filled with the way there."""
+    found = _solved(seen, camera, fov_deg, epoch, mirrored, record)
+    return found._replace(orientation=seen.orientation)
+
+
+def _solved(seen, camera, fov_deg, epoch, mirrored, record):
+    """`solve_picture`."""
     if mirrored:
         width = seen.grey.shape[1]
         over = seen._replace(grey=np.ascontiguousarray(seen.grey[:, ::-1]))
         camera = turned_over(camera) if isinstance(camera, Camera) else camera
-        found = solve_picture(over, camera=camera, fov_deg=fov_deg, epoch=epoch, record=record)
-        return back(found, width)
+        return back(_solved(over, camera, fov_deg, epoch, False, record), width)
     warmup.get_ready({"command=solve"})
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)
@@ -153,11 +162,13 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None, mirrored=False
         solved, reason = searching.solve(xy_px, found.flux, search, clock, trials)
     if solved is None and reason == "no_match":
         turned = xy_px[found.in_sky] * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
-        if searching.solve(turned, found.flux[found.in_sky], search, clock)[0] is not None:
+        flux, rounds = found.flux[found.in_sky], searching.FEW_ROUNDS
+        if searching.solve(turned, flux, search, clock, rounds=rounds)[0] is not None:
             reason = "mirrored"
     if solved is None:
         return failed(reason, clock.ms(), found.xy_px)
-    return naming.described(solved, found, xy_px, size_px, year, camera, clock, record)
+    day = year, _velocity(epoch, seen.julian_year)
+    return naming.described(solved, found, xy_px, size_px, day, camera, clock, record)
 
 
 def turned_over(camera):
@@ -196,6 +207,14 @@ def _focal_range(size_px, camera, fov_deg):
             raise ValueError(f"fov_deg: expected {NARROWEST_DEG} to {wide} degrees, got {fov_deg!r}")
         narrow, wide = fov_deg / FOV_TOLERANCE, fov_deg * FOV_TOLERANCE
     return tuple(0.5 * width / np.tan(0.5 * np.radians(fov)) for fov in (wide, narrow))
+
+
+def _velocity(epoch, seen_year):
+    """Barycentric velocity of the Earth [m/s] when a picture was taken; None where nobody says the day."""
+    when = epoch if epoch is not None else seen_year
+    if when is None or (epoch is not None and epoch == int(epoch)):  # a year alone: it may be the other half
+        return None
+    return told.earth_velocity(round(when * told.MINUTES))
 
 
 def _year(epoch, seen_year):

@@ -12,22 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_rotvec
-from shefex_nav.geometry.streak import turn_jacobians
-from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
+from shefex_nav.solve import steps
+from shefex_nav.solve.camera import Camera, pinhole_of, undistort, undistorted
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
-LEAST_GATE_PX = 1.5
-NOISE_GATE = 4.0  # standard deviations, in the end
-LEAST_NOISE_PX = 0.08  # of what is proposed; what is proved has a floor of its own
-LEAST_FLOOR_PX = 0.01  # error of any centroid beside the one that it is said to have
-CONVERGED = 4  # steps with the final gate
-IDEAL = Pinhole(2, 2, 1.0, 0.0, 0.0)  # its pixels are X/Z, Y/Z
 WIDE = 0.35  # tan of the half diagonal from which on what makers leave grows no more
 NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
-BEHIND = 0.1  # Z of a unit vector that is no longer before the camera
-K1, K2, P1, P2, K3 = range(4, 9)  # places of the distortion among the nine unknowns; 3 is ln f
-UNKNOWNS = 9
 
 
 class Lens(NamedTuple):
@@ -72,7 +62,7 @@ def project(lens, u_i, size_px):
     """Pixels of directions. (n, 3) -> xy_px (n, 2), NaN behind the camera; ideal x, y = X/Z, Y/Z (n, 2)."""
     u_c = u_i @ lens.C_ci.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        ideal = np.where(u_c[:, 2:] > BEHIND, u_c[:, :2] / u_c[:, 2:], np.nan)
+        ideal = np.where(u_c[:, 2:] > steps.BEHIND, u_c[:, :2] / u_c[:, 2:], np.nan)
     return middle(size_px) + lens.focal_px * bent(lens.k, ideal), ideal
 
 
@@ -126,7 +116,7 @@ def match(seen_px, xy_px, gate_px):
     return star
 
 
-def fit(lens, u_i, xy_px, size_px, *, P_px=None, gates=GATES, least=4, may_distort=True):
+def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
     """Least squares from a proposal, with gates from wide to narrow; None when fewer than `least` match.
 
     Parameters
@@ -135,7 +125,6 @@ def fit(lens, u_i, xy_px, size_px, *, P_px=None, gates=GATES, least=4, may_disto
     u_i : (m, 3) stars that may be in the picture
     xy_px : (n, 2) detections
     size_px : (width, height)
-    P_px : (n, 2, 2) px^2, their covariance; None: none is better than another
     gates : of the diagonal, one a step
     least : int, matches
     may_distort : bool; False: the lens is as it was told but for its focal length
@@ -144,85 +133,31 @@ def fit(lens, u_i, xy_px, size_px, *, P_px=None, gates=GATES, least=4, may_disto
     -------
     Fit, or None
     """
-    diagonal, start_px = float(np.hypot(*size_px)), lens.focal_px
-    P_px = np.zeros((len(xy_px), 2, 2)) if P_px is None else P_px
-    prior = spread(0.5 * diagonal / start_px, may_distort)
-    noise, last = np.inf, len(gates) + CONVERGED - 1
-    for step in range(last + 1):
-        wide = step < len(gates)
-        gate = max(gates[step] * diagonal if wide else NOISE_GATE * noise, LEAST_GATE_PX)
-        predicted, ideal = project(lens, u_i, size_px)
-        inside = np.flatnonzero(((predicted > -1.0) & (predicted < np.asarray(size_px))).all(axis=1))
-        star = match(predicted[inside], xy_px, gate)
-        known = np.flatnonzero(star >= 0)
-        if len(known) < least:
-            return None
-        star[known] = inside[star[known]]
-        residual = np.zeros_like(xy_px)
-        residual[known] = xy_px[known] - predicted[star[known]]
-        noise = noise_of(residual[known], 4)
-        change, covariance = step_of(lens, ideal[star[known]], residual[known], P_px[known], noise, prior)
-        if step == last:
-            break
-        k = tuple((np.array(lens.k) + change[4:]).tolist())
-        lens = Lens(dcm_from_rotvec(change[:3]) @ lens.C_ci, lens.focal_px * float(np.exp(change[3])), k)
-        if not 0.5 < lens.focal_px / start_px < 2.0:  # no fit, whatever it is
-            return None
-    return Fit(lens, star, residual, noise, covariance, prior) if is_lens(lens, size_px) else None
-
-
-def noise_of(residual_px, n_par):
-    """Standard deviation per axis from the median of the residuals; few stars, few degrees of freedom."""
-    n = len(residual_px)
-    median = np.median((residual_px**2).sum(axis=1)) / 1.386  # 2 ln 2: median of chi^2 with 2
-    return float(max(np.sqrt(median * 2 * n / max(2 * n - n_par, 1)), LEAST_NOISE_PX))
-
-
-def jacobian(lens, ideal):
-    """Derivatives of the pixels by the nine unknowns: (n, 2, 9)."""
-    x, y = ideal.T
-    r2 = x * x + y * y
-    J = np.empty((len(x), 2, UNKNOWNS))
-    J[:, :, :3] = slopes(lens.k, ideal) @ -turn_jacobians(IDEAL, ideal)  # the stars turn against the camera
-    J[:, :, 3] = bent(lens.k, ideal)
-    for power, at in enumerate((K1, K2, K3), start=1):
-        J[:, :, at] = ideal * (r2**power)[:, None]
-    J[:, 0, P1], J[:, 1, P1] = 2.0 * x * y, r2 + 2.0 * y * y
-    J[:, 0, P2], J[:, 1, P2] = r2 + 2.0 * x * x, 2.0 * x * y
-    return lens.focal_px * J
-
-
-def step_of(lens, ideal, residual_px, P_px, noise_px, prior):
-    """Gauss-Newton step on the way: change of the nine unknowns and its covariance, bad stars held down."""
-    J = jacobian(lens, ideal)
-    W = np.linalg.inv(P_px + noise_px**2 * np.eye(2))
-    W = W / (1.0 + (residual_px**2).sum(axis=1) / (3.0 * noise_px) ** 2)[:, None, None]
-    return solved(J, W, residual_px, lens.k, prior)[:2]
-
-
-def solved(J, W, residual_px, k, prior):
-    """Change (9,), covariance (9, 9) and weighted Jacobian of normal equations with the prior of the lens."""
-    WJ = W @ J
-    N = np.einsum("nij,nik->jk", J, WJ)
-    b = np.einsum("nij,ni->j", WJ, residual_px)
-    free = np.concatenate([np.ones(4, dtype=bool), prior > 0.0])
-    rows = np.flatnonzero(free)
-    told = np.zeros(UNKNOWNS)
-    told[4:][prior > 0.0] = prior[prior > 0.0] ** -2.0
-    N[np.diag_indices(UNKNOWNS)] += told
-    b[4:] -= told[4:] * np.array(k)
-    N, b = N[np.ix_(rows, rows)], b[rows]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(N), 1e-300))
-    inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * N * scale, hermitian=True) * scale
-    change, covariance = np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS))
-    change[rows] = inverse @ b
-    covariance[np.ix_(rows, rows)] = inverse
-    return change, covariance, WJ
+    if len(u_i) == 0 or len(xy_px) == 0:
+        return None
+    diagonal = float(np.hypot(*size_px))
+    prior = spread(0.5 * diagonal / lens.focal_px, may_distort)
+    ok, C_ci, focal_px, k, *rest = steps.fitted(
+        lens.C_ci, float(lens.focal_px), np.array(lens.k, dtype=float), u_i, xy_px,
+        tuple(map(float, size_px)), prior, np.array(gates) * diagonal, least,
+    )  # fmt: skip
+    if not ok:
+        return None
+    found = Lens(C_ci, focal_px, tuple(k.tolist()))
+    return Fit(found, *rest, prior) if is_lens(found, size_px) else None
 
 
 def directions(camera, xy_px):
     """Unit vectors of pixels in camera axes. Camera, (n, 2) -> (n, 3)."""
     return unit_vectors(pinhole_of(camera), undistorted(camera, xy_px))
+
+
+def rays(lens, size_px, xy_px):
+    """Unit vectors of pixels of a picture (width, height) in camera axes. (n, 2) -> (n, 3)."""
+    hole = Pinhole(*size_px, float(lens.focal_px), *middle(size_px).tolist())
+    if any(lens.k):
+        xy_px = undistort(hole, np.array(lens.k), np.ascontiguousarray(xy_px))
+    return unit_vectors(hole, xy_px)
 
 
 def corners_of(size_px):
@@ -233,14 +168,14 @@ def corners_of(size_px):
 
 def corner_angle(lens, size_px):
     """Angle from the axis to the farthest corner [rad]."""
-    return float(np.arccos(directions(camera_of(lens, size_px), corners_of(size_px))[:, 2].min()))
+    return float(np.arccos(rays(lens, size_px, corners_of(size_px))[:, 2].min()))
 
 
 def is_lens(lens, size_px):
     """Whether each corner is the image of one direction: a polynomial may fold, where few stars hold it."""
     corners = corners_of(size_px)
-    u_c = directions(camera_of(lens, size_px), corners)
-    if not (np.isfinite(u_c).all() and u_c[:, 2].min() > BEHIND):
+    u_c = rays(lens, size_px, corners)
+    if not (np.isfinite(u_c).all() and u_c[:, 2].min() > steps.BEHIND):
         return False
     again = middle(size_px) + lens.focal_px * bent(lens.k, u_c[:, :2] / u_c[:, 2:])
     along = np.linspace(0.05, 1.0, 20)[:, None] * (u_c[:, :2] / u_c[:, 2:]).reshape(1, -1)

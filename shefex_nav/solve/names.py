@@ -1,9 +1,29 @@
-"""Names of stars: those of the International Astronomical Union, else the number of the catalogue."""
+"""Names of stars: those of the International Astronomical Union, Bayer's and Flamsteed's, else the number.
+
+In: `data/designations.csv`, Hipparcos number and designation: Bayer's letter where there is one, else
+Flamsteed's number, with the constellation in three letters, e.g. alpha UMa, 10 UMa.
+"""
+
+from functools import lru_cache
+from importlib.resources import files
 
 
 def name_of(hip):
-    """Proper name of a star, or HIP and its number."""
-    return PROPER_NAMES.get(hip, f"HIP {hip}")
+    """Proper name of a star, else its designation, else HIP and its number."""
+    return PROPER_NAMES.get(hip) or designation_of(hip) or f"HIP {hip}"
+
+
+def designation_of(hip):
+    """Designation of Bayer or Flamsteed, e.g. 'alpha UMa'; empty where there is none."""
+    return _designations().get(hip, "")
+
+
+@lru_cache(maxsize=1)
+def _designations():
+    """Designations by Hipparcos number."""
+    text = (files("shefex_nav") / "data" / "designations.csv").read_text(encoding="utf-8")
+    rows = (line.split(",") for line in text.splitlines()[1:])
+    return {int(hip): designation for hip, designation in rows}
 
 
 # Names approved by the Working Group on Star Names of the IAU, by Hipparcos number.

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve import adjust, lens, pointing
+from shefex_nav.solve import adjust, lens, pointing, steps
 from shefex_nav.solve.camera import undistorted
 from shefex_nav.solve.search import sky_of
 from shefex_nav.solve.solution import ImageSolution, Match
@@ -25,18 +26,24 @@ def centred(camera, xy_px):
     return undistorted(camera, xy_px) - camera.principal_point_px + lens.middle(size_px)
 
 
-def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
+def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=None):
     """ImageSolution of a proven fit.
 
     found : Field;  xy_px : (n, 2) its detections as an ideal camera sees them, where one is given
+    sky_of_day : Julian year, and barycentric velocity of the Earth [m/s] or None
     """
+    year, velocity_i = sky_of_day
     fit, outcome = solved
     star, sky = all_stars(fit, found, xy_px, size_px, year)
     known = np.flatnonzero(star >= 0)
-    best = adjust.adjust(fit.lens, fit.prior, sky.u_i[star[known]], xy_px[known], found.P_px[known], size_px)
+    first, u_i = fit.lens, sky.u_i[star[known]]
+    seen_i = u_i if velocity_i is None else aberrate(u_i, velocity_i)
+    if velocity_i is not None:
+        first = first._replace(C_ci=against(first.C_ci, velocity_i))
+    best = adjust.adjust(first, fit.prior, seen_i, xy_px[known], found.P_px[known], size_px)
     if record is not None:
-        record.adjusted, record.known, record.u_i = best, known, sky.u_i[star[known]]
-        record.residual_px = xy_px[known] - lens.project(best.lens, record.u_i, size_px)[0]
+        record.adjusted, record.known, record.u_i = best, known, u_i
+        record.residual_px = xy_px[known] - lens.project(best.lens, seen_i, size_px)[0]
     matched = [
         Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
         for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)
@@ -49,20 +56,33 @@ def described(solved, found, xy_px, size_px, year, camera, clock, record=None):
     return ImageSolution(
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
-        fov_sigma_deg=_fov_sigma(best, size_px),
+        fov_sigma_deg=_fov_sigma(best, size_px), has_no_aberration=velocity_i is not None,
     )  # fmt: skip
+
+
+def against(C_ci, velocity_i):
+    """Attitude that sees the aberrated sky as C_ci (3, 3) sees the other, in the middle of the picture."""
+    middle_i = C_ci[2:]
+    moved_c = (aberrate(middle_i, velocity_i) - middle_i)[0] @ C_ci.T
+    return dcm_from_rotvec(np.array([moved_c[1], -moved_c[0], 0.0])) @ C_ci  # by moved x z
 
 
 def _fov_sigma(best, size_px):
     """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
     sigma = np.sqrt(np.diag(best.covariance)[3:])
-    at, slope = best.lens, np.zeros(6)
+    at, slope, before = best.lens, np.zeros(6), _across(best.lens, size_px)
     for n in np.flatnonzero(sigma > 0.0):
         step = 0.01 * sigma[n]
         k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
         moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
-        slope[n] = (_pointing(moved, size_px, None)[3] - _pointing(at, size_px, None)[3]) / step
+        slope[n] = (_across(moved, size_px) - before) / step
     return float(np.sqrt(slope @ best.covariance[3:, 3:] @ slope))
+
+
+def _across(at, size_px):
+    """Field of view between the middles of the left and the right edge [deg]."""
+    left, right = lens.rays(at, size_px, pointing.marks(size_px)[2:4])
+    return float(np.degrees(2.0 * np.arcsin(0.5 * np.linalg.norm(left - right))))
 
 
 def all_stars(fit, found, xy_px, size_px, year):
@@ -76,7 +96,7 @@ def all_stars(fit, found, xy_px, size_px, year):
     sky = sky_of(fit.lens, max(2 * len(flux), MAX_DETECTIONS), size_px, year)
     predicted, _ = lens.project(fit.lens, sky.u_i, size_px)
     inside = np.flatnonzero(((predicted > -1.0) & (predicted < size_px)).all(axis=1))
-    gate_px = max(lens.NOISE_GATE * fit.noise_px, lens.LEAST_GATE_PX)
+    gate_px = max(steps.NOISE_GATE * fit.noise_px, steps.LEAST_GATE_PX)
     star = lens.match(predicted[inside], xy_px, gate_px)
     known = np.flatnonzero(star >= 0)
     star[known] = inside[star[known]]
@@ -94,4 +114,4 @@ def _pointing(at, size_px, camera):
     marks = pointing.marks(size_px)
     if camera is not None:
         marks = centred(camera, marks)
-    return pointing.angles(lens.directions(lens.camera_of(at, size_px), marks) @ at.C_ci)
+    return pointing.angles(lens.rays(at, size_px, marks) @ at.C_ci)

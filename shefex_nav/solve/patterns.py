@@ -12,7 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.environment.stars import StarCatalogue, at_epoch, load_catalogue, photocentres, select
+from shefex_nav.environment.stars import (
+    BV_UNKNOWN,
+    StarCatalogue,
+    at_epoch,
+    load_catalogue,
+    select,
+    silicon_magnitude,
+)
 from shefex_nav.onboard.startracker import skygrid
 
 MAX_MAGNITUDE = 8.0
@@ -36,7 +43,7 @@ class Band(NamedTuple):
     u_i: np.ndarray  # (n, 3) stars, brightest first
     vmag: np.ndarray  # (n,)
     start: np.ndarray  # lists of stars by direction, see SkyGrid
-    row: np.ndarray
+    listed_i: np.ndarray  # (m, 3) float32, directions of the stars in the order of the lists
     corner: (
         np.ndarray
     )  # (m, 3) int32 rows of the stars of each triangle: opposite its long, middle, short side
@@ -67,14 +74,63 @@ def merged(stars, max_magnitude, radius):
     close = np.zeros(len(stars.hip), dtype=bool)
     close[cKDTree(stars.u_i).query_pairs(2.0 * np.sin(0.5 * radius), output_type="ndarray").ravel()] = True
     groups = select(stars, close)
-    if (groups.vmag <= max_magnitude).any():
-        groups = photocentres(groups, max_magnitude, radius)
-    else:
-        groups = select(groups, groups.vmag <= max_magnitude)
+    flux = 10.0 ** (-0.4 * silicon_magnitude(groups.vmag, groups.bv))
+    order, by_z = (np.argsort(column, kind="stable") for column in (groups.vmag, groups.u_i[:, 2]))
+    bright = order[: np.searchsorted(groups.vmag[order], max_magnitude, side="right")]
+    *columns, stays = _centres(groups[1:-1], flux, bright, by_z, radius)
+    groups = select(groups._replace(**dict(zip(groups._fields[1:-1], columns, strict=True))), stays)
     alone = select(stars, ~close & (stars.vmag <= max_magnitude))
     columns = [np.concatenate(pair) for pair in zip(groups[:-1], alone[:-1], strict=True)]
     order = np.argsort(columns[3], kind="stable")  # vmag
     return StarCatalogue(*(np.ascontiguousarray(column[order]) for column in columns), stars.epoch)
+
+
+@kernel
+def _centres(columns, flux, bright, by_z, radius):
+    """u_i, pm_i, vmag, hpmag, bv of stars with their neighbours in them, and which of them stay: (n,) bool.
+
+    columns : u_i, pm_i, vmag, hpmag, bv of n stars;  flux : (n,), weights
+    bright : rows that take others, brightest first;  by_z : (n,) rows in the order of z;  radius : rad
+    """
+    at_i, moves_i, v, hp, colours = columns
+    u_i, pm_i, vmag, hpmag, bv = at_i.copy(), moves_i.copy(), v.copy(), hp.copy(), colours.copy()
+    n, cosine = len(flux), np.cos(radius)
+    place = np.empty(n, dtype=np.int64)
+    for p in range(n):
+        place[by_z[p]] = p
+    taken, stays = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    near = np.empty(n, dtype=np.int64)
+    for s in bright:
+        if taken[s]:
+            continue
+        m = 0
+        for way in (-1, 1):
+            p = place[s] + (way if way > 0 else 0)
+            while 0 <= p < n and abs(at_i[by_z[p], 2] - at_i[s, 2]) <= radius:
+                t = by_z[p]
+                if not taken[t] and (t == s or (at_i[s] * at_i[t]).sum() >= cosine):
+                    near[m] = t
+                    m += 1
+                p += way
+        taken[near[:m]] = True
+        stays[s] = True
+        if m == 1:
+            continue
+        group = near[:m]
+        total, light, hp_light, b_light = 0.0, 0.0, 0.0, 0.0
+        u_i[s], pm_i[s] = 0.0, 0.0
+        for t in group:
+            total += flux[t]
+            u_i[s] += flux[t] * at_i[t]
+            pm_i[s] += flux[t] * moves_i[t]
+            light += 10.0 ** (-0.4 * v[t])
+            hp_light += 10.0 ** (-0.4 * hp[t])
+            b_light += 10.0 ** (-0.4 * (v[t] + (BV_UNKNOWN if np.isnan(colours[t]) else colours[t])))
+        u_i[s] /= np.sqrt((u_i[s] ** 2).sum())
+        pm_i[s] /= total
+        vmag[s], hpmag[s] = -2.5 * np.log10(light), -2.5 * np.log10(hp_light)
+        bv[s] = -2.5 * np.log10(b_light) - vmag[s]
+    return u_i, pm_i, vmag, hpmag, bv, stays
 
 
 @lru_cache(maxsize=1)
@@ -109,7 +165,9 @@ def _band(number, julian_year):
     order = np.argsort(key, kind="stable")
     cell = np.searchsorted(key[order], np.arange(2 * COLUMNS**2 + 1))
     corner, shape = np.ascontiguousarray(corner[order]), np.ascontiguousarray(shape[order])
-    return Band(low, high, stars.u_i, stars.vmag, start, row, corner, shape, cell.astype(np.int64))
+    # looked up by number, each star would be a wait for the memory
+    listed_i = stars.u_i.astype(np.float32)[row]
+    return Band(low, high, stars.u_i, stars.vmag, start, listed_i, corner, shape, cell.astype(np.int64))
 
 
 @kernel
@@ -199,6 +257,7 @@ def _triangles(u_i, chosen, shortest, longest):
     return corner[:n], shape[:n], key[:n]
 
 
+@lru_cache(maxsize=1)
 def directions_of_cells():
     """Middle of each cell of the sky grid (n, 3), and the angle from there to its furthest corner (n,)."""
     c = skygrid.CELLS

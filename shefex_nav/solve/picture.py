@@ -1,8 +1,8 @@
 """Picture files: grey values as they are, and when they were taken.
 
 In: FITS, and of what Pillow reads the FORMATS, 8 or 16 bits, grey or colour. Out: the numbers of the
-file (`stored`), or grey values as float32 (`read`). A file that is no single still picture of a usable size
-is refused with a PictureError.
+file as the detector gave them (`stored`), or grey values as float32, turned as a viewer shows them (`read`).
+A file that is no single still picture of a usable size is refused with a PictureError.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
-from shefex_nav.solve import deep
+from shefex_nav.solve import deep, orientation
 from shefex_nav.solve.header import julian_year, year_of
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
@@ -19,6 +19,7 @@ FITS_MAGIC = b"SIMPLE  ="
 FORMATS = "PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF", "PPM"  # no others: EPS, for one, starts Ghostscript
 RAW = (".raw", ".bin")  # endings of files that hold grey values alone
 EXIF_TAKEN, EXIF_BLOCK = 36867, 34665  # DateTimeOriginal, and its block
+EXIF_ORIENTATION = 274
 
 
 class PictureError(UserError, ValueError):
@@ -26,24 +27,27 @@ class PictureError(UserError, ValueError):
 
 
 class Picture(NamedTuple):
-    """A picture in grey."""
+    """A picture in grey, as it is displayed."""
 
     grey: np.ndarray  # (rows, columns) float32, row 0 at the top
     julian_year: float | None  # when it was taken, if the file says so
+    orientation: int = orientation.AS_STORED  # of EXIF, by which the rows of the file were turned
 
 
 class Stored(NamedTuple):
     """A picture as a file holds it."""
 
-    values: np.ndarray  # (rows, columns[, channels]), row 0 at the top
+    values: np.ndarray  # (rows, columns[, channels]), first row of the file first
     header: dict  # keyword -> text or number
     julian_year: float | None  # as of Picture
+    orientation: int = orientation.AS_STORED  # of EXIF, 1 to 8; `values` are not turned
 
 
 def read(path):
     """Picture of a file."""
     found = stored(path)
-    return Picture(grey(found.values, str(path)), found.julian_year)
+    turned = orientation.displayed(found.values, found.orientation)
+    return Picture(grey(turned, str(path)), found.julian_year, found.orientation)
 
 
 def stored(path):
@@ -134,12 +138,21 @@ def _decoded(path, image):
     if frames > 1:
         raise PictureError(f"{path}: holds {frames} pictures; expected one")
     _check_size(path, *image.size)
+    turn = _orientation(image)
     values = deep.read(path, image)
     if values is None:
         image.load()
         values = np.asarray(_without_palette(image))
+        if _orientation(image) != turn:  # Pillow turns a TIFF when it loads it, and forgets the number then
+            values = orientation.stored(values, turn)
     header = {key: text for key, text in image.info.items() if isinstance(text, str)}
-    return Stored(values, header, _year(header) or _julian_year(image))
+    return Stored(values, header, _year(header) or _julian_year(image), turn)
+
+
+def _orientation(image):
+    """Orientation of an opened file, 1 to 8."""
+    number = image.getexif().get(EXIF_ORIENTATION)
+    return number if number in range(1, 9) else orientation.AS_STORED
 
 
 def _check_size(name, width, height):
@@ -169,18 +182,19 @@ def grey(values, name="image"):
     if values.ndim == 3 and values.shape[2] not in (1, 2, 3, 4):
         raise PictureError(f"{name}: expected 1 to 4 channels, got {values.shape[2]}")
     _check_size(name, values.shape[1], values.shape[0])
+    whole = values.dtype.kind in "ui"
     if values.ndim == 3:
         colours = 3 if values.shape[2] >= 3 else 1
         values = values[:, :, :colours].mean(axis=2, dtype=np.float32)
     with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused
         values = np.ascontiguousarray(values, dtype=np.float32)
-    if not np.isfinite(values.sum(dtype=np.float64)):
+    if not whole and not np.isfinite(values.sum(dtype=np.float64)):
         raise PictureError(f"{name}: contains NaN or infinite values")
     return values
 
 
 def _julian_year(image):
-    """Julian year of the EXIF date, None without a usable one. Its orientation is not applied."""
+    """Julian year of the EXIF date, None without a usable one."""
     from datetime import datetime
 
     exif = image.getexif()

@@ -1,6 +1,6 @@
 """Is it true? The odds of the identification that flies, with the price of everything that was adjusted.
 
-In: a fit to a picture. Out: the probability that chance made it. The detections go to `bayes.solve_kernel`
+In: a fit to a picture. Out: the probability that chance made it. The detections go to the tracking of `bayes`
 with the camera that the fit found and the fitted attitude as a prediction. Both came from the picture itself
 and are no knowledge. So the odds pay for them: for the attitude the volume of all attitudes over that of the
 prediction; for the focal length and the five terms of distortion what was thought possible over what fits as
@@ -14,13 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import select
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_from_quat
-from shefex_nav.onboard.startracker.catalogue import OnboardCatalogue, pair_table
+from shefex_nav.onboard.startracker import skygrid
 from shefex_nav.onboard.startracker.identify import bayes
-from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
+from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, new_view
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, Seen, detection_table
+from shefex_nav.onboard.startracker.identify.search import Task
+from shefex_nav.onboard.startracker.identify.tracking import track
+from shefex_nav.onboard.startracker.tables import Stars
+from shefex_nav.solve import patterns
 from shefex_nav.solve.camera import undistorted
-from shefex_nav.solve.lens import camera_of, corner_angle, project
+from shefex_nav.solve.lens import camera_of, project
 
 LEAST_PROBABILITY = 1e-300  # smaller ones are not told apart
 FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
@@ -28,7 +34,7 @@ MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
 QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
 PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
 ALONG = 16  # points of each border of the picture
-MARGIN = 0.02  # rad, around the picture
+NEAR = 0.01  # rad, between the fit and what is proved, at most
 BUDGET = bayes.BUDGET // 4  # of the identification: the prediction is right or it is not
 DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
 LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
@@ -102,16 +108,13 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range, lenses_tried=1):
     )  # fmt: skip
     mag = -2.5 * np.log10(flux)
     prediction = (True, quat_from_dcm(lens.C_ci), P_c)
-    diameter = 2.0 * corner_angle(lens, size_px) + MARGIN
     sky = sky if camera.distortion is None else select(sky, _inside(lens, sky.u_i, size_px))
     best = Proof(False, False, 0, 1.0)
     for shallower in DEPTHS:
         seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower) if len(sky.hip) else sky
         if len(seen.hip) < MIN_MATCHED:
             break
-        pairs = pair_table(OnboardCatalogue(seen.hip, seen.u_i, seen.vmag), diameter)
-        found = bayes.solve_kernel(*pairs.quick, numbers, xy_px, mag, True, prediction)
-        found = bayes.Solution(*found)
+        found = bayes.Solution(*near(stars_of(seen, lens.C_ci), numbers, xy_px, mag, prediction))
         n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
         chance = bounded(found.false_probability, log_price)
         is_true = found.reason == 0 and n >= MIN_MATCHED and is_of(fit, found, size_px)
@@ -121,6 +124,47 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range, lenses_tried=1):
     return best
 
 
+def stars_of(sky, C_ci):
+    """Stars as the identification takes them; every direction near the axis of the picture has all."""
+    middle, reach = patterns.directions_of_cells()
+    is_near = middle @ C_ci[2] > np.cos(reach + NEAR)
+    n = len(sky.vmag)
+    start = np.concatenate([[0], np.cumsum(n * is_near)])
+    row = np.tile(np.arange(n, dtype=np.uint16), is_near.sum())
+    return Stars(sky.u_i, sky.vmag, skygrid.log_density(sky.vmag), start, row)
+
+
+@kernel
+def near(stars, numbers, xy_px, magnitude, prediction):
+    """The identification that flies, near a prediction alone: what it says elsewhere proves nothing.
+
+    Parameters
+    ----------
+    stars : Stars;  numbers : bayes.Numbers
+    xy_px, magnitude : (n, 2), (n,) of an ideal pinhole, brightest first
+    prediction : (True, (4,) q_ci, (3, 3) rad^2)
+
+    Returns
+    -------
+    bayes.Solution, as a plain tuple
+    """
+    _, q_ci, P_c = prediction
+    n = min(xy_px.shape[0], MAX_DETECTIONS)
+    scene = Scene(
+        xy_px[:n], magnitude[:n], True, numbers.width_px, numbers.height_px, numbers.focal_px,
+        numbers.cx_px, numbers.cy_px, numbers.border_px, numbers.centroid_error, numbers.magnitude_error,
+        None,
+    )  # fmt: skip
+    is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < bayes.NARROW**2
+    least = bayes.MIN_TRACKED if is_narrow else numbers.fewest_stars
+    strict = -np.log(numbers.false_alarm)
+    seen = Seen(detection_table(scene), scene.xy_px, None, np.zeros((0, 0), dtype=np.uint64))
+    prior = Prior(True, dcm_from_quat(q_ci), P_c)
+    task = Task(stars, scene, prior, seen, bayes.new_best(n), new_view(), least, strict, strict)
+    work = track(task, numbers.budget) if n >= least else 0
+    return bayes.conclude(task, numbers, xy_px.shape[0], work, True)
+
+
 def _inside(lens, u_i, size_px):
     """Stars that the lens puts into the picture: (n,) bool."""
     predicted, _ = project(lens, u_i, size_px)
@@ -128,12 +172,7 @@ def _inside(lens, u_i, size_px):
 
 
 def is_of(fit, found, size_px):
-    """Whether what was proved is this fit: found near its attitude, and no corner of the picture apart.
-
-    The identification goes on without the prediction where that fails. Another attitude proves nothing.
-    """
-    if not found.tracked:
-        return False
+    """Whether what was proved is this fit: no corner of the picture apart. Another one proves nothing."""
     turned_c = rotvec_from_quat(quat_from_dcm(dcm_from_quat(found.q_ci) @ fit.lens.C_ci.T))
     corner_px = 0.5 * np.hypot(*size_px)
     shift_px = np.hypot(np.hypot(turned_c[0], turned_c[1]) * fit.lens.focal_px, turned_c[2] * corner_px)

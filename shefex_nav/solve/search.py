@@ -4,6 +4,7 @@ In: places and brightnesses, the range of focal lengths. Out: the fit that is tr
 Wide fields are looked at with several laws of lenses in turn, because a triangle has another shape in each.
 """
 
+from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.solve import lens, patterns, proof, triangles
 
 ROUNDS = (8, 15, 24)  # brightest detections that form triangles, more and more
+FEW_ROUNDS = ROUNDS[:2]  # where nothing but a word depends on it: a quarter of all triangles
 CLEAR, WORTH = 45.0, 18.0  # ln odds of proposals: tried at once, tried at all
 TRIED = 8  # proposals a round, apart from the clear ones
 LEAST = 5  # detections without which nothing is begun
@@ -53,8 +55,12 @@ class Search(NamedTuple):
     may_distort: bool
 
 
-def solve(xy_px, flux, search, clock, trials=None):
-    """The (Fit, Proof) that is true, or None; and the reason. trials : list, filled with what was examined"""
+def solve(xy_px, flux, search, clock, trials=None, rounds=ROUNDS):
+    """The (Fit, Proof) that is true, or None; and the reason.
+
+    trials : list, filled with what was examined
+    rounds : how many of the brightest detections form triangles, more and more
+    """
     if len(flux) < LEAST:
         return None, "too_few_stars"
     xy_px, flux = np.ascontiguousarray(xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
@@ -70,7 +76,7 @@ def solve(xy_px, flux, search, clock, trials=None):
     tried = max(sum(number == other for other, _ in ways) for number in numbers)
     kept, filled = np.zeros((len(ways), triangles.KEPT, 12)), np.zeros(len(ways), dtype=np.int64)
     done, reason = set(), "no_match"
-    for first, last in zip((2, *ROUNDS[:-1]), ROUNDS, strict=True):
+    for first, last in zip((2, *rounds[:-1]), rounds, strict=True):
         for w in (*range(len(ways)), -1):  # each way for itself, then the best of all
             if w >= 0 and first < len(flux):
                 number, xi = ways[w]
@@ -91,6 +97,7 @@ def solve(xy_px, flux, search, clock, trials=None):
     return None, reason
 
 
+@lru_cache(maxsize=64)
 def laws(number, size_px):
     """xi of the lenses that proposals of a band are made for, the pinhole first."""
     corner = 0.5 * np.hypot(*size_px) / np.sqrt(size_px[0] * size_px[1])

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.solve.camera import Camera
+from shefex_nav.solve.orientation import AS_STORED
 
 
 class Match(NamedTuple):
@@ -39,6 +40,11 @@ class ImageSolution(NamedTuple):
     residual_px: float | None = None  # RMS of the stars used against the attitude
     fov_sigma_deg: float | None = None  # of fov_x_deg; None with a StarCamera
     mirrored: bool = False  # told to be: q_ci and camera are those of the picture turned over, left for right
+    has_no_aberration: bool = False  # it was taken out: angles are those of the ICRS
+    orientation: int = AS_STORED  # of EXIF, 1 to 8: by it the picture was turned first, as viewers do
+    as_stored: bool = (
+        False  # it was not turned: places and angles are of the pixels of a StarCamera's detector
+    )
 
 
 def failed(reason, ms, xy_px):

@@ -6,21 +6,24 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from shefex_nav.solve.names import PROPER_NAMES, name_of
+from shefex_nav.solve.image import FOV_DEG
+from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
+from shefex_nav.solve.orientation import AS_STORED
 
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
     "too_few_stars": "fewer than five point-like objects were found",
     "too_few_stars_told": "fewer objects were found than an attitude needs",
-    "no_match": "the objects found fit no stars of the catalogue, for any field of view that was looked for: "
-    "5 to 70 deg across, or 20 % about the one that is told",
+    "no_match": "the objects found fit no stars of the catalogue, for any field of view {looked}; where a "
+    "landscape hides them among its lights, crop the picture to the sky or tell --camera",
     "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
     "--camera its field of view is found as well",
     "focal_length": "the stars contradict the focal length of the camera that is told",
     "residuals": "the identified stars do not fit one attitude; is the focal length of the camera right?",
     "rolling": "rows are exposed one after the other; without the rate of the camera there is no attitude",
     "saturated": "the picture is too bright for the star tracker of the camera that is told",
-    "smeared": "the camera turned faster than star_tracker.highest_rate: the stars are streaks",
+    "smeared": "the spots are no points: the camera turned faster than star_tracker.highest_rate, or the "
+    "picture was compressed or blurred",
     "ambiguous": "more than one identification of the stars fits",
     "mirrored": "the stars fit only when the picture is mirrored; --mirrored solves it so",
     "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring",
@@ -35,7 +38,10 @@ def as_numbers(solution):
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
         value = getattr(solution, name)
         numbers[name] = None if isnan(value) else value
-    numbers["matched"] = [match._asdict() | {"name": name_of(match.hip)} for match in solution.matched]
+    numbers["matched"] = [
+        match._asdict() | {"name": name_of(match.hip), "designation": designation_of(match.hip) or None}
+        for match in solution.matched
+    ]
     numbers["false_probability"] = solution.false_probability
     numbers["wall_ms"] = solution.wall_ms
     if solution.covariance is not None:
@@ -46,10 +52,14 @@ def as_numbers(solution):
         if solution.noise_covariance is not None:
             numbers["noise_covariance_rad2"] = solution.noise_covariance.tolist()
         numbers["residual_px"] = solution.residual_px
+        numbers["has_no_aberration"] = solution.has_no_aberration
     if solution.fov_sigma_deg is not None:
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
         numbers["mirrored"] = True
+    if solution.orientation != AS_STORED:
+        numbers["exif_orientation"] = solution.orientation
+        numbers["pixels"] = "as stored" if solution.as_stored else "as displayed"
     return numbers
 
 
@@ -58,10 +68,12 @@ def sigmas(P):
     return tuple((ARCSEC * np.sqrt(np.diag(P))).tolist())
 
 
-def why(solution, told):
-    """Words for a picture without solution. told : with a StarCamera"""
+def why(solution, told, fov_deg=None):
+    """Words for a picture without solution. told : with a StarCamera;  fov_deg : that is told, or None"""
     text = WHY.get(f"{solution.reason}_told") if told else None
-    return f"{solution.reason}: {text or WHY[solution.reason]}"
+    low, high = FOV_DEG
+    looked = f"from {low:g} to {high:g} deg across" if fov_deg is None else f"within 20 % of {fov_deg:g} deg"
+    return f"{solution.reason}: {(text or WHY[solution.reason]).format(looked=looked)}"
 
 
 def _accuracy(solution):
@@ -71,7 +83,22 @@ def _accuracy(solution):
     rows = [("1 sigma about x, y, boresight", _arcsec(solution.covariance))]
     if solution.noise_covariance is not None:
         rows.append(("of it noise of the picture", _arcsec(solution.noise_covariance)))
+    if not solution.has_no_aberration:
+        rows.append(("aberration", "is in it, up to 20.5 arcsec: the day is not known"))
     return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
+
+
+def _turn(solution):
+    """Row of the table about a picture that is displayed in another way than it is stored."""
+    if solution.orientation == AS_STORED:
+        return ()
+    words = "not applied, pixels as stored" if solution.as_stored else "applied, pixels as displayed"
+    return ((f"EXIF orientation {solution.orientation}", words),)
+
+
+def duration(wall_ms):
+    """Milliseconds, or seconds, for people."""
+    return f"{wall_ms:.3g} ms" if wall_ms < 1000.0 else f"{1e-3 * wall_ms:.1f} s"
 
 
 def _arcsec(P):
@@ -105,10 +132,11 @@ def field(solution, name):
         ("declination", f"{solution.dec_deg:+.4f} deg"),
         ("roll (up, from north through east)", f"{solution.roll_deg:.3f} deg"),
         *_accuracy(solution),
+        *_turn(solution),
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),
         ("stars identified", f"{len(solution.matched)} of {len(solution.xy_px)} objects"),
         ("probability of chance, below", f"{max(solution.false_probability, 1e-99):.0e}"),
-        ("time", f"{solution.wall_ms:.3g} ms"),
+        ("time", duration(solution.wall_ms)),
     )
     for row in rows:
         table.add_row(*row)
@@ -118,11 +146,12 @@ def field(solution, name):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "name", "V", "x [px]", "y [px]"):
-        table.add_column(title, justify="left" if title == "name" else "right")
+    for title in ("HIP", "name", "designation", "V", "x [px]", "y [px]"):
+        table.add_column(title, justify="left" if title in ("name", "designation") else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
         places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"
-        table.add_row(str(star.hip), PROPER_NAMES.get(star.hip, ""), f"{star.vmag:.2f}", *places)
+        names = PROPER_NAMES.get(star.hip, ""), designation_of(star.hip)
+        table.add_row(str(star.hip), *names, f"{star.vmag:.2f}", *places)
     return table
 
 

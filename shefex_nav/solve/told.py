@@ -136,6 +136,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
     return ImageSolution(
         "ok", "", *pointing.angles(marks_i), matched, float(np.exp(-found.log_odds)),
         1e3 * (perf_counter() - began), q_ci, told, seen.xy_px, noise + constant, noise, residual_px,
+        has_no_aberration=True,
     )  # fmt: skip
 
 

@@ -89,17 +89,17 @@ def compare(band, spots, C, focal_px, middle):
     focal_px : float
     middle : (x, y) of the triangle
     """
-    u_i, start, row, xy_px, cells = band.u_i, band.start, band.row, spots.xy_px, spots.cells
+    listed_i, start, xy_px, cells = band.listed_i, band.start, spots.xy_px, spots.cells
     width, height = spots.size_px
     cx, cy = 0.5 * (width - 1.0), 0.5 * (height - 1.0)
+    farthest = _axial(spots.xi, (cx * cx + cy * cy) / (focal_px * (1.0 + spots.xi)) ** 2)
     per_area = np.pi * xy_px.shape[0] / (width * height)
     patience, odds, compared = PATIENCE, 0.0, 0
     cell = cell_of(C[6], C[7], C[8])
     for e in range(start[cell], start[cell + 1]):
-        s = row[e]
-        p, q, r = u_i[s, 0], u_i[s, 1], u_i[s, 2]
+        p, q, r = listed_i[e, 0], listed_i[e, 1], listed_i[e, 2]
         Z = C[6] * p + C[7] * q + C[8] * r
-        if Z < 0.1:
+        if Z < farthest:  # most stars of a list are beyond the corners: no more is computed of them
             continue
         scale = focal_px * (1.0 + spots.xi) / (Z + spots.xi)
         x = cx + scale * (C[0] * p + C[1] * q + C[2] * r)
@@ -124,6 +124,13 @@ def compare(band, spots, C, focal_px, middle):
         if patience < 0 or compared == COMPARED:
             break
     return odds
+
+
+@inner
+def _axial(xi, m2):
+    """Third component of the direction of a pixel, at least 0.1; m2 as of `directions`, squared."""
+    s = (xi + np.sqrt(max(1.0 + (1.0 - xi * xi) * m2, 0.0))) / (1.0 + m2)
+    return max(s - xi - 1e-9, 0.1)
 
 
 @inner

@@ -16,7 +16,9 @@ from shefex_nav.scenario import load
 N = 60
 KEYS = {"runs", "asked", "lost", "succeeded", "failed", "requirements", "wall_s", "results_digest"}
 KEYS |= {"integrity"}
-REQUIREMENT_KEYS = {"name", "limit", "unit", "passed", "of", "ci95"}
+REQUIREMENT_KEYS = {"name", "limit", "unit", "passed", "of", "ci95", "verification"}
+VERIFICATION_KEYS = {"verdict", "probability", "confidence", "runs", "missed", "least", "most", "more"}
+VERIFICATION_KEYS |= {"more_at_rate", "looks"}
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +43,7 @@ def test_the_object_has_exactly_its_keys(folder):
     assert found["results_digest"] == campaign.digest and len(found["results_digest"]) == 64
     assert [one["name"] for one in found["requirements"]] == list(campaign.limits)
     for one in found["requirements"]:
-        assert one.keys() == REQUIREMENT_KEYS
+        assert one.keys() == REQUIREMENT_KEYS and one["verification"].keys() == VERIFICATION_KEYS
         assert 0 <= one["passed"] <= one["of"] == found["succeeded"]
         assert one["ci95"][0] <= one["passed"] / one["of"] <= one["ci95"][1]
     assert found["requirements"][0]["unit"] == "deg"

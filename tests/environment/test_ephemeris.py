@@ -111,6 +111,17 @@ def test_unknown_planet_is_an_error():
         ephemeris.planet_magnitude("Pluto", *geometry(30.0, 30.0, 1.0))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("year", [1880, 2012, 2099, 2150, 2190])
+def test_velocity_of_the_earth_outside_the_years_of_its_fit(year):
+    """Without a warning, and as right as within: against plan94 (1000 to 3000), less the Sun's 16 m/s."""
+    tt = ephemeris._tt(f"{year}-03-01T00:00:00")
+    sun = 12.5 + 4.0  # m/s, of the Sun about the barycentre, and what plan94 leaves
+    moon = erfa.moon98(*tt)["v"] * 0.0121505843  # from the Earth to the barycentre of both
+    v_i = (erfa.plan94(*tt, 3)["v"] - moon) * ephemeris.AU / ephemeris.DAY
+    assert np.linalg.norm(ephemeris.sky_bodies(f"{year}-03-01T00:00:00").earth_v_i - v_i) < sun
+
+
 def test_epoch_strings():
     assert ephemeris.julian_year("2000-01-01T12:00:00") == pytest.approx(2000.0, abs=3e-6)  # UTC, not TT
     assert ephemeris.julian_year(EPOCH) == pytest.approx(2012.4745, abs=1e-4)

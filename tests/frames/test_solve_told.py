@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from exported_frames import error_c
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
 from shefex_nav.commands.main import app
 from shefex_nav.frames import camera_file, export
-from shefex_nav.solve import told
+from shefex_nav.solve import picture, told
 from shefex_nav.solve.header import Taken, julian_year
 from shefex_nav.solve.image import solve_image
 from shefex_nav.solve.picture import PictureError
@@ -98,6 +99,32 @@ def test_calibration_is_in_the_covariance(still):
     assert error @ np.linalg.solve(found.noise_covariance, error) > 25.0
 
 
+@pytest.mark.parametrize("number", [2, 3, 6])
+def test_pixels_are_taken_as_they_are_stored(still, tmp_path, number):
+    """Whatever EXIF says of how a viewer is to turn them: the lens is that of the detector."""
+    exif = Image.Exif()
+    exif[picture.EXIF_ORIENTATION] = number
+    kept = Image.open(files(still)[3])
+    texts = PngInfo()
+    for key, text in kept.text.items():
+        texts.add_text(key, text)
+    kept.save(tmp_path / "turned.png", exif=exif, pnginfo=texts)
+    camera = cameras(still)[0]
+    plain, found = (
+        solve_image(files(still)[3], camera=camera),
+        solve_image(tmp_path / "turned.png", camera=camera),
+    )
+    assert (found.status, found.orientation, found.as_stored) == ("ok", number, True)
+    np.testing.assert_array_equal(found.q_ci, plain.q_ci)
+    np.testing.assert_array_equal(found.xy_px, plain.xy_px)
+    told_of = command(tmp_path / "turned.png", "--camera", still.folder / export.TRUE, "--overlay",
+                      tmp_path / "named.png")  # fmt: skip
+    assert told_of.exit_code == 0 and "not applied, pixels as stored" in told_of.stdout
+    command(files(still)[3], "--camera", still.folder / export.TRUE, "--overlay", tmp_path / "plain.png")
+    drawn = [np.asarray(Image.open(tmp_path / name)) for name in ("named.png", "plain.png")]
+    np.testing.assert_array_equal(*drawn)
+
+
 def test_velocity_is_used_and_truth_is_not(still, tmp_path):
     camera, shot = cameras(still)[0], still.shots[3]
     with_it = solve_image(files(still)[3], camera=camera)
@@ -175,6 +202,9 @@ def test_raw_files(still, tmp_path):
     path.write_bytes(shot.frame.image_dn.astype("<u2").tobytes()[:-2])
     with pytest.raises(PictureError, match=r"frame.raw: has 649772 bytes; 659 x 493 pixels of 2 bytes"):
         solve_image(path, camera=camera)
+    path.write_bytes(shot.frame.image_dn.astype("<u2").tobytes())
+    done = command(path, "--camera", still.folder / export.TRUE, "--overlay", tmp_path / "drawn.png")
+    assert done.exit_code == 0 and (tmp_path / "drawn.png").exists(), done.output
 
 
 def test_command(still, tmp_path):

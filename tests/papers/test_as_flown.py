@@ -17,7 +17,7 @@ from shefex_nav.papers.bright.methods import brightness
 from shefex_nav.papers.bright.published import BRIGHT
 from shefex_nav.papers.flown import experiments, flights
 from shefex_nav.papers.rows import goal_none
-from shefex_nav.papers.shefex2 import end_to_end
+from shefex_nav.papers.shefex2 import chain, end_to_end
 from shefex_nav.papers.shefex2 import field as shefex
 from shefex_nav.papers.shefex2.methods import pyramid
 from shefex_nav.papers.shefex2.published import SHEFEX
@@ -38,12 +38,12 @@ def on_board(name):
 
 def test_shefex_as_flown_is_the_chain_of_the_experiments():
     settings = on_board("shefex2_as_flown")
-    printed = end_to_end.PRINTED
-    assert replace(settings.detection, grow_sigma=printed.grow_sigma) == printed
+    flown = chain.FLOWN
+    assert replace(settings.detection, grow_sigma=flown.grow_sigma) == flown
     goals, exposure = SHEFEX["identification"], settings.exposure
     identify = settings.identification
     assert identify.method == "pyramid" and identify.acceptance == "published"
-    assert identify.cosine_error == end_to_end.COS_ERROR == goals["cos_error"]
+    assert identify.cosine_error == chain.COS_ERROR == goals["cos_error"]
     assert identify.most_centroids == goals["max_centroids"]
     assert settings.catalogue.kind == "combined"
     assert settings.catalogue.keep_to == SHEFEX["catalogue"]["keep_all_to_mag"]

@@ -48,7 +48,7 @@ def test_the_chain_solves_stills_and_is_told_what_is_wrong():
         q_ic, (u_i, magnitudes) = end_to_end.random_attitude(rng), end_to_end.sky_of(rng)
         light = end_to_end.electrons(end_to_end.SPACE, magnitudes)
         image, _ = end_to_end.still(end_to_end.SPACE, u_i, light, q_ic, rng)
-        found = end_to_end.solve_frame(image, "default")
+        found = end_to_end.solve_frame(image, "default", "space")
         solved += end_to_end.verdict(found, q_ic)
         if found is not None:
             assert end_to_end.verdict(found, end_to_end.random_attitude(rng)) == -1

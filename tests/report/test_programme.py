@@ -37,6 +37,9 @@ def scenario():
     return load.load(DEFAULT)
 
 
+ACCEPTANCE = "star_tracker.identification.acceptance"
+
+
 @pytest.fixture(scope="module")
 def flat():
     """A flatter launch under the programme of the default mission, and its flight."""
@@ -60,6 +63,30 @@ def test_the_default_programme_fits(scenario):
 )
 def test_programmes_of_the_package_fit(name):
     assert programme.foreseen(load.load(ROOT / "scenarios" / f"{name}.yaml")) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "method"),
+    [
+        ("shefex2_as_flown", (), "pyramid"),
+        ("shefex2_as_flown", ("star_tracker.enabled=false",), None),
+        (
+            "shefex2_as_flown",
+            (f"{ACCEPTANCE}=verified", "star_tracker.identification.cosine_error=null"),
+            None,
+        ),
+        ("shefex2_andoya", (), None),
+        ("bright_three_star", (), "brightness"),
+    ],
+)
+def test_attitudes_that_nobody_verifies_are_told(name, overrides, method):
+    """One line, with the key; nothing where each is verified, or where the star tracker does not fly."""
+    scenario = load.load(ROOT / "scenarios" / f"{name}.yaml", overrides)
+    found = [one for one in programme.foreseen(scenario) if one.field[-1] == "acceptance"]
+    assert fields(found) == [ACCEPTANCE] * (method is not None)
+    for one in found:
+        assert f"method {method!r} is accepted as its paper does" in one.text
+        assert "wrong attitudes are believed" in one.text and "\n" not in one.text
 
 
 def test_a_flatter_launch_is_told(flat):

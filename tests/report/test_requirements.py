@@ -16,6 +16,11 @@ SUMMARY = {
     "star_tracker": {"solved": 95, "in_window": 100, "wrong": 1},
     "navigation": {
         "at_entry": {"attitude_error_deg": [0.1, -0.18, 0.0], "position_error_m": 99.0},
+        "while_pointing": {
+            **{"from_s": 250.0, "to_s": 372.0},
+            "attitude_deg": {"rms": 0.02, "max": 0.05},
+            "position_m": {"rms": 2.0, "max": 4.0},
+        },
         "integrity": {
             "misleading_share": 0.002,
             "at_entry": {"usable": True},
@@ -43,6 +48,8 @@ def passed(**wanted):
         ({"usable_at_entry": True}, True, True),
         ({"attitude": {"limit": "0.15 deg", "protection_at_entry": True}}, 0.2, False),
         ({"attitude": {"limit": "0.25 deg", "protection_at_entry": True}}, 0.2, True),
+        ({"attitude": {"limit": "0.05 deg", "while_pointing": True}}, 0.05, True),
+        ({"position": {"limit": "3 m", "while_pointing": True}}, 4.0, False),
         ({"misleading": "0 %"}, 0.2, False),
         ({"misleading": "0.2 %"}, 0.2, True),
         ({"wrong_star_fixes": 0}, 1, False),
@@ -122,7 +129,7 @@ def test_a_limit_alone_requires_nothing():
 
 def test_every_field_of_the_section_is_measured():
     judged = set(requirements.MEASURES) - set(requirements.OF_LIMIT)
-    made_for = {"integrity_risk", "probability"}  # levels, predictions; campaigns count against the first
+    made_for = {"integrity_risk", "probability", "confidence"}  # of levels, predictions and campaigns
     assert judged | made_for | set(QUANTITIES) == set(Requirements.model_fields)
     assert {key for _, key in requirements.OF_LIMIT.values()} | {"limit"} == set(Attitude.model_fields)
     assert math.isclose(requirements.MEASURES["cold_gas"].factor, 1.0)

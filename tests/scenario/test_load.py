@@ -93,11 +93,11 @@ def test_what_the_default_leaves_out():
         ),
         *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
-        *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
+        *("apogee", "cold_gas", "pointing_error", "protection_at_entry", "while_pointing"),  # not required
         *("magnetometer", "rows", "model_error", "memory"),
         "fix",  # of the GPS receiver
         *("acceptance", "cosine_error", "reference_magnitude"),  # of identifications as published
-        "probability",  # of requirements
+        *("probability", "confidence"),  # of requirements
     }
 
 

@@ -32,6 +32,7 @@ def test_nothing_is_required_where_nothing_is_said():
     assert limits == pytest.approx([100.0, 1.0, math.radians(0.17)])
     assert said.pop("integrity_risk") == pytest.approx(1e-5)  # for which the levels are made
     assert said.pop("probability") == pytest.approx(0.99865)  # for which `trade` predicts
+    assert said.pop("confidence") == pytest.approx(0.9)  # with which a campaign verifies
     assert set(said.values()) == {None, False}
 
 

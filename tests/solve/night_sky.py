@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
-from shefex_nav.environment.stars import at_epoch, load_catalogue
+from shefex_nav.environment.stars import aberrate, at_epoch, load_catalogue
 
-YEAR = 2019.57
+YEAR = 2020.0  # a whole one says no day: aberration is neither drawn nor taken out
 STARS = at_epoch(load_catalogue(8.0), YEAR)
 
 
@@ -40,13 +40,13 @@ def axes(ra_deg, dec_deg, roll_deg):
 def shoot(
     rng, *, fov_deg=11.4, width=1024, height=768, ra_deg=None, dec_deg=None, roll_deg=None, limit=7.0,
     sigma_px=1.0, snr=6.0, background=60.0, noise=2.0, k1_edge=0.0, trail_px=0.0, trail_angle=0.5,
-    law=None,
+    law=None, velocity_i=(0.0, 0.0, 0.0),
 ):  # fmt: skip
     """A picture whose stars of V = limit have a signal-to-noise ratio of snr.
 
     k1_edge: relative displacement at the middle of the left and right edge. With 8 bits in mind: background
     and noise are grey values, stars saturate at 255. law: distance from the middle for an angle from the
-    axis, in the place of a pinhole, e.g. 2 tan(angle / 2).
+    axis, in the place of a pinhole, e.g. 2 tan(angle / 2). velocity_i: of the camera [m/s], for aberration.
     """
     ra_deg = rng.uniform(0.0, 360.0) if ra_deg is None else ra_deg
     dec_deg = np.degrees(np.arcsin(rng.uniform(-1.0, 1.0))) if dec_deg is None else dec_deg
@@ -56,8 +56,9 @@ def shoot(
     edge = np.tan(0.5 * np.radians(fov_deg))
     f = 0.5 * width / (edge * (1.0 + k1_edge))
     k1 = k1_edge / edge**2
-    ahead = STARS.u_i @ forward > 0.3
-    u_i, vmag, hip = STARS.u_i[ahead], STARS.vmag[ahead], STARS.hip[ahead]
+    seen_i = aberrate(STARS.u_i, np.array(velocity_i))
+    ahead = seen_i @ forward > 0.3
+    u_i, vmag, hip = seen_i[ahead], STARS.vmag[ahead], STARS.hip[ahead]
     x, y = (u_i @ right) / (u_i @ forward), (u_i @ down) / (u_i @ forward)
     radial = 1.0 + k1 * np.minimum(x * x + y * y, 1.6 * (edge * np.hypot(1.0, height / width)) ** 2)
     if law is not None:

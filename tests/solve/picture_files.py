@@ -56,7 +56,7 @@ def filtered(pixels, filters):
     return out
 
 
-def tiff(pixels, *, compression=1, predictor=1, rows_per_strip=50, order="<"):
+def tiff(pixels, *, compression=1, predictor=1, rows_per_strip=50, order="<", orientation=1):
     """TIFF of (rows, columns, channels) uint16."""
     rows, columns, channels = pixels.shape
     strips = []
@@ -76,7 +76,8 @@ def tiff(pixels, *, compression=1, predictor=1, rows_per_strip=50, order="<"):
     bits = struct.pack(f"{order}{channels}H", *[16] * channels)
     entries = [
         (256, 4, 1, columns), (257, 4, 1, rows), (258, 3, channels, at + 8 * n), (259, 3, 1, compression),
-        (262, 3, 1, 2), (273, 4, n, at if n > 1 else offsets[0]), (277, 3, 1, channels),
+        (262, 3, 1, 2),
+        (273, 4, n, at if n > 1 else offsets[0]), (274, 3, 1, orientation), (277, 3, 1, channels),
         (278, 4, 1, rows_per_strip), (279, 4, n, at + 4 * n if n > 1 else len(strips[0])), (284, 3, 1, 1),
         (317, 3, 1, predictor),
     ]  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm, rotvec_from_quat
-from shefex_nav.solve import lens, proof
+from shefex_nav.solve import lens, proof, steps
 
 SIZE = (1024, 768)
 
@@ -78,7 +78,7 @@ def test_slopes_are_derivatives():
     xy = rng.uniform([-0.6, -0.5], [0.6, 0.5], (12, 2))
     u_c = np.column_stack([xy, np.ones(12)])
     u_i = u_c / np.linalg.norm(u_c, axis=1, keepdims=True) @ at.C_ci
-    J = lens.jacobian(at, lens.project(at, u_i, SIZE)[1])
+    J = steps.jacobians(at.focal_px, np.array(at.k), lens.project(at, u_i, SIZE)[1])
 
     def moved(n, by):
         change = np.zeros(9)

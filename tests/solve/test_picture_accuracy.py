@@ -8,6 +8,8 @@ import pytest
 from PIL import Image
 from scipy.stats import chi2
 
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
+from shefex_nav.environment.ephemeris import sky_bodies
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_from_quat
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.image import solve_image
@@ -38,6 +40,24 @@ def compressed(image, quality=85):
     file = io.BytesIO()
     Image.fromarray(night_sky.to_8_bit(image)).save(file, "JPEG", quality=quality)
     return np.asarray(Image.open(file))
+
+
+def test_aberration_is_taken_out_where_the_day_is_known():
+    """The sky is that of the moving Earth: where the day is not known, up to 20.5 arcsec off."""
+    rng, arcsec = np.random.default_rng(22), np.radians(1.0 / 3600.0)
+    velocity_i = sky_bodies("2019-07-28T10:37:12").earth_v_i
+    with_it, without = [], []
+    for _ in range(6):
+        shot = night_sky.shoot(rng, fov_deg=8.0, limit=7.3, velocity_i=velocity_i)
+        image = night_sky.to_8_bit(shot.image)
+        of_day, of_year = (solve_image(image, epoch=epoch) for epoch in (2019.57, 2020.0))
+        assert of_day.has_no_aberration and not of_year.has_no_aberration
+        with_it.append(error(of_day, shot)[:2] / arcsec)
+        forward = np.array(night_sky.axes(shot.ra_deg, shot.dec_deg, shot.roll_deg)[2])
+        expected = np.linalg.norm(np.cross(forward, velocity_i)) / SPEED_OF_LIGHT / arcsec
+        without.append(np.hypot(*error(of_year, shot)[:2]) / arcsec - expected)
+    assert np.hypot(*np.transpose(with_it)).max() < 4.0
+    assert np.abs(without).max() < 4.0 and expected > 5.0
 
 
 @pytest.mark.parametrize(

@@ -35,12 +35,14 @@ def test_json(sky):
     assert list(result) == [
         "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg", "matched",
         "false_probability", "wall_ms", "q_ic", "sigma_arcsec", "covariance_rad2", "residual_px",
-        "fov_x_sigma_deg",
+        "has_no_aberration", "fov_x_sigma_deg",
     ]  # fmt: skip
     assert result["status"] == "ok" and result["reason"] == ""
     assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
-    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name"}
+    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name", "designation"}
     assert "Betelgeuse" in {match["name"] for match in result["matched"]}
+    names = {match["hip"]: (match["name"], match["designation"]) for match in result["matched"]}
+    assert names[27989] == ("Betelgeuse", "alpha Ori") and names[26207] == ("lambda Ori", "lambda Ori")
     assert 0.0 < result["false_probability"] < 1e-7 and result["wall_ms"] > 0.0
 
 
@@ -48,7 +50,15 @@ def test_json(sky):
 def test_table_and_field_of_view(sky, fov):
     done = solve(sky[0], "--fov", fov)
     assert done.exit_code == 0, done.output
-    for text in ("right ascension", "declination", "field of view", "brightest stars", "27989", "Betelgeuse"):
+    for text in (
+        "right ascension",
+        "declination",
+        "field of view",
+        "brightest stars",
+        "27989",
+        "Betelgeuse",
+        "alpha Ori",
+    ):
         assert text in done.stdout
 
 

@@ -172,8 +172,9 @@ def summary(table):
         "up_to_m_s": {whence: most(table, whence) for whence in DIRECTIONS},
         "winds": [
             {
-                "speed_m_s": one.speed, "from_deg": 45.0 * DIRECTIONS.index(one.whence), "go": not one.reasons,
-                "reasons": list(one.reasons), "off_m": one.off, **(one.down and _down(one.down) or {}),
+                "speed_m_s": one.speed, "from_deg": 45.0 * DIRECTIONS.index(one.whence),
+                "go": not one.reasons, "reasons": list(one.reasons), "off_m": one.off,
+                **(_down(one.down) if one.down is not None else {}),
             }
             for one in table.cells
         ],

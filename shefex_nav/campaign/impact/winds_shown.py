@@ -36,8 +36,8 @@ def _cell(one, text):
 def lines(found):
     """What one has to know to read the table."""
     yield (
-        "A wind is the same at all heights (a ballistic wind). The figure is how far the body that is farthest "
-        "off lands from its place."
+        "A wind is the same at all heights (a ballistic wind). The figure is how far off its place the "
+        "farthest body lands."
     )
     if found.place is not None:
         tilts = [np.degrees(0.5 * np.pi - one.down.elevation) for one in found.cells if one.down is not None]

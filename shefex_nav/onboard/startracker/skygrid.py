@@ -28,12 +28,17 @@ class SkyGrid(NamedTuple):
 def build(u_i, vmag, radius):
     """Lists of all stars within `radius` [rad] of any direction. (n, 3), (n,) sorted -> SkyGrid."""
     start, row = _lists_kernel(u_i, radius)
+    return SkyGrid(start, row, log_density(vmag))
+
+
+def log_density(vmag):
+    """ln of the density of magnitudes [1/mag] at each star. (n,) sorted -> (n,)"""
     below = np.searchsorted(vmag, vmag - DENSITY_WINDOW, side="left")
     above = np.searchsorted(vmag, vmag + DENSITY_WINDOW, side="right")
     faint, bright = vmag[-1], vmag[0]  # the window ends with the catalogue
     width = np.minimum(vmag + DENSITY_WINDOW, faint) - np.maximum(vmag - DENSITY_WINDOW, bright)
     density = (above - below) / (len(vmag) * np.maximum(width, DENSITY_WINDOW))
-    return SkyGrid(start, row, log(density))
+    return log(density)
 
 
 @inner

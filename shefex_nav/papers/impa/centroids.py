@@ -3,7 +3,8 @@
 Each sample is an attitude and a direction; at each rate and with each shutter two contiguous frames are made.
 Of the second one every cluster that the fusion kept is compared with the star nearest to its compensated
 place, if there is one within SAME_PX; the same pairs make the table without compensation. Ours are compared
-with the nearest star too.
+with the nearest star too. A star is apart where no other one's streak comes within BLEND_PX of its own: of
+those that are not a cluster may hold two, and the paper does not say what it compares them with.
 """
 
 from typing import NamedTuple
@@ -11,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import pixels
-from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.onboard.startracker import best_attitude
 from shefex_nav.papers.experiment import Experiment
 from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, trackers
@@ -21,6 +22,8 @@ from shefex_nav.papers.impa.methods import clusters as cluster
 from shefex_nav.papers.impa.methods.compensate import FORMS
 
 SAME_PX = 5.0  # a cluster further from every star is none, or a piece of a broken streak
+BLEND_PX = 5.0  # between two streaks: the spots of both, three sigma each, are not parted by a gap
+INSTANTS = np.linspace(-0.5, 0.5, 9)  # of an exposure: a streak of 51 px has one every 6
 SAMPLES = 520  # each direction and attitude as evenly as can be, at five rates with two shutters
 
 
@@ -29,13 +32,30 @@ class Truth(NamedTuple):
 
     xy_px: np.ndarray  # (n, 2) at the instant
     light: np.ndarray  # (n,) electrons of a row's exposure
+    apart: np.ndarray  # (n,) bool
 
 
 def truth(shutter, case, number):
     """What is to be seen in a frame: Truth."""
     q_ic = field.attitude_at(case, number)
     u_i, light = flight.near_stars(field.camera(shutter), q_ic)
-    return Truth(pixels(field.CAMERA, u_i @ dcm_from_quat(q_ic)), light)
+    return Truth(pixels(field.CAMERA, u_i @ dcm_from_quat(q_ic)), light, apart(case, number, u_i))
+
+
+def apart(case, number, u_i):
+    """Which stars have a streak of their own in a frame. Case, int, (n, 3) -> (n,) bool"""
+    from scipy.spatial import cKDTree
+
+    q_ic = field.attitude_at(case, number)
+    turned = (quat_from_rotvec(case.omega_c * field.EXPOSURE_S * part) for part in INSTANTS)
+    paths = np.array([pixels(field.CAMERA, u_i @ dcm_from_quat(quat_multiply(q_ic, one))) for one in turned])
+    length = np.linalg.norm(paths[-1] - paths[0], axis=1).max(initial=0.0)
+    middle = paths[len(INSTANTS) // 2]
+    one, other = cKDTree(middle).query_pairs(length + BLEND_PX, output_type="ndarray").T
+    between = np.linalg.norm(paths[:, None, one] - paths[None, :, other], axis=-1).min(axis=(0, 1))
+    out = np.ones(len(u_i), dtype=bool)
+    out[np.concatenate([one, other])[np.tile(between <= BLEND_PX, 2)]] = False
+    return out
 
 
 def nearest(xy_px, stars):
@@ -75,6 +95,7 @@ def frames_of(shutter, case, seed):
     for kind, error in zip(kinds, errors, strict=False):
         for s, e in zip(star, error, strict=True):
             rows.append(_row(case, kind, s, e, stars.light[s]))
+            rows[-1][COLUMNS.index("apart")] = stars.apart[s]
     omega_c, P_omega_c = field.gyro(case, gyro_rng)
     found = trackers.streaks_of(second, omega_c, P_omega_c, times)
     motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
@@ -100,7 +121,7 @@ def _row(case, kind, star, error, light, P_px=None, best=None, seen=True):
         turned = bound.along_across(error[None], np.array([best.heading]))[0]
         C = trackers.turn2(best.heading)
         least, said = C.T @ best.P_px @ C, C.T @ P_px @ C
-        row[6:] = (
+        row[6:-2] = (
             seen, best.snr, best.inside, *turned, least[0, 0], least[1, 1],
             error @ np.linalg.solve(P_px, error), said[0, 0], said[1, 1],
         )  # fmt: skip
@@ -114,8 +135,10 @@ def measure(samples, seed, first):
         for rate, one in zip(field.RATES, own.spawn(len(field.RATES)), strict=True):
             case = field.pair(rate, number)
             for shutter, frames_seed in zip(field.SHUTTERS, one.spawn(2), strict=True):
-                rows += frames_of(shutter, case, frames_seed)
-    return {"rows": np.array(rows).reshape(-1, len(COLUMNS))}
+                found = np.array(frames_of(shutter, case, frames_seed)).reshape(-1, len(COLUMNS))
+                found[:, COLUMNS.index("sample")] = number
+                rows.append(found)
+    return {"rows": np.concatenate(rows)}
 
 
 # what makes the results or says what a stored number means

@@ -116,16 +116,18 @@ def published_wrong_rows(found):
         frames = int(found["flown"][:, s].sum())
         for c, case in enumerate(CASES):
             condition = f"{_words(case)}, {_words(shutter)}, {frames} frames flown"
-            for a, acceptance in enumerate(ACCEPTANCES):
-                published = found["published"][:, s, c, a]
-                across, about = wrong(published[:, 0] > 0, published[:, 1:])
+            here = [found["published"][:, s, c, a] for a in range(len(ACCEPTANCES))]
+            flags = [(one[:, 0] > 0, *wrong(one[:, 0] > 0, one[:, 1:])) for one in here]
+            counts = [[int(flag.sum()) for flag in those] for those in flags]  # given out, wrong ones
+            each = (f"{name} {k} of {n}" for name, (n, k, _) in zip(ACCEPTANCES, counts, strict=True))
+            why = "wrong of what was given out: " + ", ".join(each)
+            for acceptance, (n, across, about) in zip(ACCEPTANCES, counts, strict=True):
                 given = f"IMPA {acceptance}: wrong across the boresight", condition
-                n = int((published[:, 0] > 0).sum())
                 if n:
-                    of_paper = {"n_published": len(RATES[1:]) * N_AT_RATE + N_AT_REST}
-                    out.append(rows.published_share(*given, 0.0, across.sum(), n, **of_paper))
+                    of_paper = {"n_published": len(RATES[1:]) * N_AT_RATE + N_AT_REST, "why": why}
+                    out.append(rows.published_share(*given, 0.0, across, n, **of_paper))
                     quantity = f"IMPA {acceptance}: wrong about the boresight"
-                    out.append(rows.share(quantity, condition, about.sum(), n))
+                    out.append(rows.share(quantity, condition, about, n))
     return out
 
 

@@ -9,16 +9,14 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.rows import figure, share
 from shefex_nav.papers.settings import STAR_TRACKER
-from shefex_nav.papers.shefex2 import figures
-from shefex_nav.papers.shefex2.field import CAMERA, FIELD, MERGE, YEAR, flown_pairs
+from shefex_nav.papers.shefex2 import chain, figures
+from shefex_nav.papers.shefex2.field import CAMERA, FIELD, MERGE, YEAR
 from shefex_nav.papers.shefex2.frames import DETECT, MODEL, SPACE, all_stars
-from shefex_nav.papers.shefex2.methods import pyramid
 from shefex_nav.papers.shefex2.published import SHEFEX
 from shefex_nav.papers.stills import electrons, random_attitude, still
 from shefex_nav.records import FrameTruth, Reason, StarFix
@@ -33,12 +31,12 @@ PLACES = ("space", "ground")
 WAYS = ("as printed", "as read by us", "default")
 PAPERS = WAYS[:2]  # what the text has, and with the scan of our tracker, which the text leaves room for
 FRAME_S = 0.1
-COS_ERROR = SHEFEX["identification"]["cos_error"]
-IDENTIFY = STAR_TRACKER.identification
-# Single pixels over a threshold that the paper does not give: 8 sigma, 18 DN here, at which 4 to 8 sigma come
-# nearest to what section 4 says of the rates. [E] three pixels make an object, as for a Gaussian spot.
-PRINTED = replace(DETECT, scan="single_pixels", centroid="weighted", seed_sigma=8.0, fewest_pixels=3)
-DETECTIONS = {"as printed": PRINTED, "as read by us": replace(DETECT, centroid="weighted"), "default": DETECT}
+CHAINS = {  # (way, place) -> Reading; the ground has the uniform catalogue, as section 4 says
+    ("as printed", "space"): chain.IN_FLIGHT,
+    ("as printed", "ground"): chain.NIGHT_SKY,
+    ("as read by us", "space"): chain.IN_FLIGHT._replace(detection=chain.BLOCKS),
+    ("as read by us", "ground"): chain.NIGHT_SKY._replace(detection=chain.BLOCKS),
+}
 
 
 @cache
@@ -57,21 +55,17 @@ def sky_of(rng):
     return np.vstack([u_i, false]), np.append(scattered, rng.uniform(*FALSE_MAGNITUDES, FALSE_OBJECTS))
 
 
-def solve_frame(image, way):
+def solve_frame(image, way, place):
     """Attitude of a frame by one of the chains: q_ic, or None."""
-    found, _ = detect(DETECTIONS[way], MODEL, image)
-    u_c = unit_vectors(CAMERA, found.xy_px)
     if way in PAPERS:
-        pairs = flown_pairs()
-        result = pyramid.match(IDENTIFY, MODEL, pairs, u_c, found.flux_dn, COS_ERROR)
-    else:
-        pairs = default_pairs()
-        result = IDENTIFIERS["bayes"](IDENTIFY, MODEL, pairs, u_c, found.flux_dn)
+        return chain.solve(CHAINS[way, place], image)
+    found, _ = detect(DETECT, MODEL, image)
+    u_c, pairs = unit_vectors(CAMERA, found.xy_px), default_pairs()
+    result = IDENTIFIERS["bayes"](STAR_TRACKER.identification, MODEL, pairs, u_c, found.flux_dn)
     known = result.star >= 0
-    if result.reason != Reason.NONE or known.sum() < IDENTIFY.fewest_stars:
+    if result.reason != Reason.NONE or known.sum() < STAR_TRACKER.identification.fewest_stars:
         return None
-    variance = 0.5 * np.trace(found.P_px[known], axis1=1, axis2=2)
-    return esoq2(u_c[known], pairs.stars.u_i[result.star[known]], np.sqrt(variance + 0.03**2))
+    return chain.of_stars(found, known, u_c, pairs.stars.u_i[result.star[known]])
 
 
 def verdict(q_ic, truth):
@@ -88,10 +82,10 @@ def measure_end_to_end(samples, seed):
     out = np.empty((samples, len(PLACES) * len(WAYS) + 1), dtype=np.int64)
     for k in range(samples):
         q_ic, (u_i, magnitudes) = random_attitude(rng), sky_of(rng)
-        for p, camera in enumerate((SPACE, GROUND)):
+        for p, (place, camera) in enumerate(zip(PLACES, (SPACE, GROUND), strict=True)):
             image, _ = still(camera, u_i, electrons(camera, magnitudes), q_ic, rng)
             for w, way in enumerate(WAYS):
-                out[k, len(WAYS) * p + w] = verdict(solve_frame(image, way), q_ic)
+                out[k, len(WAYS) * p + w] = verdict(solve_frame(image, way, place), q_ic)
     out[:, -1] = night(samples, night_seed)
     return out
 

@@ -63,6 +63,13 @@ def flown_pairs():
     return catalogue.pair_table(flown(), FIELD)
 
 
+@cache
+def uniform_pairs():
+    """Pairs of the uniform catalogue (section 3.3, figure 5), as many stars as fly: StarPairs."""
+    uniform = catalogue.build(replace(COMBINED, kind="uniform"), load_catalogue(8.0), YEAR)
+    return catalogue.pair_table(uniform, FIELD)
+
+
 def in_view(u_i, q_ic):
     """Rows and pixels of the stars on the detector. (n, 3), (4,) -> (m,), (m, 2)."""
     xy_px = pixels(CAMERA, np.ascontiguousarray(u_i @ dcm_from_quat(q_ic)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.solve import lens as lenses
-from shefex_nav.solve.adjust import OUTLIER, noise_of
+from shefex_nav.solve import steps
 
 NAMES = ("focal_length_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 WIDER = (
@@ -69,7 +69,7 @@ def fit(sights, first, size_px):
         equations = [_linear(*both, values, size_px) for both in zip(sights, attitudes, strict=True)]
         residual = np.concatenate([e[keep] for (_, e), keep in zip(equations, used, strict=True)])
         P_px = np.concatenate([one.P_px[keep] for one, keep in zip(sights, used, strict=True)])
-        multiple, floor2 = noise_of(residual, P_px, 3.0 * len(sights) + len(NAMES))
+        multiple, floor2 = steps.noise_seen(residual, P_px, 3.0 * len(sights) + len(NAMES))
         W = [np.linalg.inv(multiple * one.P_px + floor2 * np.eye(2)) for one in sights]
         used = [_fits(e, w) for (_, e), w in zip(equations, W, strict=True)]
         change, covariance, turns = _step(equations, W, used, values - expected, prior)
@@ -96,7 +96,7 @@ def _linear(one, C_ci, values, size_px):
     """Jacobian (n, 2, 11) by turn and the eight, and residual (n, 2) [px], of a picture."""
     at = lens_of(values, C_ci)
     predicted, ideal = lenses.project(at, one.u_i, size_px)
-    J = lenses.jacobian(at, ideal)
+    J = steps.jacobians(at.focal_px, np.array(at.k), ideal)
     by_point = np.broadcast_to(np.eye(2), (len(ideal), 2, 2))
     J = np.concatenate([J[:, :, :3], J[:, :, 3:4] / values[0], by_point, J[:, :, 4:]], axis=2)
     return J, one.xy_px - predicted - (values[1:3] - lenses.middle(size_px))
@@ -104,7 +104,7 @@ def _linear(one, C_ci, values, size_px):
 
 def _fits(residual, W):
     """Which stars are where the lens puts them; all, where most are not: (n,) bool."""
-    near = np.einsum("ni,nij,nj->n", residual, W, residual) < OUTLIER**2
+    near = np.einsum("ni,nij,nj->n", residual, W, residual) < steps.OUTLIER**2
     return near if near.sum() >= max(4, 0.6 * len(near)) else np.ones(len(near), dtype=bool)
 
 

@@ -1,0 +1,74 @@
+"""Where the star camera looks while a programme points it: too near to the Sun, or to the Earth's limb?
+
+Frames within the exclusion angles are taken and tried all the same, and are not of the star tracker's window.
+So a programme that points the camera there has a star tracker that counts nothing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import frames, rotation, wgs84
+
+STEP_S = 1.0
+SHARE = 0.3  # of the time: a slew that begins near the Sun is not told
+
+
+class Sight(NamedTuple):
+    """Attitude and place of the vehicle, about each second."""
+
+    t_s: np.ndarray  # (N,)
+    q_ib: np.ndarray  # (N, 4)
+    r_i: np.ndarray  # (N, 3) m
+
+
+def sight(t_s, q_ib, r_i):
+    """Sight of samples."""
+    rows = np.unique(np.searchsorted(t_s, np.arange(t_s[0], t_s[-1], STEP_S)))
+    return Sight(t_s[rows], q_ib[rows], r_i[rows])
+
+
+def angles(seen, C_bc, sun_i, earth):
+    """Angles of the boresight to the Sun and to the Earth's limb, (N,) rad each."""
+    found = []
+    for t_s, q_ib, r_i in zip(*seen, strict=True):
+        boresight_i, C_ei = rotation.dcm_from_quat(q_ib) @ C_bc[:, 2], frames.dcm_ie(earth, t_s).T
+        sun_angle = np.arccos(np.clip(boresight_i @ sun_i, -1.0, 1.0))
+        found.append((sun_angle, wgs84.limb_angle(C_ei @ r_i, C_ei @ boresight_i)))
+    return np.array(found).reshape(-1, 2).T
+
+
+def excluded(scenario, seen, looks):
+    """Warnings: (path in the scenario, text) where the pointing as a whole is of little use.
+
+    seen : Sight;  looks : of (name, task) in which the star camera is pointed, slews included
+    """
+    from shefex_nav.environment import ephemeris
+    from shefex_nav.prepare import earth_rotation
+    from shefex_nav.scenario import params
+
+    tracker, stray = scenario.star_tracker, scenario.star_camera.stray_light
+    rows = np.zeros(len(seen.t_s), dtype=bool)
+    for _, task in looks:
+        first_s, last_s = max(task.start, tracker.on), min(task.end, tracker.off)
+        rows |= (seen.t_s >= first_s) & (seen.t_s <= last_s)
+    if not (tracker.enabled and rows.any()):
+        return
+    pointed = Sight(*(values[rows] for values in seen))
+    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
+    found = angles(pointed, params.mounting(scenario), sun_i, earth_rotation(scenario))
+    limits = stray.sun_exclusion, stray.earth_exclusion
+    for what, angle, limit in zip(("the Sun", "the Earth's limb"), found, limits, strict=True):
+        inside = angle < limit
+        if inside.mean() > SHARE:
+            yield ("programme", looks[-1][0]), _words(what, pointed.t_s, angle, limit, inside)
+
+
+def _words(what, t_s, angle, limit, inside):
+    k = int(angle.argmin())
+    part = "all of" if inside.all() else f"{100.0 * inside.mean():.0f} % of"
+    return (
+        f"for {part} the {inside.size * STEP_S:.0f} s in which the star camera is pointed and its tracker is "
+        f"on, it looks within {np.degrees(limit):.0f} deg of {what}, at T{t_s[k]:+.0f} s as near as "
+        f"{np.degrees(angle[k]):.0f} deg: such frames are not of the window; point it elsewhere"
+    )

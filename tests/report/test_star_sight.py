@@ -1,0 +1,44 @@
+"""Programmes that point the star camera at the Sun or at the Earth are told before the flight."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.geometry import wgs84
+from shefex_nav.geometry.frames import EarthRotation
+from shefex_nav.report import programme, star_sight
+from shefex_nav.scenario import load
+
+
+@pytest.mark.parametrize(
+    ("overrides", "what"),
+    [((), None), (("star_camera.stray_light.sun_exclusion=130 deg",), "130 deg of the Sun"),
+     (("star_camera.stray_light.earth_exclusion=80 deg",), "80 deg of the Earth's limb")],
+)  # fmt: skip
+def test_where_the_programme_points(overrides, what):
+    found = [one for one in programme.foreseen(load.load("shefex2_andoya", overrides))]
+    if what is None:
+        assert found == []
+    else:
+        (one,) = found
+        assert one.field == ("programme", "pointing") and what in one.text
+
+
+def test_angles_of_the_boresight():
+    """Above the pole, the boresight (body x here) up, level and 30 deg from the Sun, then down."""
+    above = np.array([0.0, 0.0, wgs84.B + 200e3])
+    up, level, down = [0.5**0.5, 0.0, -(0.5**0.5), 0.0], [1.0, 0.0, 0.0, 0.0], [0.5**0.5, 0.0, 0.5**0.5, 0.0]
+    seen = star_sight.Sight(np.zeros(3), np.array([up, level, down]), np.array([above] * 3))
+    C_bc = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    sun_i = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    earth = EarthRotation(np.eye(3), np.eye(3), 0.3, 7.3e-5)
+    sun_angle, limb_angle = np.degrees(star_sight.angles(seen, C_bc, sun_i, earth))
+    np.testing.assert_allclose(sun_angle, [90.0, 30.0, 90.0], atol=1e-9)
+    np.testing.assert_allclose(np.diff(limb_angle), [-90.0, -90.0], atol=1e-9)
+    dip_deg = np.degrees(np.arccos(wgs84.A / (wgs84.A + 200e3)))  # of a sphere; flattening: 0.1 deg
+    assert limb_angle[1] == pytest.approx(dip_deg, abs=0.15)
+
+
+def test_samples_are_about_a_second_apart():
+    t_s = np.arange(0.0, 10.0, 0.0025)
+    seen = star_sight.sight(t_s, np.zeros((len(t_s), 4)), np.zeros((len(t_s), 3)))
+    np.testing.assert_allclose(np.diff(seen.t_s), 1.0, atol=0.003)
