@@ -168,29 +168,30 @@ def gps_sky(scenario, flight, with_ranges=True):
     return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)
 
 
-def settled(scenario, flight=None):
+def settled(scenario, flight=None, moved=None):
     """The Scenario with the names of the blocks that its filter estimates, if it leaves them to the program.
 
     flight : the planned one, if it has been flown already; it does not depend on the run
+    moved : its wanted_states.Motion, if that is there, which is kept for other scenarios
     """
-    return settled_with_effects(scenario, flight)[0]
+    return settled_with_effects(scenario, flight, moved)[0]
 
 
-def settled_with_effects(scenario, flight=None):
+def settled_with_effects(scenario, flight=None, moved=None):
     """The same, and why these blocks: list of wanted_states.Effect, empty if the scenario names them."""
     if scenario.navigation.states != AUTOMATIC:
         return scenario, []
-    effects = wanted(scenario, flight)
+    effects = wanted(scenario, flight, moved)
     return load.with_states(scenario, [one.block for one in effects if one.on]), effects
 
 
-def wanted(scenario, flight=None):
+def wanted(scenario, flight=None, moved=None):
     """list of wanted_states.Effect of a scenario, by its planned flight; arguments as of `settled`."""
     if flight is None:
         flight = fly_vehicle(scenario, PLANNED)
-    trajectory = flight.trajectory
-    moved, end_s = wanted_states.motion(trajectory), float(trajectory.t_s[-1])
-    return wanted_states.effects(as_told(scenario), moved, flight.events, end_s)
+    if moved is None:
+        moved = wanted_states.motion(flight.trajectory)
+    return wanted_states.effects(as_told(scenario), moved, flight.events, float(flight.trajectory.t_s[-1]))
 
 
 def measured_by_instruments(scenario, seed, trajectory, earth, wrong):

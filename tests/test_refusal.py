@@ -86,6 +86,29 @@ def test_one_plain_line(arguments, tmp_path, monkeypatch, capsys, default_scenar
     assert all(names[name].read_bytes() == b"precious" for name in ("log", "there"))
 
 
+PICTURES = {
+    ("trade", "x.yaml", "--sweep", "gps.rate=1 Hz,2 Hz"): "--figure",
+    ("winds", "x.yaml", "--within", "20 km"): "--figure",
+    ("verify", "bound", "x.yaml"): "--out",
+    ("verify", "consistency", "x.yaml"): "--out",
+    ("verify", "nesc", "--data", "x"): "--out",
+    ("solve", "x.png"): "--overlay",
+}
+
+
+@pytest.mark.parametrize("arguments", PICTURES, ids=" ".join)
+def test_a_picture_that_is_there_is_kept_unless_it_is_forced(arguments, tmp_path, monkeypatch, capsys):
+    picture, option = tmp_path / "picture.png", PICTURES[arguments]
+    picture.write_bytes(b"precious")
+    for more in ((), ("--force",)):
+        monkeypatch.setattr("sys.argv", ["shefex-nav", *arguments, option, str(picture), *more])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = f"{option}: {picture} exists already; choose another name or add --force\n"
+        assert ended.value.code == 2 and (capsys.readouterr().err == said) is (not more)
+        assert picture.read_bytes() == b"precious"  # x is missing: nothing is drawn
+
+
 def test_without_arguments_there_is_help(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["shefex-nav"])
     with pytest.raises(SystemExit) as ended:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import show_campaign
+from shefex_nav.commands.flights import show_campaign, warn
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -80,6 +80,7 @@ def campaign(
     kept = _told("--keep", running.kept, keep or ())
     loaded = load.load(scenario, overrides or ())
     software.refuse_reached(loaded)
+    warn(loaded, loaded.dropped)
     request = running.Request(loaded, runs, seed, workers, address, kept)
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     if dry_run:
@@ -113,6 +114,10 @@ def _sweep(how, given, as_json):
     axes = [sweeps.axis(text) for text in given]
     out = how.out or OUT / f"{Path(how.scenario).stem}-seed{how.seed}-sweep"
     flights, settings = zip(*sweep.planned(how.scenario, axes, how.overrides, out), strict=True)
+    for words in dict.fromkeys(
+        one.scenario.line_about(*gone) for one in flights for gone in one.scenario.dropped
+    ):
+        say(f"warning: {words}")
     lost = fly(flights, how)
     every, found = sweep.compared(flights)
     if as_json:

@@ -34,11 +34,14 @@ def check_place(path, option, *, force=False, instead=OTHER_NAME):
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
 
 
-def check_picture(path, option, *, endings=(".png", ".svg")):
-    """Refuse a picture that has none of these endings, is there already, or whose folder is not."""
+def check_picture(path, option, *, force, endings=(".png", ".svg"), given=()):
+    """Refuse a picture that has none of these endings, would be lost, or cannot be written.
+
+    given : as of `check_file`
+    """
     if path.suffix.lower() not in endings:
         raise typer.BadParameter(f"{path} has to end in {' or '.join(endings)}", param_hint=option)
-    check_place(path, option)
+    check_file(path, option, force=force, given=given)
 
 
 def check_pictures(folder, names, option, *, force):

@@ -73,11 +73,10 @@ def solve(
     fov: Fov = None,
     epoch: Epoch = None,
     frame: FrameTime = None,
-    overlay: Annotated[
-        Path | None, typer.Option(help="Draw detections and names into a new .png file.")
-    ] = None,
+    overlay: Annotated[Path | None, typer.Option(help="Draw detections and names into a .png file.")] = None,
     mirrored: Mirrored = False,
     stages: Stages = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --overlay.")] = False,
     json: Json = False,
 ):
     """Find where pictures of the night sky look, without being told anything, or with a camera told.
@@ -85,7 +84,7 @@ def solve(
     Several pictures give one row each, with --json one object a line. With --frame it is a frame of a log, by
     the camera of its scenario, compared with what the flight said of it and with the truth.
     """
-    _check(images, (camera, fov, frame, mirrored, stages), overlay)
+    _check(images, (camera, fov, frame, mirrored, stages), overlay, force)
     epoch = None if epoch is None else julian_year(epoch)
     if frame is not None or is_log(images[0]):
         raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
@@ -155,7 +154,7 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
     return 0 if again.solution.status == "ok" else 1
 
 
-def _check(images, options, overlay):
+def _check(images, options, overlay, force):
     """Refuse options that are wrong, or do not go together. options : camera, fov, frame, mirrored, stages"""
     camera, fov, frame, mirrored, stages = options
     if stages is not None:
@@ -166,7 +165,7 @@ def _check(images, options, overlay):
     if fov is not None and camera is not None:
         raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
     if overlay is not None:
-        check_picture(overlay, "--overlay", endings=(".png",))
+        check_picture(overlay, "--overlay", force=force, endings=(".png",), given=images)
         if len(images) > 1:
             raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json, Overrides, Scenario, Seed, Workers
+from shefex_nav.commands.options import Json, Overrides, OverwriteFigure, Scenario, Seed, Workers
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -42,9 +42,10 @@ def trade(
     seed: Seed = 1,
     workers: Workers = None,
     figure: Annotated[
-        Path | None, typer.Option(help="Draw a map over the first two settings into a new .png or .svg file.")
+        Path | None, typer.Option(help="Draw a map over the first two settings into a .png or .svg file.")
     ] = None,
     show: Annotated[Quantity, typer.Option(help="What the map shows.")] = Quantity.ATTITUDE,
+    force: OverwriteFigure = False,
     json: Json = False,
 ):
     """Rank combinations of settings by the errors that a linear model predicts; nothing is flown on board.
@@ -53,7 +54,7 @@ def trade(
     SCENARIO --sweep` answers the same with flights.
     """
     if figure is not None:
-        check_picture(figure, "--figure")
+        check_picture(figure, "--figure", force=force)
     from shefex_nav import runs
     from shefex_nav.scenario import sweeps
     from shefex_nav.verify.trade import plan

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import FirstSeed, Json, Scenario, StudyOverrides
+from shefex_nav.commands.options import FirstSeed, Json, OverwriteOut, Scenario, StudyOverrides
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -18,12 +18,13 @@ def bound(
     seeds: Annotated[int, typer.Option(min=1, help="How many runs; a ratio of one run says little.")] = 5,
     first: FirstSeed = 0,
     overrides: StudyOverrides = None,
-    out: Annotated[Path | None, typer.Option(help="Draw the curves into a new .png or .svg file.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the curves into a .png or .svg file.")] = None,
+    force: OverwriteOut = False,
     json: Json = False,
 ):
     """Fly a scenario with some seeds and compare the errors with what is possible at best."""
     if out is not None:
-        check_picture(out, "--out")
+        check_picture(out, "--out", force=force)
     from shefex_nav.scenario import load
     from shefex_nav.scenario.software import refuse_own
 

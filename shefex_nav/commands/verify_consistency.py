@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import FirstSeed, Json, Scenario, StudyOverrides, Workers
+from shefex_nav.commands.options import FirstSeed, Json, OverwriteOut, Scenario, StudyOverrides, Workers
 from shefex_nav.commands.output_files import check_picture, make_folder
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
@@ -34,13 +34,14 @@ def consistency(
         int, typer.Option(min=100, help="Histories that make the intervals of the NEES.")
     ] = 1000,
     out: Annotated[
-        Path | None, typer.Option(help="Draw the NEES over time into a new .png or .svg file.")
+        Path | None, typer.Option(help="Draw the NEES over time into a .png or .svg file.")
     ] = None,
+    force: OverwriteOut = False,
     json: Json = False,
 ):
     """Fly a scenario with many seeds and hold the filter's errors against its own covariance."""
     if out is not None:
-        check_picture(out, "--out")
+        check_picture(out, "--out", force=force)
     asked = _study(scenario, overrides or (), keep, turn_field)
     chosen = list(range(first, first + seeds))
     found = _watched(asked, chosen, histories, workers)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json
+from shefex_nav.commands.options import Json, OverwriteOut
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -16,14 +16,13 @@ from shefex_nav.commands.printing import print_json, say, stdout
 def nesc(
     data: Annotated[Path, typer.Option(help="Folder with trajectories and DAVE-ML models, of any layout.")],
     case: Annotated[list[str] | None, typer.Option(help="Fly this case only, e.g. 01; more: 01,17.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Draw the comparison into a new .png or .svg file.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the comparison into a .png or .svg file.")] = None,
+    force: OverwriteOut = False,
     json: Json = False,
 ):
     """Fly NASA's NESC check-cases (01 to 10 and 17) and compare with its simulators."""
     if out is not None:
-        check_picture(out, "--out")
+        check_picture(out, "--out", force=force)
     from shefex_nav.verify.data import search
 
     files = search(data)

@@ -10,7 +10,7 @@ import typer
 
 from shefex_nav.commands.flights import about
 from shefex_nav.commands.impact import Ground, WishedOf, check_aim, height, place_of
-from shefex_nav.commands.options import Json, Overrides, Scenario, Seed, Workers, quantity
+from shefex_nav.commands.options import Json, Overrides, OverwriteFigure, Scenario, Seed, Workers, quantity
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.progress import lines
@@ -23,7 +23,7 @@ Wished = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Set the launcher in each wind so that a body lands here."),
 ]
-Picture = Annotated[Path | None, typer.Option(help="Draw a compass into a new .png or .svg file.")]
+Picture = Annotated[Path | None, typer.Option(help="Draw a compass into a .png or .svg file.")]
 
 
 def winds(
@@ -37,6 +37,7 @@ def winds(
     seed: Seed = 1,
     workers: Workers = None,
     figure: Picture = None,
+    force: OverwriteFigure = False,
     json: Json = False,
 ):
     """Say in which winds a rocket may be launched: go or no-go over the wind's speed and direction.
@@ -46,7 +47,7 @@ def winds(
     """
     check_aim(aim, aim_body)
     if figure is not None:
-        check_picture(figure, "--figure")
+        check_picture(figure, "--figure", force=force)
     far = quantity(within, "m", "--within", "20 km", positive=True)
     tried = _speeds(speeds)
     from shefex_nav.campaign.impact import winds as study

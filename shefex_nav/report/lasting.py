@@ -8,11 +8,17 @@ and that one which opens at a great height hangs in free fall first.
 from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.scenario import weight
+from shefex_nav.scenario.block import AUTOMATIC
 
 
 def words(scenario, flown):
-    """What `navigation.states` lacks for the flight of a programme.Flown, in one line; "" if nothing."""
+    """What `navigation.states` lacks for the flight of a programme.Flown, in one line; "" if nothing.
+
+    scenario : with the states by name, `prepare.settled`
+    """
     navigation = scenario.navigation
+    if navigation.states == AUTOMATIC:
+        raise ValueError("navigation.states: automatic is not settled yet: prepare.settled")
     lasts_s, where = weight.longest(scenario, flown.events, flown.end_s)
     missing = [
         name for name, sigma in weight.errors(scenario.imu).items() if sigma and name not in navigation.states

@@ -75,19 +75,24 @@ def astray_deg(control, truth):
     return float(np.degrees(angle.max(initial=0.0)))
 
 
-def foreseen(scenario, seed=1):
-    """The warnings of a scenario: its vehicle is flown for them, without sensors, unless it is in orbit.
+def foreseen(scenario, flown=None):
+    """The warnings of a scenario whose states are settled, as `check` gives them.
 
-    Raises FlightError as a run does.
+    flown : of its flight; None: its vehicle is flown for them, without sensors, unless it is in orbit or at
+        rest, which raises FlightError as a run does
     """
     if scenario.launch is None and scenario.trajectory is None:
-        return warnings(scenario, Flown((), 0.0, scenario.mission.time_limit))
-    from shefex_nav import prepare
+        flown = Flown((), 0.0, scenario.mission.time_limit)
+    elif flown is None:
+        from shefex_nav import prepare
 
-    if scenario.trajectory is not None:
-        flight = prepare.fly_vehicle(scenario, seed)
-        return (*of_trajectory(scenario), *warnings(scenario, of_flight(flight)))
-    return warnings(scenario, of_flight(prepare.fly_vehicle(scenario, seed)))
+        flown = of_flight(prepare.fly_vehicle(scenario, prepare.PLANNED))
+    return (*of_files(scenario), *warnings(scenario, flown))
+
+
+def of_files(scenario):
+    """What is odd in the files of a scenario, whatever flies: tuple of Warned."""
+    return (*(Warned(*one) for one in scenario.dropped), *of_trajectory(scenario))
 
 
 def of_trajectory(scenario):

@@ -86,7 +86,7 @@ def fly(
     scenario = prepare.settled(scenario)
     world = prepare.build_world(scenario, seed)
     flown = programme.of_flight(world.flight)
-    told((*programme.of_trajectory(scenario), *programme.warnings(scenario, flown)))
+    told((*programme.of_files(scenario), *programme.warnings(scenario, flown)))
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
     clock = None if pace is None else Pace(pace)

@@ -59,7 +59,7 @@ def _grey_values(scenario):
     if bits > 8 and 4.0 * tracker.detection.saturation < largest:
         words = (
             f"{tracker.detection.saturation:g} DN is less than a quarter of {largest} DN, the largest grey "
-            f"value of {bits} bits: most stars would count as saturated; take {largest} DN"
+            f"value of {bits} bits: most stars would count as saturated; write automatic: {largest} DN"
         )
         yield ("star_tracker", "detection", "saturation"), words
     black = scenario.star_camera.detector.black_level

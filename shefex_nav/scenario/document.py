@@ -29,8 +29,8 @@ class Mark(NamedTuple):
 
 
 def placed(mark, text):
-    """Line for the user; `--set a.b` need not name its field twice."""
-    return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
+    """Line for the user; `--set a.b` and `--sweep a.b=value` need not name their field twice."""
+    return re.sub(r"^(--(?:set|sweep) ([^\s=]+)(?:=.*?)?): \2: ", r"\1: ", f"{mark}: {text}")
 
 
 class Document(NamedTuple):

@@ -44,6 +44,8 @@ class Texts(dict):
     def __init__(self, texts=()):
         super().__init__(texts)
         self.instruments = set()  # paths of those that are instruments
+        self.used = {}  # real path of the instrument of each section that has one
+        self.dropped = []  # of replaced.Gone
         self.mistakes = {}  # (Mark, text) of what is wrong in them, as keys: each once
 
     def with_mistakes(self, found):
@@ -174,7 +176,8 @@ def put_instrument(tree, section, name, folder, mark, places, texts):
     texts : Texts, to which that of the instrument is added
     """
     said = Named(mark, dotted((*section, USE)))
-    values, inner = _instrument(section, name, folder, said, texts)
+    values, inner, path = _instrument(section, name, folder, said, texts)
+    texts.used[section] = os.path.realpath(path)
     for depth in range(1, len(section) + 1):
         path = section[:depth]
         outer = node(tree, path[:-1])
@@ -191,7 +194,7 @@ def put_instrument(tree, section, name, folder, mark, places, texts):
 
 
 def _instrument(section, name, folder, said, texts):
-    """Values of an instrument for a section, and the messages.Places of its file.
+    """Values of an instrument for a section, the messages.Places of its file, and its path.
 
     Raises ScenarioError if it is none; what is wrong in one is kept in `texts`, and the rest is checked, too.
 
@@ -218,7 +221,8 @@ def _instrument(section, name, folder, said, texts):
         model.model_validate(tree)
     except ValidationError as error:
         texts.mistakes |= dict.fromkeys(messages.lines(model, error, places))
-    return {key: value for key, value in tree.items() if key in instruments.values_of(section)}, places
+    values = {key: value for key, value in tree.items() if key in instruments.values_of(section)}
+    return values, places, path
 
 
 def _read(path, said):

@@ -18,6 +18,7 @@ from shefex_nav.scenario import (
     messages,
     overriding,
     plugged,
+    saturation,
     schema,
     software,
     starlight,
@@ -139,7 +140,7 @@ def _validated_as(model, tree, places, files, overrides, parts, trust=False):
     """What `load_as` returns, of a merged tree."""
     overriding.carry_out(overrides, tree, places, files)
     model = model(_provided(tree, places, trust))
-    whole, dark = starlight.filled(tree, places)
+    whole, dark = starlight.filled(saturation.filled(tree), places)
     try:
         loaded, found, read = model.model_validate(whole), dark, list
     except ValidationError as error:
@@ -206,7 +207,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
     bad = expand.not_expanded(tree) if found else []
-    whole, dark = starlight.filled(tree, places)
+    whole, dark = starlight.filled(saturation.filled(tree), places)
     found += dark
     try:
         scenario = model.model_validate(whole)
@@ -224,6 +225,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
     if found:
         raise layers.sorted_error(found) from None
     scenario.keep_text(partial(normalised, tree), files)  # which takes longer than all the rest
+    scenario.keep_dropped(files.dropped)
     scenario.keep_places(partial(_line_about, about), partial(_place, places))
     return scenario
 

@@ -2,12 +2,21 @@
 
 from typing import NamedTuple
 
-from shefex_nav.scenario import document, instruments, layers, moved, starlight
+from shefex_nav.scenario import document, instruments, layers, moved, replaced, starlight
 from shefex_nav.scenario.dispersions import KEYS, ColumnOfFile
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
 from shefex_nav.scenario.use import USE
 
 DISPERSIONS = "dispersions"  # the section whose keys are paths
+
+
+class Option(str):
+    """`path=value`, given by another option than `--set`."""
+
+    def __new__(cls, text, option):
+        one = super().__new__(cls, text)
+        one.option = option  # as it is named in messages
+        return one
 
 
 class _Told(NamedTuple):
@@ -28,7 +37,9 @@ class _Marks(NamedTuple):
 def carry_out(overrides, tree, places, texts):
     """Carry out the `--set` texts in `tree`; raises ScenarioError.
 
-    An instrument comes before the values that are set beside it, in whichever order they are given.
+    An instrument comes before the values that are set beside it, in whichever order they are given. One that
+    the scenario has already is left with what the scenario puts on top of it; another one comes as its file
+    has it (`replaced`).
 
     places : messages.Places of the tree
     texts : layers.Texts, to which those of instruments are added
@@ -39,7 +50,11 @@ def carry_out(overrides, tree, places, texts):
         is_use = tuple(one.parts) in _USES and one.value is not REMOVED
         (used if is_use else others).append(one)
     for one in used:
-        layers.put_instrument(tree, _USES[tuple(one.parts)], one.value, "", one.mark, places, texts)
+        section = _USES[tuple(one.parts)]
+        if not replaced.is_there(section, one.value, texts):
+            replaced.tell(tree, section, one.value, places, texts)
+            layers.put_instrument(tree, section, one.value, "", one.mark, places, texts)
+            places.put((*section, USE), {(): one.mark}, {(): one.mark})
     found += starlight.set_twice([(one.mark, tuple(one.parts)) for one in others if one.value is not REMOVED])
     for one in others:
         starlight.set_one(tree, tuple(one.parts), one.value)
@@ -60,7 +75,7 @@ def _read(overrides, tree):
     for text in overrides:
         name, equals, value_text = text.partition("=")
         name = name.strip()
-        mark = Mark(f"--set {name}", 0, 0)
+        mark = Mark(text.option if isinstance(text, Option) else f"--set {name}", 0, 0)
         if not equals or not name:
             found.append((mark, "expected path=value, for example --set star_tracker.rate='5 Hz'"))
             continue

@@ -80,6 +80,7 @@ class Sections(Block):
 
     _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
+    _dropped: tuple = PrivateAttr(())
     _line: Any = PrivateAttr(None)
     _place: Any = PrivateAttr(None)
 
@@ -96,6 +97,11 @@ class Sections(Block):
         return self._files
 
     @property
+    def dropped(self):
+        """replaced.Gone of what the file puts on top of instruments that others took the place of."""
+        return self._dropped
+
+    @property
     def tasks(self):
         """(name, task) of the programme in order of time."""
         return sorted((self.programme or {}).items(), key=lambda item: item[1].start)
@@ -103,6 +109,10 @@ class Sections(Block):
     def keep_text(self, source, files):
         """Remember where the scenario came from; `source` is its text, or a function that gives it."""
         self._source, self._files = source, tuple(files.items())
+
+    def keep_dropped(self, dropped):
+        """Remember what is gone; `dropped` : as the property."""
+        self._dropped = tuple(dropped)
 
     def keep_places(self, line, place):
         """Remember where its values were written.

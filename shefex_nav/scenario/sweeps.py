@@ -1,10 +1,13 @@
 """Settings and the values to try of them, KEY=A,B,C, and all their combinations."""
 
+from contextlib import contextmanager
 from itertools import product
 from typing import NamedTuple
 
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import instruments
+from shefex_nav.scenario.layers import ScenarioError
+from shefex_nav.scenario.overriding import Option
 from shefex_nav.scenario.use import USE
 
 
@@ -58,3 +61,28 @@ def combinations(axes, most):
     if len(found) > most:
         raise SweepError(f"--sweep: {len(found)} combinations; expected {most} at most")
     return found
+
+
+def overrides(settings):
+    """Tuple of what `load` takes for a combination, {key: value}; complaints about a value name --sweep."""
+    return tuple(Option(f"{key}={value}", f"--sweep {key}={value}") for key, value in settings.items())
+
+
+def named(settings):
+    """A combination, {key: value}, in words."""
+    return f"--sweep {', '.join(f'{key}={value}' for key, value in settings.items())}"
+
+
+@contextmanager
+def about(settings):
+    """What is wrong with a combination, {key: value}, is told with it."""
+    words = f" (with {named(settings)})"
+    try:
+        yield
+    except ScenarioError as error:
+        begun = f"{named(settings)}: "  # of a line that names it already
+        raise ScenarioError(
+            one if one.startswith(begun) else f"{one}{words}" for one in error.messages
+        ) from None
+    except UserError as error:
+        raise SweepError(f"{error}{words}") from None

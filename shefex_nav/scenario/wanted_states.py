@@ -17,6 +17,8 @@ itself, and no noise of the filter stands for that.
 """
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +35,8 @@ DILUTION = 2.0  # [E] of a fix, each axis, by satellites all around
 GYROS = ("gyro_roll_column", "gyro_scale", "gyro_misalignment")  # the first is a part of the others
 
 
-class Motion(NamedTuple):
+@dataclass(frozen=True)
+class Motion:
     """A flight as the IMU feels it: K samples, dt_s apart."""
 
     dt_s: float
@@ -41,6 +44,16 @@ class Motion(NamedTuple):
     omega_b: np.ndarray  # (K, 3) rad/s
     f_b: np.ndarray  # (K, 3) m/s^2
     burning: np.ndarray  # (K,) int, stage whose motor burns, from 1; 0: none
+
+    @cached_property
+    def turned(self):
+        """`_windows` of errors that go with rates: large, and the same for every IMU that flies it."""
+        return _windows(_responses(self, self.omega_b), self.dt_s)
+
+    @cached_property
+    def pushed(self):
+        """The same of errors that go with specific force."""
+        return _windows(_responses(self, self.f_b), self.dt_s)
 
 
 class Effect(NamedTuple):
@@ -82,13 +95,13 @@ def effects(scenario, moved, events, end_s):
     -------
     list of Effect
     """
-    turned, pushed = _responses(moved, moved.omega_b), _responses(moved, moved.f_b)
-    sigmas, dt_s = _sigmas(scenario.imu), moved.dt_s
+    sigmas = _sigmas(scenario.imu)
     sizes = {
-        name: _worst(turned if by_rate else pushed, sigma, dt_s) for name, (by_rate, sigma) in sigmas.items()
+        name: _worst(moved.turned if by_rate else moved.pushed, sigma)
+        for name, (by_rate, sigma) in sigmas.items()
     }
     (_, roll), *both = (sigmas[name] for name in GYROS)
-    across = [_worst(turned, np.where(roll, 0.0, sigma), dt_s) for _, sigma in both]
+    across = [_worst(moved.turned, np.where(roll, 0.0, sigma)) for _, sigma in both]
     sizes["accel_rectification"] = _rectified(scenario, moved)
     sizes["gravity"] = scenario.navigation.gravity_error * WINDOW_S
     noises = {name: _noise(scenario, name) for name in sizes}
@@ -131,11 +144,15 @@ def _responses(moved, felt_b):
     return np.concatenate([np.zeros((1, 3, 3, 3)), np.cumsum(each, axis=0)])
 
 
-def _worst(responses, sigma, dt_s):
-    """Largest rms of an axis within any window, of elements with these sigmas. (K + 1, 3, 3, 3), (3, 3), s"""
+def _windows(responses, dt_s):
+    """Squares of what the elements have moved within each window: (K + 1, i, j, axis), s -> (n, i, j)."""
     steps = min(round(WINDOW_S / dt_s), len(responses) - 1)
-    grown = responses[steps:] - responses[: len(responses) - steps]
-    square = np.einsum("kija,ij->k", grown**2, sigma**2)
+    return ((responses[steps:] - responses[: len(responses) - steps]) ** 2).sum(axis=-1)
+
+
+def _worst(windows, sigma):
+    """Largest rms of an inertial axis within any of `_windows`, of elements (i, j) with these sigmas."""
+    square = np.einsum("kij,ij->k", windows, sigma**2)
     return float(np.sqrt(square.max() / 3.0))
 
 
@@ -146,7 +163,7 @@ def _rectified(scenario, moved):
     each = np.einsum("kai,k->kia", moved.C_ib, level) * moved.dt_s
     grown = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(each, axis=0)])
     sigma = scenario.imu.accelerometer.vibration_rectification
-    return _worst(grown[:, :, None, :], np.full((3, 1), sigma), moved.dt_s)
+    return _worst(_windows(grown[:, :, None, :], moved.dt_s), np.full((3, 1), sigma))
 
 
 def _noise(scenario, block):

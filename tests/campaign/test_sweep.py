@@ -8,6 +8,7 @@ from short_campaign import HereLane
 from shefex_nav.campaign.compare import sweep
 from shefex_nav.campaign.compare.given import CompareError
 from shefex_nav.scenario import sweeps
+from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.sweeps import SweepError
 
 SHORT = """# Two seconds at rest.
@@ -53,6 +54,52 @@ def test_combinations_that_are_too_many_or_told_twice(tmp_path):
     with pytest.raises(SweepError, match=r"a\.b: is given twice"):
         sweep.planned("night_sky", [axes[0], axes[0]], (), tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["imu=stim300,adis16505"], "--sweep imu.use=adis16505: there is no file 'adis16505', and"),
+        (["imu.gyro.bias=1 deg/h,1"], "--sweep imu.gyro.bias=1: 1 has no unit"),
+        (["star_camera.detector.bits=8,12"],
+         "quarter of 4095 DN, .* (with --sweep star_camera.detector.bits=12)"),
+        (["star_camera.detector.bits=8,12", "gps.rate=1 Hz,2 Hz"],
+         "quarter of 4095 DN, .* (with --sweep star_camera.detector.bits=12, gps.rate=1 Hz)"),
+        (["mission.time_limit=2 s,300 s", "star_tracker.off=2 s,300 s"],
+         "--sweep star_tracker.off=300 s: .* (with --sweep mission.time_limit=2 s, star_tracker.off=300 s)"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_combination_names_it(texts, said, tmp_path):
+    """And --sweep, which has given the value, not --set."""
+    axes = [sweeps.axis(text) for text in texts]
+    with pytest.raises(ScenarioError) as error:
+        sweep.planned("night_sky", axes, ("star_tracker.detection.saturation=255 DN",), tmp_path)
+    begin, _, end = said.partition(" .* ")
+    (line,) = error.value.messages
+    assert begin in line and line.endswith(end) and "--set" not in line.replace(f"--set {SATURATION}", "")
+
+
+SATURATION = "star_tracker.detection.saturation"
+
+
+def test_other_refusals_name_the_combination(tmp_path):
+    """A program that is running flies once."""
+    axes = [sweeps.axis("gps.rate=1 Hz,2 Hz")]
+    told = ("navigation.software={connect: tcp://127.0.0.1:5005}",)
+    with pytest.raises(SweepError, match=r"its command.* \(with --sweep gps\.rate=1 Hz\)"):
+        sweep.planned("night_sky", axes, told, tmp_path)
+
+
+def test_a_campaign_tells_what_a_unit_takes_away(tmp_path, monkeypatch, command):
+    """Once for each unit that is not the scenario's own."""
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", HereLane)
+    own = "imu: {use: stim300, accelerometer: {range: 80 gee}}\n"
+    (tmp_path / "short.yaml").write_text(SHORT + own)
+    words = "campaign", tmp_path / "short.yaml", "--runs", "1", "--out", tmp_path / "out"
+    done = command(*words, "--sweep", "imu=stim300,ln_200s", "--sweep", "gps.rate=1 Hz,2 Hz")
+    assert done.code == 0, done.err
+    (line,) = [one for one in done.err.splitlines() if one.startswith("warning: ")]
+    assert "--sweep imu.use=ln_200s: " in line and "stim300: accelerometer.range 80 gee" in line
 
 
 def test_a_noisier_receiver_is_worse_in_every_pair(tmp_path, monkeypatch, command):

@@ -261,7 +261,13 @@ def test_the_command_ranks_and_is_refused(tmp_path):
     assert [one["settings"]["imu.gyro.bias"] for one in found] == ["9 deg/h", "90 deg/h"]
     first, second = (one["errors"]["end"]["attitude_axes_deg"][0] for one in found)
     assert 0.0 < first < second
-    assert run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets).exit_code == 2
+    bad = run("--sweep", "imu.gyro.bias=9 deg/h,much", *sets)
+    assert bad.exit_code == 2 and "--sweep imu.gyro.bias=much: " in bad.stderr
+    kept = drawn.read_bytes()
+    again = run("--sweep", "imu.gyro.bias=9 deg/h,90 deg/h", *sets, "--figure", str(drawn))
+    assert again.exit_code == 2 and drawn.read_bytes() == kept
+    again = run("--sweep", "imu.gyro.bias=9 deg/h,9 deg/s", *sets, "--figure", str(drawn), "--force")
+    assert again.exit_code == 0 and drawn.read_bytes() != kept
     costly = run("--sweep", "gps.rate=1 Hz,5 Hz", "--cost", "imu=stim300:1", *sets)
     assert costly.exit_code == 2 and "is not tried" in costly.stderr
     judged = run("--sweep", "requirements.probability=95 %,99 %", *sets)
@@ -273,3 +279,52 @@ def test_an_attitude_that_is_hardly_known_is_a_doubt():
     shared = predict.Shared(None, 1)
     for bias, doubtful in ((0.045, False), (0.055, True)):
         assert predicted("night_sky", [*BLIND, f"imu.gyro.bias={bias} deg/s"], shared).doubtful is doubtful
+
+
+@pytest.mark.parametrize("states", ["automatic", "[gravity]"])
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [("night_sky", ["mission.time_limit=200 s", "star_tracker.off=200 s"]), ("rexus_like", [])],
+)
+def test_it_warns_of_what_check_warns(name, more, states):
+    """A sweep of the IMU, whose ranges and lasting errors differ; states by name, and left to the program."""
+    sets = [f"navigation.states={states}", "star_tracker.enabled=false", *more]
+    units = "stim300", "mpu_6050"
+    found = plan.work(name, tuple(sets), 1, None, list(enumerate({"imu.use": unit} for unit in units)))
+    texts = {k: result[0].warnings for k, result in found}
+    for k, unit in enumerate(units):
+        words = [word for one in (*sets, f"imu.use={unit}") for word in ("--set", one)]
+        told = CliRunner().invoke(app, ["check", name, *words]).stderr.splitlines()
+        said = [line for line in told if line.startswith("warning: ")]
+        assert len(said) == len(texts[k])
+        for line, text in zip(said, texts[k], strict=True):
+            assert text.partition(": ")[2] in line and text.partition(": ")[0] in line
+    assert any("navigation.states" in text for text in texts[1]) is (states != "automatic")
+
+
+def test_the_largest_error_between_star_fixes():
+    """A fix every 20 s, between them white noise of the gyros: sigma = N sqrt(20 s), far above that of a fix.
+
+    Not before the first fix, where the attitude is known to a degree, and not the less just after one.
+    """
+    quiet = [f"imu.gyro.{name}=0 deg/h" for name in ("bias", "in_run_bias")]
+    quiet += ["star_camera.mounting.error=0 deg", "imu.gyro.random_walk=1 deg/sqrt(h)"]
+    sets = [*NIGHT, *quiet, "gps.max_pdop=0.001"]
+    shared = predict.Shared(star_model.named_by("night_sky", sets), 1)
+    found = predicted("night_sky", sets, shared, star_s=20.0)
+    assert found.star_fixes > 0
+    largest = found.at(predict.STARS)
+    sigmas = np.degrees(np.sqrt(np.linalg.eigvalsh(largest.attitude_b)))
+    assert sigmas[:2] == pytest.approx(np.sqrt(20.0 / 3600.0), rel=0.02)
+    numbers = table.as_numbers(*of_one(found))["combinations"][0]["errors"]
+    assert numbers["stars"]["t_s"] == largest.t_s and list(numbers) == ["stars", "end"]
+    titles = [one.title for one in table.tables(*of_one(found))[0]]
+    assert titles[1:] == [f"{table.TITLES[what]}, 1 sigma" for what in (predict.STARS, predict.END)]
+    assert predicted("night_sky", SHORT).at(predict.STARS) is None
+
+
+def of_one(prediction):
+    """plan.Study and plan.Asked of one prediction."""
+    axes = (sweeps.Axis("a", ("1", "2")),)
+    one = plan.Combination({"a": "1"}, prediction, "", (), None)
+    return plan.ordered("made", Requirements(), axes, [one], False), plan.Asked("made", axes)

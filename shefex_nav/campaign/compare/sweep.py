@@ -29,8 +29,9 @@ def planned(scenario, axes, overrides, out):
     """
     found = []
     for settings in sweeps.combinations(axes, len(sides.LETTERS)):
-        loaded = load.load(scenario, (*overrides, *(f"{key}={value}" for key, value in settings.items())))
-        software.refuse_reached(loaded)
+        with sweeps.about(settings):
+            loaded = load.load(scenario, (*overrides, *sweeps.overrides(settings)))
+            software.refuse_reached(loaded)
         label = ", ".join(f"{key} {value}" for key, value in settings.items())
         found.append((Flight(loaded, label, out / _folder(loaded, settings)), settings))
     _check_different([one for one, _ in found])

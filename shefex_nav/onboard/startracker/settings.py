@@ -60,8 +60,9 @@ class Detection(Settings):
     )
     most_objects: int = count("50", "length of the table", at_least=4)
     saturation: float = quantity(
-        "DN", "255 DN", "grey value of a saturated pixel", positive=True, at_most="65535 DN"
-    )
+        "DN", "255 DN", "grey value of a saturated pixel; automatic: the largest of the detector",
+        "automatic", positive=True, at_most="65535 DN", words=(("automatic", 0.0),)
+    )  # fmt: skip
     run_length: RunLength = section("settings of scan: run_length")
 
 

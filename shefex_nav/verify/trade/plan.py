@@ -75,7 +75,7 @@ def checked(asked):
             raise TradeError(f"--sweep {one.key}: combinations are judged by one requirement; use --set")
     base = load.load(asked.scenario, asked.overrides)
     software.refuse_own(base, "the linear model")
-    _check_values(asked)
+    _check_values(asked, chosen)
     for key in asked.costs:
         _check_costs(asked, key)
     return base, chosen
@@ -90,7 +90,8 @@ def study(asked, base, chosen):
         for k, result in sorted(found, key=lambda one: one[0])
     ]
     if all(one.prediction is None for one in whole):
-        raise TradeError(f"{asked.scenario}: nothing can be predicted: {whole[0].refused}")
+        first = whole[0]
+        raise TradeError(f"nothing can be predicted; {sweeps.named(first.settings)}: {first.refused}")
     return ordered(base.mission.name, base.requirements, asked.axes, whole, bool(cost))
 
 
@@ -147,11 +148,32 @@ def _check_costs(asked, key):
             raise TradeError(f"--cost {key}: {value} is not tried; --sweep has {', '.join(axis.values)}")
 
 
-def _check_values(asked):
-    """ScenarioError of a value that the scenario does not take."""
+def _check_values(asked, chosen):
+    """ScenarioError of a value that the scenario takes neither alone nor in any of the combinations."""
     for one in asked.axes:
         for value in one.values:
-            load.load(asked.scenario, (*asked.overrides, f"{one.key}={value}"))
+            alone = {one.key: value}
+            try:
+                _load(asked, alone)
+            except UserError:
+                if any(_loads(asked, settings) for settings in chosen if alone.items() <= settings.items()):
+                    continue
+                with sweeps.about(alone):
+                    raise
+
+
+def _load(asked, settings):
+    """Scenario of a combination."""
+    return load.load(asked.scenario, (*asked.overrides, *sweeps.overrides(settings)))
+
+
+def _loads(asked, settings):
+    """Whether a combination is a scenario."""
+    try:
+        _load(asked, settings)
+    except UserError:
+        return False
+    return True
 
 
 def _predicted(asked, chosen, model):
@@ -179,9 +201,8 @@ def work(scenario, overrides, seed, model, chosen):
     """Predict some combinations, in a worker. chosen : list of (index, {key: value})"""
     shared, loaded, found = predict.Shared(model, seed), [], []
     for k, settings in chosen:
-        texts = (*overrides, *(f"{key}={value}" for key, value in settings.items()))
         try:
-            loaded.append((k, load.load(scenario, texts)))
+            loaded.append((k, load.load(scenario, (*overrides, *sweeps.overrides(settings)))))
         except UserError as error:
             found.append((k, (None, _first(error), ())))
     loaded.sort(key=lambda one: predict.flight_key(one[1]))  # those of one flight one after the other

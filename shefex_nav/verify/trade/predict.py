@@ -13,7 +13,8 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
 from shefex_nav.report import imu_range, metrics, programme, track
-from shefex_nav.scenario import params, star_statistics, surroundings
+from shefex_nav.scenario import params, star_statistics, surroundings, wanted_states
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.dispersions import OF_FLIGHT
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model, over_bound
@@ -22,10 +23,10 @@ from shefex_nav.verify.trade.growth import Growth
 from shefex_nav.world.columns import truth_of
 
 GPS_S = 1.0  # fixes that come more often are taken together
-ENTRY, END = "entry", "end"
+ENTRY, END, STARS = "entry", "end", "stars"
 LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
 LOOK_S = 10.0  # between two looks at that
-MOST = {"flight": 2, "growth": 4}  # that are kept, of what is large
+MOST = {"flight": 2, "planned": 2, "moved": 2, "growth": 4}  # that are kept, of what is large
 MOST_OTHERS = 64
 ALONE = (  # sections that GPS fixes and readings of instruments do not depend on
     "imu", "star_camera", "star_tracker", "navigation", "requirements", "log", "campaign", "dispersions",
@@ -40,8 +41,8 @@ class NoPredictionError(UserError):
 class Errors(NamedTuple):
     """Predicted errors at one time of a flight: covariances."""
 
-    what: str  # ENTRY, END
-    t_s: float
+    what: str  # ENTRY, END; STARS: each the largest between star fixes
+    t_s: float  # of the attitude
     position_i: np.ndarray  # (3, 3) m^2
     velocity_i: np.ndarray  # (3, 3) m^2/s^2
     attitude_b: np.ndarray  # (3, 3) rad^2
@@ -58,9 +59,12 @@ class Prediction(NamedTuple):
     warnings: tuple  # of texts, as `check` gives them
     doubtful: bool  # before the first of the errors the IMU is at its range, or the attitude beyond LARGE
     taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
+    in_stars: Errors | None = None  # STARS; None: there are no two star fixes
 
     def at(self, what):
-        """Errors of ENTRY or END; None where the flight has none."""
+        """Errors of ENTRY, END or STARS; None where the flight has none."""
+        if what == STARS:
+            return self.in_stars
         return next((one for one in self.errors if one.what == what), None)
 
 
@@ -101,17 +105,29 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))
     growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
     flown = shared.of("flown", key, lambda: programme.of_flight(flight))
-    errors, widest = _errors(along, growth, process)
+    errors, in_stars, widest = _errors(along, growth, process)
+    settled = _settled(scenario, shared, key, flight)
     return Prediction(
         errors,
         len(along.gps_fixes),
         seen.frames,
         seen.solved,
         seen.sigma,
-        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.warnings(scenario, flown)),
+        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(settled, flown)),
         at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
         _taken_over(scenario),
+        in_stars,
     )
+
+
+def _settled(scenario, shared, key, flight):
+    """The Scenario with the states that its filter has. key, flight : of it, with the seed of `shared`"""
+    if scenario.navigation.states != AUTOMATIC:
+        return scenario
+    if shared.seed != prepare.PLANNED:
+        flight = shared.of("planned", key, lambda: prepare.fly_vehicle(scenario, prepare.PLANNED))
+    moved = shared.of("moved", key, lambda: wanted_states.motion(flight.trajectory))
+    return prepare.settled(scenario, flight, moved)
 
 
 def at_range(imu, motion, until_s):
@@ -200,9 +216,9 @@ def _stars(scenario, seed, flight, every_s):
 
 
 def _errors(along, growth, process):
-    """Errors at entry, if there is one, and at the end; largest sigma of the attitude until the first.
+    """Errors at entry, if there is one, and at the end; STARS; largest sigma of the attitude until the first.
 
-    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity -> tuple, rad
+    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity -> tuple, Errors or None, rad
     """
     trajectory, more = along.trajectory, [source for one in along.heard for source in one.sources]
     layout = bound_model.sources(along.imu, along.camera, *process, more)
@@ -212,12 +228,36 @@ def _errors(along, growth, process):
     times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
     wanted = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
     look = round(LOOK_S / bound.sample_s(trajectory))
-    at = np.union1d(wanted, np.arange(look, wanted[0], look))
-    levels, found, widest = bound.swings(along), [], 0.0
-    for k, output in bound.outputs_at(along, layout, at, growth):
-        errors = bound.reported(along, levels, k, output.P)
+    looks, starred = np.union1d(wanted, np.arange(look, wanted[0], look)), _at_stars(along)
+    levels, found, in_stars, widest = bound.swings(along), [], [], 0.0
+    for k, output in bound.outputs_at(along, layout, np.union1d(looks, starred), growth):
+        t_s, errors = float(trajectory.t_s[k]), bound.reported(along, levels, k, output.P)
+        if k in starred:
+            in_stars.append(Errors(STARS, t_s, *errors))
         if k in wanted:
-            found.append(Errors(whats[len(found)], float(trajectory.t_s[k]), *errors))
-        if k <= wanted[0]:
+            found.append(Errors(whats[len(found)], t_s, *errors))
+        if k in looks and k <= wanted[0]:
             widest = max(widest, float(np.sqrt(errors[2].diagonal().max())))
-    return tuple(found), widest
+    return tuple(found), _largest(in_stars), widest
+
+
+def _at_stars(along):
+    """Samples of the star fixes that come when one is known already: errors are largest just before a fix.
+
+    bound.Flight -> (n,) int
+    """
+    begin_s, dt_s, fixes = along.trajectory.t_s[0], bound.sample_s(along.trajectory), along.star_fixes
+    known_s = fixes[0].t_available_s if fixes else 0.0
+    later = [round((fix.t_valid_s - begin_s) / dt_s) for fix in fixes if fix.t_valid_s > known_s]
+    return np.array(later, dtype=int)
+
+
+def _largest(found):
+    """Errors of which each covariance is that with the largest trace; None of none. list of Errors"""
+    if not found:
+        return None
+    position, velocity, attitude = (
+        max(found, key=lambda one, field=field: getattr(one, field).trace())
+        for field in ("position_i", "velocity_i", "attitude_b")
+    )
+    return attitude._replace(position_i=position.position_i, velocity_i=velocity.velocity_i)

@@ -6,10 +6,15 @@ import string
 
 from shefex_nav.report import columns
 from shefex_nav.report.requirements import words
-from shefex_nav.verify.trade.predict import END, ENTRY
+from shefex_nav.verify.trade.predict import END, ENTRY, STARS
 
 CHEAPEST = "cheapest that meets all"
 CORNERS = 4  # settings: a campaign takes 26 combinations
+TITLES = {
+    STARS: "Largest predicted errors between star fixes",
+    ENTRY: "Predicted errors at entry",
+    END: "Predicted errors at end",
+}
 UNITS = (("attitude", "attitude_b", "deg", math.degrees(1.0)), ("position", "position_i", "m", 1.0),
          ("velocity", "velocity_i", "m/s", 1.0))  # fmt: skip
 
@@ -37,7 +42,9 @@ def _combination(one, is_cheapest):
         return found | {"refused": one.refused}
     prediction = one.prediction
     return found | {
-        "errors": {each.what: _errors(each) for each in prediction.errors},
+        "errors": {
+            what: _errors(prediction.at(what)) for what in TITLES if prediction.at(what) is not None
+        },
         "requirements": [
             {**each._asdict(), "k": each.k, "met": each.met} for each in one.judged
         ],
@@ -71,7 +78,7 @@ def tables(study, asked):
     required = next((one.judged for one in study.combinations if one.judged), ())
     found = [_verdicts(study, asked, required, notes)]
     predicted = [one.prediction for one in study.combinations if one.prediction]
-    found += [_sizes(study, what) for what in (ENTRY, END) if any(one.at(what) for one in predicted)]
+    found += [_sizes(study, what) for what in TITLES if any(one.at(what) for one in predicted)]
     return found, [*_lines(study, asked, required), *notes.lines()]
 
 
@@ -106,7 +113,7 @@ def _stars(prediction):
 
 
 def _sizes(study, what):
-    """Table of the errors at ENTRY or END."""
+    """Table of the errors at ENTRY or END, or of STARS."""
     rows = []
     for rank, one in enumerate(study.combinations, 1):
         errors = one.prediction and one.prediction.at(what)
@@ -114,7 +121,7 @@ def _sizes(study, what):
         rows.append((str(rank), *one.settings.values(), *cells))
     attitude = (">attitude [deg]", ">about x", ">about y", ">about z")
     heads = ("", *study.combinations[0].settings, *attitude, ">position [m]", ">velocity [m/s]")
-    return columns.table(f"Predicted errors at {what}, 1 sigma", heads, rows)
+    return columns.table(f"{TITLES[what]}, 1 sigma", heads, rows)
 
 
 def _errors_of(errors):
