@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from foxglove import messages as fox
 
-from shefex_nav import event_words
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry.frames import dcm_ie
@@ -226,7 +225,7 @@ class Drawings:
 
     def event(self, record, ns):
         detail = f": {record.detail}" if record.detail else ""
-        name = event_words.said(record.name)
+        name = record.name.replace("_", " ")
         text = f"T{record.t_s:+.1f} s  {name}, {record.altitude_m / 1e3:.1f} km{detail}"
         yield "/log", _line(ns, fox.LogLevel.Info, "mission", text)
 
