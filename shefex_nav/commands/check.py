@@ -33,7 +33,7 @@ def check(
     from shefex_nav import prepare
     from shefex_nav.report import programme
 
-    with about(scenario):
+    with about(scenario, loaded):
         aboard.check_own_blocks(loaded)
         surroundings.check(loaded)
         loaded, effects = prepare.settled_with_effects(loaded)

@@ -8,13 +8,20 @@ from shefex_nav.stopping import wishes
 
 
 @contextmanager
-def about(scenario):
-    """A flight that cannot be is told with the name of its scenario file."""
+def about(scenario, loaded=None):
+    """A flight that cannot be is told with the name of its scenario file.
+
+    loaded : the Scenario; what is odd about its vehicle is told first, as it may be why
+    """
     from shefex_nav.world.flight.fly import FlightError
 
     try:
         yield
     except FlightError as error:
+        if loaded is not None:
+            from shefex_nav.report import programme
+
+            warn(loaded, programme.of_parts(loaded))
         raise FlightError(f"{scenario}: {error}") from None
 
 

@@ -22,6 +22,7 @@ class Template(NamedTuple):
     file: str
     next: tuple[str, ...]  # commands, with {file} and {stem} in them
     beside: tuple[str, ...] = ()  # files that it needs, which are written into the same folder
+    note: str = ""  # what one may have wanted instead
 
 
 class Kind(StrEnum):
@@ -60,7 +61,12 @@ KINDS = {
             " --set 'radar_altimeter={{rate: 5 Hz, latency: 10 ms, bias: 1 m, noise: 2 m}}'",
         ),
     ),
-    Kind.SCENARIO: Template("scenario.yaml", ("shefex-nav check {file}", "shefex-nav run {file}")),
+    Kind.SCENARIO: Template(
+        "scenario.yaml",
+        ("shefex-nav check {file}", "shefex-nav run {file}"),
+        note="it is rexus_like with other instruments; for a rocket of your own, from its motor file on, see "
+        "docs/describe-your-rocket.md",
+    ),
 }
 
 
@@ -88,3 +94,5 @@ def new(
     stem = os.path.join(".", file.with_suffix(""))
     for line in template.next:
         say(f"  {line.format(file=file, stem=stem)}")
+    if template.note:
+        say(template.note)

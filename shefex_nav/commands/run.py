@@ -59,7 +59,7 @@ def run(
     from shefex_nav import runs
 
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
-    with about(scenario), _kept(path):
+    with about(scenario, loaded), _kept(path):
         flown = runs.fly(
             loaded,
             seed,

@@ -37,7 +37,7 @@ def vehicle(
     loaded = load.load(scenario, overrides or ())
     if output is not None:
         check_file(output, "--output", force=force, given=[name for name, _ in loaded.files])
-    with about(scenario):
+    with about(scenario, loaded):
         looked = look.look(loaded)
     found = look.summary(looked)
     warn(loaded, look.warnings(looked))

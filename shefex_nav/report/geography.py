@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from shefex_nav import event_words
 from shefex_nav.report.figures import flown
 
 MOST_POINTS = 3000  # of a line
@@ -51,7 +52,7 @@ def lines_and_places(data):
         k = int(np.argmin(np.abs(states.t_s - event.t_s)))
         row = states._make(values[k : k + 1] for values in states)
         at = flown.of_states("", data, row, 1)
-        places.append(Place(event.name.replace("_", " "), event.t_s, event.detail, _points(at.track)[0]))
+        places.append(Place(event_words.said(event.name), event.t_s, event.detail, _points(at.track)[0]))
     return lines, places
 
 

@@ -6,6 +6,7 @@ then sections in the order of the route from the flight to the solution, the sce
 
 from typing import NamedTuple
 
+from shefex_nav import event_words
 from shefex_nav.files import put
 from shefex_nav.report import figures, html, incidents, metrics, page_summary, table
 from shefex_nav.report.configured import configured
@@ -102,7 +103,7 @@ def _figures(data):
 
 def _numbers(summary):
     """The table of `report`, without the events, which have one of their own."""
-    events = {event["name"].replace("_", " ") for event in summary["flight"]["events"]}
+    events = {event_words.said(event["name"]) for event in summary["flight"]["events"]}
     rows = []
     for section, lines in table.rows(summary):
         lines = [(name, value) for name, value in lines if section != "flight" or name not in events]

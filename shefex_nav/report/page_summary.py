@@ -4,6 +4,7 @@ import platform
 
 import numpy as np
 
+from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
 from shefex_nav.report import html, requirements, table
 from shefex_nav.report.html import element
@@ -220,7 +221,7 @@ def tables(run, section):
     """Tables at the head of a section."""
     if section == "flight" and run.data.events:
         rows = [
-            (event.name.replace("_", " "), f"{event.t_s:+.2f}", f"{event.altitude_m / 1e3:.2f}", event.detail)
+            (event_words.said(event.name), f"{event.t_s:+.2f}", f"{event.altitude_m / 1e3:.2f}", event.detail)
             for event in run.data.events
         ]
         yield html.table("Events", ("event", "T [s]", "height [km]", ""), rows, numbers=(1, 2))

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report import gps_limits, imu_range, lasting, star_sight
+from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_sight
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
 UPRIGHT = math.radians(89.0)  # an elevation from which on little is won
+TURNS = math.radians(15.0)  # so much gravity and wind bend the path of a burn down, at most
 ASTRAY_DEG = 5.0  # an attitude control that holds is within a degree
 LOOKING = ("point", "dwell")  # kinds of tasks in which the star camera works
 DEVICES = ("yo_yo", "spin_motors")
@@ -106,6 +107,11 @@ def of_trajectory(scenario):
     return tuple(Warned(one.field, one.text) for one in odd)
 
 
+def of_parts(scenario):
+    """What no rocket has, whatever its flight: list of Warned. See `odd_parts`."""
+    return [Warned(path, text) for path, text in odd_parts.found(scenario)]
+
+
 def warnings(scenario, flown):
     """Everything that does not fit: tuple of Warned, in the order of the scenario.
 
@@ -113,6 +119,7 @@ def warnings(scenario, flown):
     has not seen.
     """
     found = _of_epoch(scenario.mission.epoch) + _of_acceptance(scenario.star_tracker)
+    found += of_parts(scenario)
     if scenario.launch is not None:
         found += _of_programme(scenario, flown)
     if flown.motion is not None:
@@ -185,7 +192,7 @@ def _tasks(scenario, flown):
         elif looks and moments.landed is not None:
             top_km = _height_km(flown, "apogee") or 0.0
             yield Warned(path, f"the vehicle stays in the air, its apogee is {top_km:.1f} km: "
-                         f"the star camera cannot see through it{_steeper(scenario)}")  # fmt: skip
+                         f"the star camera cannot see through it{_steeper(scenario, top_km)}")  # fmt: skip
             continue
         if looks:
             yield from _early(scenario, flown, name, task)
@@ -201,16 +208,24 @@ def _tasks(scenario, flown):
             yield Warned((*path, "at"), words)
 
 
-def _steeper(scenario):
-    """Words about the fields that would raise the apogee: launch and burns that are not upright."""
+def _steeper(scenario, top_km):
+    """Words about what would raise an apogee of top_km: launch and burns that are not upright, or the motors.
+
+    The height of a throw goes with the square of the sine of its elevation, TURNS less by the end of a burn.
+    """
     angles = {"launch.elevation": scenario.launch.elevation}
     for stage in scenario.vehicle.stages.values():
         turns = [one for one in scenario.tasks if one[1].task == "turn" and one[1].end <= stage.ignition]
         if turns:  # the last of them is what the burn begins with
             name, task = turns[-1]
             angles[f"programme.{name}.elevation"] = task.elevation
-    low = [f"{name} ({math.degrees(angle):.4g} deg)" for name, angle in angles.items() if angle < UPRIGHT]
-    return f"; a larger {' or '.join(low)} raises it" if low else ""
+    low = {name: angle for name, angle in angles.items() if angle < UPRIGHT}
+    named = [f"{name} ({math.degrees(angle):.4g} deg)" for name, angle in low.items()]
+    least = max(min(low.values(), default=UPRIGHT) - TURNS, 0.0)
+    if not low or top_km < AIR_KM * math.sin(least) ** 2:
+        why = f"not even a burn straight up would reach {AIR_KM:.0f} km" if low else "it burns straight up"
+        return f"; {why}: it takes more impulse of the motors, or less mass or drag"
+    return f"; a larger {' or '.join(named)} raises it"
 
 
 def _after(t_s, moments):

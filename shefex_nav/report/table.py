@@ -1,9 +1,8 @@
 """The closing table of a run, for people."""
 
-import re
-
 from rich.text import Text
 
+from shefex_nav import event_words
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import QUANTITIES
 from shefex_nav.report import columns, requirements, start_rows
@@ -90,7 +89,8 @@ def _flight_rows(flight, *, stood):
     if stood and estimated:
         yield "as estimated", "there is no truth"
     for event in flight["events"]:
-        yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
+        when = f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
+        yield event_words.said(event["name"]), when
 
 
 def place(at, digits=4):
@@ -98,13 +98,6 @@ def place(at, digits=4):
     latitude, longitude = at["latitude_deg"], at["longitude_deg"]
     north, east = "NS"[latitude < 0], "EW"[longitude < 0]
     return f"{abs(latitude):.{digits}f} {north}, {abs(longitude):.{digits}f} {east}"
-
-
-def _event(name):
-    """The name of an event as people say it."""
-    words = re.sub(r"^altitude (\d+)km$", r"down to \1 km", name.replace("_", " "))
-    found = re.fullmatch(r"fault (.*?)( end)?", words)
-    return words if found is None else f"fault {'ends' if found[2] else 'begins'}: {found[1]}"
 
 
 def _control_rows(control):

@@ -17,11 +17,11 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.errors import UserError
-from shefex_nav.report import imu_range
+from shefex_nav.report import imu_range, odd_parts
 from shefex_nav.report.pairing import stretches
-from shefex_nav.report.programme import Warned
+from shefex_nav.report.programme import Warned, of_parts
 from shefex_nav.report.track import earth_fixed
-from shefex_nav.scenario import params
+from shefex_nav.scenario import params, thrust
 from shefex_nav.world.flight import fly
 
 RATE = 20.0  # Hz, of what is looked at
@@ -203,8 +203,11 @@ def summary(looked):
     seen = looked.seen
     flown = [k for k in range(len(looked.configurations)) if (seen.configuration == k).any()]
     share = looked.rail_exit_speed / looked.wind_speed if looked.wind_speed > 0.0 else None
+    apogee = next((event for event in looked.flight.events if event.name == "apogee"), None)
     return {
         "scenario": looked.scenario.mission.name,
+        "apogee_km": None if apogee is None else apogee.altitude_m / 1e3,
+        "apogee_s": None if apogee is None else apogee.t_s,
         "rail_exit_speed_m_s": looked.rail_exit_speed,
         "wind_at_launcher_m_s": looked.wind_speed,
         "rail_exit_speed_over_wind": share,
@@ -212,11 +215,25 @@ def summary(looked):
         "largest_drag_n": float(seen.drag.max()),
         "largest_dynamic_pressure_pa": float(seen.dynamic_pressure[seen.t_s < _top(looked)].max()),
         "largest_spin_hz": float(np.abs(seen.spin).max() / (2.0 * np.pi)),
+        "motors": [_of_motor(*stage) for stage in looked.scenario.vehicle.stages.items()],
         "configurations": [_of_one(looked, k) for k in flown],
         "resonances": [
             {"at_s": t, "spin_hz": hz, "within_10_percent_s": stays} for t, hz, stays in resonances(looked)
         ],
         "warnings": [{"field": ".".join(one.field), "text": one.text} for one in warnings(looked)],
+    }
+
+
+def _of_motor(name, stage):
+    """What is printed of the motor of a stage; impulses are those in vacuum."""
+    total, specific = odd_parts.impulse(stage)
+    return {
+        "stage": name,
+        "ignition_s": stage.ignition,
+        "burn_time_s": thrust.burn_time(stage.motor),
+        "propellant_kg": stage.propellant.mass,
+        "total_impulse_n_s": total,
+        "specific_impulse_s": specific,
     }
 
 
@@ -267,7 +284,8 @@ def resonances(looked):
 
 def warnings(looked):
     """What an engineer should look at: tuple of programme.Warned, each with its field of the scenario."""
-    scenario, found = looked.scenario, [*_unstable(looked), *_rail(looked)]
+    scenario = looked.scenario
+    found = [*of_parts(scenario), *_unstable(looked), *_rail(looked)]
     for t, hz, stays in resonances(looked):
         words = f"the spin passes the resonance with the pitch motion at T{t:+.1f} s, {hz:.2f} Hz"
         words += f", and stays within {100 * NEAR:.0f} % of it for {stays:.1f} s; angles of attack grow there"

@@ -22,6 +22,14 @@ def rows(summary):
     share = summary["rail_exit_speed_over_wind"]
     beside = "no wind" if share is None else f"{share:.1f} times the wind there"
     yield "rail", "speed at its end", f"{number(summary['rail_exit_speed_m_s'], 1, 'm/s')}, {beside}"
+    yield "flight", "apogee", _apogee(summary)
+    for one in summary["motors"]:
+        section, out_s = f"motor of {one['stage']}", one["ignition_s"] + one["burn_time_s"]
+        burns = f"{one['burn_time_s']:.1f} s, T{one['ignition_s']:+.1f} s to T{out_s:+.1f} s"
+        yield section, "burn time", burns
+        yield section, "propellant", number(one["propellant_kg"], 1, "kg")
+        yield section, "total impulse, vacuum", number(one["total_impulse_n_s"] / 1e3, 1, "kN s")
+        yield section, "specific impulse, vacuum", number(one["specific_impulse_s"], 1, "s")
     for one in summary["configurations"]:
         section = one["flies"]
         yield section, "flies", f"T{one['from_s']:+.1f} s to T{one['until_s']:+.1f} s"
@@ -46,6 +54,13 @@ def rows(summary):
         yield "spin", "passes resonance", text
     for one in summary["warnings"]:
         yield "warnings", one["field"], one["text"]
+
+
+def _apogee(summary):
+    """Height and time of the apogee, as text."""
+    if summary["apogee_km"] is None:
+        return "not before mission.time_limit"
+    return f"{number(summary['apogee_km'], 1, 'km')} at T{summary['apogee_s']:+.1f} s"
 
 
 def table(summary):

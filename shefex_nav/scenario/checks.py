@@ -94,10 +94,9 @@ def _vibration(scenario):
     given = scenario.trajectory
     stages = len(scenario.vehicle.stages) if given is None else 1 + len(given.separations)
     if len(vibration.boost) != stages and not (given and not vibration.boost):
-        words = (
-            f"{count(len(vibration.boost), 'value')} for {count(stages, 'stage')}; give one for each stage"
-        )
-        yield ("imu", "vibration", "boost"), words
+        named = f" ({', '.join(scenario.vehicle.stages)})" if given is None and stages else ""
+        words = f"{count(len(vibration.boost), 'value')} for {count(stages, 'stage')}{named}; "
+        yield ("imu", "vibration", "boost"), f"{words}give one for each stage"
 
 
 def states_that_clash(names):

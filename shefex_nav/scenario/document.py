@@ -9,6 +9,8 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
+from shefex_nav.scenario import decimal_comma
+
 STR, INT, FLOAT, BOOL, NULL = (
     f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
 )
@@ -86,6 +88,10 @@ def _compose(text, file):
         raise BadText(Mark(file, 1, 1), "not valid YAML: brackets within brackets without end") from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
+        if error.context == "while scanning a simple key":  # the problem is where its colon was looked for
+            mark = error.context_mark
+            said = text.splitlines()[mark.line].strip()
+            raise BadText(Mark(file, mark.line + 1, mark.column + 1), _no_colon(said)) from None
         words = ", ".join(str(part) for part in (error.context, error.problem) if part)
         hint = "; indent with spaces, not tabs" if "'\\t'" in words else ""
         raise BadText(Mark(file, mark.line + 1, mark.column + 1), f"not valid YAML: {words}{hint}") from None
@@ -95,6 +101,12 @@ def _compose(text, file):
         before = text[:position]
         line, column = before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1
         raise BadText(Mark(file, line, column), f"not valid YAML: {words}") from None
+
+
+def _no_colon(line):
+    """Words about a line that should be a key and its value."""
+    shown = line if len(line) <= 40 else f"{line[:40]}..."
+    return f"not valid YAML: '{shown}' has no colon; a key is followed by one, as in 'height: 300 m'"
 
 
 def _mark(node, file):
@@ -113,6 +125,9 @@ def _build(node, path, file, document, parents):
     if node.tag == "tag:yaml.org,2002:seq":
         for index, item in enumerate(node.value):
             document.keys[(*path, index)] = _mark(item, file)
+            if halves := decimal_comma.of_list(node, index):
+                words = decimal_comma.words(*halves, "values")
+                document.errors.append((_mark(node.value[index - 1], file), f"{dotted(path)}: {words}"))
         return [
             _build(item, (*path, index), file, document, parents) for index, item in enumerate(node.value)
         ]
@@ -150,8 +165,13 @@ def _is_null(node):
 
 def _mapping(node, path, file, document, parents):
     tree, taken = {}, set()
-    for key_node, value_node in node.value:
+    for k, (key_node, value_node) in enumerate(node.value):
         mark = _mark(key_node, file)
+        if halves := decimal_comma.of_mapping(node, k):
+            key, value = node.value[k - 1]
+            words = decimal_comma.words(*halves, "keys")
+            document.errors.append((_mark(value, file), f"{dotted((*path, key.value))}: {words}"))
+            continue
         if not isinstance(key_node.value, str):
             document.errors.append((mark, f"{dotted(path)}: a key must be a word"))
             continue

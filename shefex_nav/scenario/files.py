@@ -1,5 +1,6 @@
 """Text of the files that make up a scenario."""
 
+import difflib
 import os
 import stat
 
@@ -7,6 +8,7 @@ from shefex_nav.scenario import kind
 
 # bytes: of a scenario, of a table in it, of recorded data
 LARGEST, LARGEST_TABLE, LARGEST_DATA = 2 << 20, 4 << 20, 1 << 30
+ALIKE = 0.6  # of difflib: names that may be meant for each other
 DEVICES = ((stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))
 
 
@@ -32,7 +34,7 @@ def read_text(path, expected, largest=LARGEST):
         with open(path, encoding="utf-8-sig") as stream:
             return stream.read()
     except FileNotFoundError:
-        words = "there is no such file"
+        words = f"there is no such file{alike(path)}"
     except IsADirectoryError:
         words = _instead(kind.of_folder(path), expected)
     except UnicodeDecodeError as error:
@@ -52,6 +54,19 @@ def _poured(path, expected, largest):
     if len(content) > largest:
         raise Unreadable(f"is larger than {largest / 1e6:.3g} MB, more than {expected} has")
     return content.decode("utf-8-sig")
+
+
+def alike(path):
+    """`; did you mean 'motor.eng'?` if a file of the same kind beside a missing one has a name like it."""
+    folder, name = os.path.split(os.fspath(path))
+    try:
+        beside = os.listdir(folder or ".")
+    except OSError:
+        return f"; there is no folder '{folder}'"
+    stem, ending = os.path.splitext(name)
+    known = dict(map(os.path.splitext, (one for one in beside if one.endswith(ending))))
+    found = difflib.get_close_matches(stem, known, n=1, cutoff=ALIKE)
+    return f"; did you mean '{found[0]}{known[found[0]]}'?" if found else ""
 
 
 def _instead(found, expected):

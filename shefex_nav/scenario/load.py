@@ -15,6 +15,7 @@ from shefex_nav.scenario import (
     fields,
     kind,
     layers,
+    leftovers,
     messages,
     overriding,
     plugged,
@@ -221,6 +222,8 @@ def _validated(tree, places, files, overrides, path, trust=False):
     else:
         more = list(cross_check(scenario, rated))
         more += _dispersions(tree, scenario, try_them=not more)
+    stages = layers.node(tree, leftovers.STAGES)
+    more = leftovers.noted(more, stages if isinstance(stages, dict) else (), places, others)
     found += [about(where, words) for where, words in more]
     if found:
         raise layers.sorted_error(found) from None

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.scenario import decimal_comma
 from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
 LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
@@ -187,12 +188,12 @@ class QuantitySpec:
             raise refuse(f"{expected}, got {describe(value)}")
         found = _NUMBER.fullmatch(str(value))
         if found is None:
-            raise refuse(f"cannot read {quoted(value)}: {expected}")
+            raise refuse(f"cannot read {quoted(value)}: {expected}{decimal_comma.in_text(str(value))}")
         number, unit_text = float(re.sub(r"\.(?=[in])", "", found[1].lower())), found[2]
         if not math.isfinite(number):
             raise refuse(f"must be a finite number, got {quoted(value)}")
         if _LOOSE_NUMBER.search(re.sub(r"^1\s*/", "", unit_text)):
-            raise refuse(f"cannot read {quoted(value)}: {expected}")
+            raise refuse(f"cannot read {quoted(value)}: {expected}{decimal_comma.in_text(str(value))}")
         if not unit_text:
             meant = " or ".join(f"'{text}'" for text in self._with_units(found[1]))
             raise refuse(f"{quoted(value)} has no unit; write it with one, for example {meant}")

@@ -9,6 +9,7 @@ import re
 from typing import NamedTuple
 
 from shefex_nav.scenario.files import Unreadable
+from shefex_nav.scenario.files import alike as name_alike
 
 ENDING = ".yaml"
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -55,7 +56,13 @@ def resolved(name, beside=""):
     if (path := found(name, beside, files())) is not None:
         return path
     where = "" if beside else f" in {os.getcwd()}"
-    raise Unreadable(f"there is no such file{where}, and {unknown(name.removesuffix(ENDING))}")
+    stem = name.removesuffix(ENDING)
+    raise Unreadable(f"there is no such file{where}{alike_file(beside, stem)}, and {unknown(stem)}")
+
+
+def alike_file(beside, stem):
+    """`; did you mean 'mine.yaml'?` of a scenario file with a name like it in the folder `beside`."""
+    return name_alike(os.path.join(beside, stem + ENDING))
 
 
 def found(name, beside, known):

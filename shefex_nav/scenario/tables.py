@@ -12,6 +12,7 @@ from shefex_nav.scenario.document import Mark
 from shefex_nav.scenario.quantity import quoted
 
 ALIKE = 0.6  # of difflib: names that may be meant for each other
+SEPARATORS = {";": "semicolons", "\t": "tabs"}  # of spreadsheets in other languages
 MOST_ERRORS = 5  # of one file; a table of the wrong kind is wrong in every line
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.I)
 
@@ -107,6 +108,7 @@ def _numbers(rows, names, wanted):
         if len(row) != len(names):
             kind = "numbers" if len(wanted) == len(names) else "values"
             words = f"expected {len(names)} {kind}, one for each of {', '.join(names)}, got {len(row)}"
+            words += "; numbers have a point, not a comma" if len(row) > len(names) else ""
             errors.append((row[min(len(row), len(names)) - 1][1], words))
             continue
         for name, (cell, mark) in zip(names, row, strict=True):
@@ -124,6 +126,10 @@ def _numbers(rows, names, wanted):
 def _names(head, file, required, optional):
     """Names of the columns, checked."""
     known, errors, names = (*required, *optional), [], []
+    other = next((mark for mark in SEPARATORS if len(head) == 1 and mark in head[0][0]), None)
+    if other:
+        words = f"columns are separated by commas, not by {SEPARATORS[other]}, and numbers have a point"
+        raise BadTable([(head[0][1], words)])
     if not any(difflib.get_close_matches(name, known, n=1, cutoff=ALIKE) for name, _ in head):
         got = quoted(", ".join(name for name, _ in head))
         raise BadTable([(head[0][1], f"expected a line with the columns {', '.join(required)}, got {got}")])

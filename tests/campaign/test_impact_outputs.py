@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shefex_nav.campaign.impact import instantaneous, landing, outputs, scatter, studying
+from shefex_nav.campaign.impact import figures, instantaneous, landing, outputs, scatter, studying
 from shefex_nav.commands.main import main
 
 ROCKET = """
@@ -141,6 +141,30 @@ def test_the_exit_code_tells_of_failed_runs(command, monkeypatch, rocket, result
     ended, said = command(rocket, "--runs", 5, "--output", tmp_path / "out")
     assert ended == code and (tmp_path / "out" / "landings.json").exists()
     assert ("it tumbles" in said.out) == bool(failed)
+
+
+def test_the_map_shows_every_landing_and_its_legend_covers_nothing(result):
+    """Each run is a dot where it landed, the flight without dispersions has the same mark in both figures."""
+    made = with_runs(result, range(12))
+    drawn = figures.draw(made)
+    (axes,) = drawn["map"].axes
+    lines = {line.get_label(): line for line in axes.lines}
+    dots = np.column_stack(lines["payload, 12 runs"].get_data())
+    apart = np.linalg.norm(np.diff(dots[:2], axis=0))
+    north, east = 0.01 * 111.56, 0.02 * 111.41 * np.cos(np.radians(68.005))  # km, of a degree there
+    assert apart == pytest.approx(np.hypot(north, east), rel=0.01)
+    mark = lines["payload, without dispersions"]
+    (other,) = [line for line in drawn["landings"].axes[0].lines if line.get_label() == "without dispersions"]
+    assert mark.get_marker() == other.get_marker() != lines["launcher"].get_marker()
+    drawn["map"].draw_without_rendering()
+    assert axes.get_legend().get_window_extent().y1 < axes.get_window_extent().y0
+    assert axes.get_legend().get_window_extent().y0 >= 0.0
+
+
+def test_a_single_flight_has_a_mark_and_no_runs(result):
+    (axes,) = figures.draw(result._replace(scattered=None, ellipses=(), runs=0))["map"].axes
+    labels = axes.get_legend_handles_labels()[1]
+    assert "payload, nominal" in labels and not any("run" in label for label in labels)
 
 
 def test_files_of_another_study_are_taken_away(command, monkeypatch, rocket, result, tmp_path):

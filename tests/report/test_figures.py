@@ -11,6 +11,7 @@ from made_up import MISSION, gathered, of_records
 from matplotlib.text import Text
 from scipy.stats import binom, chi2
 
+from shefex_nav import event_words
 from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import figures, local_level, metrics
@@ -249,6 +250,33 @@ def test_names_neither_cover_each_other_nor_leave_the_figure():
     for k, box in enumerate(boxes):
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+def test_marks_that_cover_each_other_have_one_name():
+    """Lengths are points of print; what is counted is the distance from the first of a group."""
+    figure, axes = style.single(4.0, "names")
+    width = axes.get_window_extent().width * 72.0 / figure.dpi
+    axes.set(xlim=(0, width), ylim=(0, 1))
+    xy = np.array([[10.0, 0.5], [13.0, 0.5], [16.0, 0.5], [21.0, 0.5], [50.0, 0.5], [21.0, 0.5]])
+    assert labels.together(axes, xy, 4.0) == [[0, 1], [2], [3], [4], [5]]
+
+
+def test_every_event_is_named_in_the_picture_of_the_path(data):
+    """Burn-out and largest pressure of a short burn are one dot, whose name says both."""
+    moments = (240.0, "max_dynamic_pressure"), (240.1, "burn_out_1"), (250.0, "altitude_60km")
+    events = [rec.Event(t_s, name, 1e5, "") for t_s, name in moments]
+    (axes,) = flight.trajectory(data._replace(events=events)).axes
+    names = [text.get_text() for text in axes.texts]
+    assert names == ["max dynamic pressure, burn out 1", "down to 60 km"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("altitude_60km", "down to 60 km"), ("burn_out_1", "burn out 1"), ("fault_gps_end", "fault ends: gps"),
+     ("fault_gyro", "fault begins: gyro")],
+)  # fmt: skip
+def test_events_have_one_name_for_people(name, words):
+    assert event_words.said(name) == words
 
 
 @pytest.mark.parametrize("entry", figures.catalogue(), ids=lambda entry: entry.name)

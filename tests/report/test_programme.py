@@ -142,7 +142,10 @@ def test_a_steeper_burn_brings_the_vehicle_out_of_the_air():
             "; a larger launch.elevation (86.43 deg) or programme.precession.elevation (8.58 deg) raises it",
         ),
         (["launch.elevation=90 deg"], "; a larger programme.precession.elevation (8.58 deg) raises it"),
-        (["launch.elevation=90 deg", "programme.precession=null"], ""),
+        (
+            ["launch.elevation=90 deg", "programme.precession=null"],
+            "; it burns straight up: it takes more impulse of the motors, or less mass or drag",
+        ),
         (  # a turn after the burn makes nobody higher
             ["vehicle.stages.S44.ignition=66 s", "programme.damping=null"],
             "; a larger launch.elevation (86.43 deg) raises it",
@@ -150,7 +153,19 @@ def test_a_steeper_burn_brings_the_vehicle_out_of_the_air():
     ],
 )
 def test_only_what_helps_is_named(overrides, words):
-    assert programme._steeper(load.load(DEFAULT, overrides)) == words
+    assert programme._steeper(load.load(DEFAULT, overrides), 95.0) == words
+
+
+def test_an_elevation_that_cannot_help_is_not_named():
+    """A throw at 84 deg reaches 1.1 % less than one straight up, with 15 deg of bending 15 %."""
+    steep = load.load(DEFAULT, ["launch.elevation=84 deg", "programme.precession=null"])
+    gained = 1.0 / math.sin(math.radians(84.0 - 15.0)) ** 2
+    assert 1.14 < gained < 1.15
+    assert "launch.elevation (84 deg) raises it" in programme._steeper(steep, 100.1 / gained)
+    for top_km in (99.9 / gained, 15.6):
+        said = programme._steeper(steep, top_km)
+        assert "not even a burn straight up would reach 100 km" in said
+        assert "more impulse" in said and "elevation" not in said
 
 
 def flown(*events, end_s=500.0, astray_deg=0.2):

@@ -128,6 +128,8 @@ def test_command_prints_a_table_and_writes_page_and_picture(tmp_path, monkeypatc
 
     code, said = command("--output", tmp_path / "v.html")
     assert code == 0 and "least margin, way up" in said.out and "warning:" in said.err
+    for name in ("apogee", "total impulse, vacuum", "specific impulse, vacuum", "burn time"):
+        assert name in said.out
     page = (tmp_path / "v.html").read_text()
     assert len(re.findall("<figure ", page)) == 2 and "improved_orion_like" not in re.sub(
         "<pre>.*", "", page, flags=re.S

@@ -20,6 +20,8 @@ NOT_A_SCENARIO = {
     "list at the top": ("- mission\n- earth\n", "1:1", "the file holds a list; expected a mapping"),
     "text": ("hello\n", "1:1", "the file holds a single value"),
     "open bracket": ("mission: [1, 2\nearth: 3\n", "2:6", "not valid YAML"),
+    "key without a colon": ("mission:\n  name: x\nearth\n  model: y\n", "3:1", "'earth' has no colon"),
+    "value without a colon": ("mission:\n  name: x\n  rail 8 m\na: b\n", "3:3", "'rail 8 m' has no colon"),
     "two colons": ("mission: a: b\n", "1:11", "mapping values are not allowed here"),
     "tab": ("mission:\n\tname: x\n", "2:1", "indent with spaces, not tabs"),
     "two documents": ("mission: 1\n---\nearth: 2\n", "2:1", "another document"),

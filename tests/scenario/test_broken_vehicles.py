@@ -262,7 +262,7 @@ BROKEN = {
         "boost: [7 gee, 3.5 gee]",
         "boost: @[7 gee]",
         "imu.vibration.boost",
-        "1 value for 2 stages; give one for each stage",
+        "1 value for 2 stages (S40M, S44); give one for each stage",
     ),
     "torque of zero": (
         "[5 N m, 60 N m,",

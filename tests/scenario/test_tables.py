@@ -154,7 +154,7 @@ BAD_WIND = {
     ),
     "semicolons": (
         "@height_m;speed_m_s;from_deg\n0;5;270\n",
-        "expected a line with the columns height_m, speed_m_s, from_deg, got 'height_m;",
+        "columns are separated by commas, not by semicolons",
     ),
     "no number": (
         "height_m,speed_m_s,from_deg\n0, @calm, 270\n",

@@ -86,6 +86,9 @@ def test_new_writes_each_and_overwrites_nothing(tmp_path, command):
         done = command("new", kind, str(path))
         assert done.code == 0 and f"wrote {path}" in done.err, done.err
         assert path.read_text() and "FILE" not in path.read_text()
+        of_a_rocket = kind == "scenario"  # which is no new one: where that is described is told twice
+        assert ("docs/describe-your-rocket.md" in done.err) is of_a_rocket
+        assert ("docs/describe-your-rocket.md" in path.read_text()) is of_a_rocket
         again = command("new", kind, str(path))
         assert again.code == 2 and "exists already" in again.err
     assert command("check", str(tmp_path / "my_scenario.yaml")).code == 0

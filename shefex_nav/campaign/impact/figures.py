@@ -1,5 +1,7 @@
 """Figures of where a rocket lands: a map of everything, and each body's landings with their ellipses."""
 
+import math
+
 import numpy as np
 
 from shefex_nav.campaign.impact import ellipses as ellipsing
@@ -19,19 +21,19 @@ def chart(result):
         places[np.isfinite(places).all(axis=1)] for places in (result.points.vacuum, result.points.drag)
     ]
     landings = [
-        (k, case, one)
-        for case, landed in zip(result.cases, result.landed, strict=True)
-        for k, one in enumerate(landed.landings)
+        (n, k, one) for n, landed in enumerate(result.landed) for k, one in enumerate(landed.landings)
     ]
     outlines = [(k, one, one.outline(n)) for k, one in enumerate(result.ellipses) for n in ellipsing.SIGMAS]
     at = np.array([[one.latitude, one.longitude] for _, _, one in landings])
-    shown = np.concatenate([[result.site], *ways, at, *(outline for _, _, outline in outlines)])
+    runs = {} if result.scattered is None else result.scattered.landings
+    shown = np.concatenate([[result.site], *ways, at, *runs.values(), *(line for _, _, line in outlines)])
     middle = middle_of(*shown.T)
 
     def project(places):
         return equidistant(*np.asarray(places).T, middle)
 
-    figure, axes = style.single(6.9, f"{result.name}: where it lands, with coast lines")
+    rows = math.ceil((3 + 4 * len(result.landed[0].landings)) / 3)  # of the legend, in three columns
+    figure, axes = style.single(6.9, f"{result.name}: where it lands, with coast lines", 0.1 + 0.21 * rows)
     base_map(axes, middle, project(shown))
     for k, (way, places) in enumerate(zip(result.landed[0].paths, ways, strict=True)):
         axes.plot(*project(places).T, color=COLOURS[k % 5], lw=1.8, label=f"ground track, {way.body}")
@@ -43,16 +45,31 @@ def chart(result):
         words = None if n % len(ellipsing.SIGMAS) else f"1, 2, 3 σ, {one.body}"
         colour = COLOURS[_number(result, one.body) % 5]
         axes.plot(*project(outline).T, color=colour, lw=1.1, ls="-.", label=words)
-    for k, _, one in landings:
-        xy = project([[one.latitude, one.longitude]])
-        axes.plot(*xy.T, MARKERS[k % 5], color=COLOURS[k % 5], mec="black", ms=6, zorder=4)
+    for body, places in runs.items():
+        colour = COLOURS[_number(result, body) % 5]
+        words = f"{body}, {len(places)} run{'s' * (len(places) > 1)}"
+        style.dots(axes, *project(places).T, color=colour, ms=7, alpha=0.6, mew=0, label=words, zorder=3)
+    for n, k, one in landings:
+        name = None if n else f"{one.body}, {_undispersed(result)}"
+        _mark_landing(axes, *project([[one.latitude, one.longitude]])[0], k, name)
     axes.plot(
         *project([result.site]).T, "*", color=style.YELLOW, mec="black", ms=13, label="launcher", zorder=5
     )
     axes.set_xlabel("east of the middle of the map [km]")
     axes.set_ylabel("north [km]")
-    style.legend(axes, loc="upper left", fontsize=9)
+    style.legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=9, frameon=False)
     return figure
+
+
+def _undispersed(result):
+    """What the landings are that are not those of runs."""
+    one = "nominal" if result.scattered is None else "without dispersions"
+    return one + ", in each wind" * (len(result.cases) > 1)
+
+
+def _mark_landing(axes, x, y, k, name):
+    """Where the body of number k lands in the flight without dispersions: the same mark in every figure."""
+    axes.plot(x, y, MARKERS[k % 5], color=COLOURS[k % 5], mec="black", ms=7, label=name, zorder=4)
 
 
 def _number(result, body):
@@ -79,7 +96,7 @@ def _panel(axes, result, one):
     scale, unit = (1e3, "km") if one.axes[0] > 300.0 else (1.0, "m")
     colour = COLOURS[_number(result, one.body) % 5]
     north, east = one.offsets.T / scale
-    style.dots(axes, east, north, color=colour, ms=5, alpha=0.5, mew=0)
+    style.dots(axes, east, north, color=colour, ms=7, alpha=0.5, mew=0)
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     c, s = np.cos(one.azimuth), np.sin(one.azimuth)
     for k, n, dash in zip(ellipsing.SIGMAS, one.inside, ("-", "--", ":"), strict=True):
@@ -98,8 +115,7 @@ def _panel(axes, result, one):
         there = wgs84.ecef_from_geodetic(spot.latitude, spot.longitude, 0.0)
         centre = wgs84.ecef_from_geodetic(one.latitude, one.longitude, 0.0)
         at = (there - centre) @ wgs84.dcm_en(one.latitude, one.longitude) / scale
-        name = None if k else "without dispersions" + ", in each wind" * (len(result.cases) > 1)
-        axes.plot(at[1], at[0], "*", color=style.YELLOW, mec="black", ms=12, label=name)
+        _mark_landing(axes, at[1], at[0], _number(result, one.body), None if k else _undispersed(result))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"east of the centre [{unit}]")
     axes.set_ylabel(f"north [{unit}]")

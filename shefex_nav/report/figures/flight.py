@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav import event_words
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import wgs84
@@ -15,6 +16,7 @@ _ABOUT = 0.18  # shown around a track, over its size
 _SMALLEST = 20e3  # m, of a map
 _GRID_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0)
 _PRINCIPAL = ("lift_off", "apogee", "entry", "impact", "landing")  # named first
+_DOT = 4.0  # points, of an event
 SLOWEST = 5.0  # m/s; below it the air comes from anywhere
 
 
@@ -71,10 +73,13 @@ def _name_events(axes, data, path, x, y):
     if not events:
         return
     xy = np.array([(np.interp(t, path.t_s, x), np.interp(t, path.t_s, y)) for t, _, _ in events])
-    axes.plot(*xy.T, "o", color=style.BLACK, ms=4, zorder=3)
-    first = {name.replace("_", " ") for name in _PRINCIPAL}
-    order = sorted(range(len(events)), key=lambda k: (events[k][2] not in first, events[k][0]))
-    labels.place(axes, xy[order], [events[k][2] for k in order], avoid=np.column_stack([x, y])[::8])
+    axes.plot(*xy.T, "o", color=style.BLACK, ms=_DOT, zorder=3)
+    groups = labels.together(axes, xy, _DOT)
+    names = [", ".join(events[k][2] for k in group) for group in groups]
+    first = {event_words.said(name) for name in _PRINCIPAL}
+    order = sorted(range(len(groups)), key=lambda k: first.isdisjoint(names[k].split(", ")))
+    at = xy[[group[0] for group in groups]]
+    labels.place(axes, at[order], [names[k] for k in order], avoid=np.column_stack([x, y])[::8])
 
 
 @style.styled

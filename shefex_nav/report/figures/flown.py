@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import event_words
 from shefex_nav.report import geodesic
 from shefex_nav.report.track import Track, earth_fixed
 
@@ -51,7 +52,7 @@ def event_names(events):
     """Events of one instant together: list of (t_s, altitude_m, 'name, name')."""
     out = []
     for event in events:
-        name = event.name.replace("_", " ")
+        name = event_words.said(event.name)
         if out and abs(out[-1][0] - event.t_s) < 0.05:
             out[-1] = (*out[-1][:2], f"{out[-1][2]}, {name}")
         else:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav import event_words
 from shefex_nav.report import metrics
 from shefex_nav.report.figures import errors, flown, frame, labels, style
 
@@ -54,7 +55,7 @@ def _flight(axes, data, t_s):
     at_s = [event.t_s for event in principal]
     xy = np.column_stack([at_s, np.interp(at_s, path.t_s, path.track.height / 1e3)])
     avoid = np.column_stack([path.t_s, path.track.height / 1e3])[::8]
-    labels.place(axes, xy, [event.name.replace("_", " ") for event in principal], avoid=avoid)
+    labels.place(axes, xy, [event_words.said(event.name) for event in principal], avoid=avoid)
 
 
 def _attitude(panels, data, t_s):

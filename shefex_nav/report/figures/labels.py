@@ -5,7 +5,7 @@ import numpy as np
 _FONT = 9.0  # points
 _LETTER = 0.6  # width of a letter over the size of the font, DejaVu Sans, generous
 _AROUND = np.radians([90, 60, 120, 30, 150, 0, 180, -30, -150, -60, -120, -90])  # tried in this order
-_AWAY = (14.0, 24.0, 38.0, 54.0, 72.0)  # points from the place to the name, likewise
+_AWAY = (14.0, 24.0, 38.0, 54.0, 72.0, 96.0, 130.0)  # points from the place to the name, likewise
 
 
 def place(axes, xy, names, *, avoid=None, colour="black"):
@@ -37,6 +37,22 @@ def place(axes, xy, names, *, avoid=None, colour="black"):
             arrowprops={"arrowstyle": "-", "color": "#767676", "lw": 0.6, "shrinkA": 0, "shrinkB": 3},
         )  # fmt: skip
     return done
+
+
+def together(axes, xy, near):
+    """Points of the data of an axes whose marks cover each other: list of lists of their numbers, in order.
+
+    Call it when the limits are settled. xy : (n, 2);  near : points of print from the first of a group
+    """
+    axes.apply_aspect()
+    points = axes.transData.transform(np.asarray(xy, dtype=float)) * 72.0 / axes.figure.dpi
+    groups = []
+    for k, point in enumerate(points):
+        if groups and np.hypot(*(point - points[groups[-1][0]])) < near:
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+    return groups
 
 
 def _room(point, name, others, taken, inside):

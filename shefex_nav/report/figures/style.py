@@ -117,21 +117,22 @@ def title(figure, text):
     figure.text(0.01, y, text, ha="left", va="top", fontsize=14, fontweight="bold")
 
 
-def grid(figure, heights, *, columns=1, gap=0.24, left=1.02, top=0.5, between=0.85):
-    """GridSpec with everything in inches: heights of the rows, gaps, margins."""
+def grid(figure, heights, *, columns=1, gap=0.24, left=1.02, top=0.5, between=0.85, below=0.0):
+    """GridSpec with everything in inches: heights of the rows, gaps, margins; `below` widens the lower."""
     width, height = figure.get_size_inches()
     each = (width - left - RIGHT - (columns - 1) * between) / columns
     mean = float(np.mean(heights))
     return figure.add_gridspec(
         len(heights), columns, height_ratios=heights, hspace=gap / mean, wspace=between / each,
-        left=left / width, right=1.0 - RIGHT / width, top=1.0 - top / height, bottom=BOTTOM / height,
+        left=left / width, right=1.0 - RIGHT / width, top=1.0 - top / height,
+        bottom=(BOTTOM + below) / height,
     )  # fmt: skip
 
 
-def single(height, text):
-    """Figure with one Axes: (Figure, Axes)."""
-    drawn = figure(height)
-    axes = drawn.add_subplot(grid(drawn, [height - 1.05], left=0.8)[0, 0])
+def single(height, text, below=0.0):
+    """Figure with one Axes: (Figure, Axes). below : inches added under it, for a legend"""
+    drawn = figure(height + below)
+    axes = drawn.add_subplot(grid(drawn, [height - 1.05], left=0.8, below=below)[0, 0])
     title(drawn, text)
     return drawn, axes
 

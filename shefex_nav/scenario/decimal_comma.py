@@ -1,0 +1,49 @@
+"""Numbers with a decimal comma, which YAML takes for two values: `{mass: 56,0 kg}`, `[0,3 deg/s]`.
+
+In: nodes of ruamel.yaml. Only what can be nothing else is seen as one: a whole number without a unit, a
+comma, digits and a unit; in a list the comma must have no space after it.
+"""
+
+import re
+
+WHOLE = re.compile(r"[-+]?\d+")
+REST = re.compile(r"\d+(?:\s*[A-Za-z%].*)?")
+REST_WITH_UNIT = re.compile(r"\d+\s*[A-Za-z%].*")
+
+
+def in_text(text):
+    """`; write 56.0 kg: ...` if a text has a decimal comma, else nothing."""
+    meant = re.sub(r"(?<=\d),(?=\d)", ".", text)
+    return f"; write {meant}: numbers have a point" if meant != text and text.count(",") == 1 else ""
+
+
+def of_mapping(node, k):
+    """(text as written, text as meant) if item k of a mapping is what follows the comma of the one before."""
+    key, value = node.value[k]
+    if not (k and node.flow_style and value.value == "" and value.tag.endswith(":null")):
+        return None
+    before = node.value[k - 1][1]
+    return _joined(before, key, REST)
+
+
+def of_list(node, k):
+    """The same of item k of a list."""
+    if not (k and node.flow_style):
+        return None
+    before, item = node.value[k - 1], node.value[k]
+    if not isinstance(item.value, str) or item.start_mark.index != before.end_mark.index + 1:
+        return None
+    return _joined(before, item, REST_WITH_UNIT)
+
+
+def _joined(before, after, rest):
+    """Texts of two plain scalars that are one number."""
+    plain = all(isinstance(one.value, str) and one.style is None for one in (before, after))
+    if not plain or not WHOLE.fullmatch(before.value) or not rest.fullmatch(after.value):
+        return None
+    return f"{before.value},{after.value}", f"{before.value}.{after.value}"
+
+
+def words(written, meant, between):
+    """For people; between : what a comma is between."""
+    return f"'{written}' has a comma, which stands between {between}; write {meant}"
