@@ -102,7 +102,7 @@ def calibrated(row):
 
 def variant(row):
     """A row that another is explained by: shown, not counted, unless an assumption was chosen for it."""
-    return row if row.verdict in (Verdict.CALIBRATED, Verdict.TOO_FEW) else Row(*row[:5])
+    return row if row.verdict == Verdict.CALIBRATED else Row(*row[:5])
 
 
 def explained(row, other, run, words, passes=False):

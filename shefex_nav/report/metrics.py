@@ -277,10 +277,8 @@ def by_rate(data, errors):
 
 
 def _chain_ms(chain_s):
-    if not len(chain_s):
-        return {"median": None, "p99": None}
-    median, p99 = np.percentile(chain_s * 1e3, [50, 99])
-    return {"median": float(median), "p99": float(p99)}
+    median, p99 = np.percentile(chain_s * 1e3, [50, 99]).tolist() if len(chain_s) else (None, None)
+    return {"median": median, "p99": p99}
 
 
 def _navigation(data, height, entry):

@@ -108,8 +108,10 @@ def test_spikes_that_mislead_are_seen():
     assert row(rows, "wrong", "0.0002, 15").measured == pytest.approx(0.6)
     rows = stars.conclude_spikes(spike_results(rate[::-1]))
     assert row(rows, "curves that rise").measured == 0
+    assert row(rows, "curves that rise").verdict == Verdict.OPEN  # they fall
+    rows = stars.conclude_spikes(spike_results(np.full_like(rate, 0.1)))
     assert row(rows, "curves that rise").verdict == Verdict.TOO_FEW  # 200 attitudes, the paper has 1000
-    rows = stars.conclude_spikes(5 * spike_results(rate[::-1]))
+    rows = stars.conclude_spikes(5 * spike_results(np.full_like(rate, 0.1)))
     assert row(rows, "curves that rise").verdict == Verdict.OPEN
 
 

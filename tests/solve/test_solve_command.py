@@ -42,7 +42,7 @@ def test_json(sky):
     assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name", "designation"}
     assert "Betelgeuse" in {match["name"] for match in result["matched"]}
     names = {match["hip"]: (match["name"], match["designation"]) for match in result["matched"]}
-    assert names[27989] == ("Betelgeuse", "alpha Ori") and names[26207] == ("lambda Ori", "lambda Ori")
+    assert names[27989] == ("Betelgeuse", "alpha Ori") and names[26207][1] == "lambda Ori"
     assert 0.0 < result["false_probability"] < 1e-7 and result["wall_ms"] > 0.0
 
 

@@ -4,7 +4,7 @@ As printed: an object begins at a pixel above a threshold (section 3.2); nothing
 pixels, or of how much of the light the brightest may hold, so one pixel is enough. The pictures of the night
 sky were "processed using the uniform Hipparcos catalog" (section 4); the flight has the combined one (3.3).
 The threshold is not given. [E] 6 sigma, 13 grey values: of whole sigmas from 4 to 8 the one with which the
-sentence of section 4 on smeared pictures comes out (`shefex-readings`).
+sentence of section 4 on smeared pictures comes out as `rates` reads it (`shefex-readings`).
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ class Reading(NamedTuple):
 
 
 NIGHT_SKY = Reading(SINGLE_PIXELS, uniform_pairs)  # section 4, as printed
-IN_FLIGHT = Reading(SINGLE_PIXELS, flown_pairs)
+COMBINED = Reading(SINGLE_PIXELS, flown_pairs)  # section 3.3; the scenario as flown detects less (FLOWN)
 
 
 def attitude(reading, found):

@@ -32,9 +32,9 @@ WAYS = ("as printed", "as read by us", "default")
 PAPERS = WAYS[:2]  # what the text has, and with the scan of our tracker, which the text leaves room for
 FRAME_S = 0.1
 CHAINS = {  # (way, place) -> Reading; the ground has the uniform catalogue, as section 4 says
-    ("as printed", "space"): chain.IN_FLIGHT,
+    ("as printed", "space"): chain.COMBINED,
     ("as printed", "ground"): chain.NIGHT_SKY,
-    ("as read by us", "space"): chain.IN_FLIGHT._replace(detection=chain.BLOCKS),
+    ("as read by us", "space"): chain.COMBINED._replace(detection=chain.BLOCKS),
     ("as read by us", "ground"): chain.NIGHT_SKY._replace(detection=chain.BLOCKS),
 }
 
