@@ -15,6 +15,7 @@ from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_si
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
+LOOKS = "the star camera looks into the air, which the frames here do not show"
 UPRIGHT = math.radians(89.0)  # an elevation from which on little is won
 TURNS = math.radians(15.0)  # so much gravity and wind bend the path of a burn down, at most
 ASTRAY_DEG = 5.0  # an attitude control that holds is within a degree
@@ -238,7 +239,7 @@ def _late(flown, name, task, looks):
     moments = _moments(flown)
     if task.end <= moments.entry or task.start > flown.end_s:
         return
-    why = "the star camera looks into the air" if looks else "cold gas steers against the air"
+    why = LOOKS if looks else "cold gas steers against the air"
     is_all = task.start >= moments.entry
     key, t_s, verb = ("from", task.start, "start") if is_all else ("until", task.end, "end")
     height_km = _height_km(flown, f"{name}_{verb}")
@@ -252,9 +253,7 @@ def _early(scenario, flown, name, task):
     moments, height_km = _moments(flown), _height_km(flown, f"{name}_start")
     rising = moments.apogee is None or task.start < moments.apogee
     if rising and height_km is not None and height_km < AIR_KM:
-        words = (
-            f"{task.start:g} s is on the way up, at {height_km:.1f} km: the star camera looks into the air"
-        )
+        words = f"{task.start:g} s is on the way up, at {height_km:.1f} km: {LOOKS}"
         yield Warned(("programme", name, "from"), f"{words}; start it above {AIR_KM:.0f} km")
     out = {event.name: event.t_s for event in flown.events}
     for n, (stage, given) in enumerate(scenario.vehicle.stages.items(), 1):
@@ -289,4 +288,4 @@ def _star_tracker(scenario, flown):
     if not tracker.enabled or entry is None or tracker.off <= entry or flown.end_s <= entry:
         return
     key, t_s = ("on", tracker.on) if tracker.on >= entry else ("off", tracker.off)
-    yield Warned(("star_tracker", key), f"{_after(t_s, moments)}: the star camera looks into the air")
+    yield Warned(("star_tracker", key), f"{_after(t_s, moments)}: {LOOKS}")
