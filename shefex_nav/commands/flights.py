@@ -1,5 +1,6 @@
 """What several commands say of flights: what is wrong with one, where its log ends, how well it went."""
 
+import signal
 from contextlib import contextmanager
 
 from shefex_nav.commands.printing import print_json, say, stdout
@@ -72,8 +73,11 @@ def show_campaign(campaign, series):
 
 
 def _interruptible(records):
-    """The same records; Ctrl-C takes effect between two of them, never inside compiled code."""
-    with wishes() as asked:
+    """The same records; Ctrl-C and SIGTERM take effect between two of them, never inside compiled code.
+
+    An exception in the middle of something may be lost: Python ignores those that arise in a destructor.
+    """
+    with wishes(signals=(signal.SIGINT, signal.SIGTERM)) as asked:
         for record in records:
             if asked:
                 raise KeyboardInterrupt

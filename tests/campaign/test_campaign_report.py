@@ -18,7 +18,7 @@ KEYS = {"runs", "asked", "lost", "succeeded", "failed", "requirements", "wall_s"
 KEYS |= {"integrity"}
 REQUIREMENT_KEYS = {"name", "limit", "unit", "passed", "of", "ci95", "verification"}
 VERIFICATION_KEYS = {"verdict", "probability", "confidence", "runs", "missed", "least", "most", "more"}
-VERIFICATION_KEYS |= {"more_at_rate", "looks"}
+VERIFICATION_KEYS |= {"more_at_rate", "looks", "finished", "flown_on_from"}
 
 
 @pytest.fixture(scope="module")

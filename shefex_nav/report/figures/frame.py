@@ -75,7 +75,7 @@ def _stretched(image):
 
 def _found(axes, fix):
     """Rings around the objects, names beside the identified ones."""
-    from shefex_nav.solve.names import PROPER_NAMES
+    from shefex_nav.solve.names import name_of
 
     xy_px, named = fix.detections.xy_px, fix.hip > 0
     kinds = (named, style.GREEN, 1.6, "identified"), (~named, "#8a6a2a", 0.7, "other objects")
@@ -85,7 +85,7 @@ def _found(axes, fix):
             label=f"{chosen.sum()} {words}",
         )  # fmt: skip
     order = np.flatnonzero(named)  # the brightest first
-    names = [PROPER_NAMES.get(hip, f"HIP {hip}") for hip in fix.hip[order].tolist()]
+    names = [name_of(hip) for hip in fix.hip[order].tolist()]
     labels.place(axes, xy_px[order], names, avoid=xy_px, colour="#7be3b8")
 
 
