@@ -59,11 +59,11 @@ def _lines(campaign, found):
         )
     failed = len(campaign) - int(campaign.succeeded.sum())
     if failed:
-        yield f"Runs that failed gave no answer, {failed}: they meet no requirement."
+        yield f"Runs that failed: {failed}. They gave no answer and meet no requirement."
     if campaign.lost:
-        yield f"Runs that were lost with their workers, {len(campaign.lost)}, are no samples."
+        yield f"Runs that were lost with their workers: {len(campaign.lost)}. They are no samples."
     if campaign.head.get("sampling") == "latin_hypercube":
-        yield "The draws are a Latin hypercube, not independent: bounds and verdicts hold about."
+        yield "The draws are a Latin hypercube, not independent: bounds and verdicts are approximate."
     n, asked = len(campaign), campaign.head["runs"]
     if campaign.head.get("until_verified"):
         yield _of_looks(campaign, found)

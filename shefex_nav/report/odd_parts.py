@@ -11,7 +11,8 @@ from shefex_nav.scenario import thrust
 from shefex_nav.scenario.motor import Grain
 
 DENSITIES = 500.0, 3000.0  # kg/m^3; composite propellant has 1600 to 1900, black powder 1000
-IMPULSES = 120.0, 320.0  # s, in vacuum: below sugar propellant, above the best composites in long nozzles
+IMPULSES = 120.0, 320.0  # s, of grains in vacuum: below sugar, above the best composites in long nozzles
+HIGHEST = 470.0  # s, of what is no grain and may be liquid: above hydrogen and oxygen
 LARGEST_MARGIN = 15.0  # calibres; slender rockets with large fins come near ten
 SLENDEREST = 60.0  # lengths over diameters; sounding rockets are below 40
 BEYOND = 0.25  # vehicle lengths: so far outside a small normal force may put its centre of pressure
@@ -96,11 +97,13 @@ def impulse(stage):
 
 
 def _impulse(path, stage):
-    """Specific impulse of solid propellant, whatever share of it a thrust factor takes."""
+    """Specific impulse of the propellant, whatever share of it a thrust factor takes."""
     total, speed = (value / stage.motor.thrust_factor for value in impulse(stage))
-    if IMPULSES[0] <= speed <= IMPULSES[1]:
+    is_grain = isinstance(stage.propellant, Grain)
+    kind, most = ("solid propellant", IMPULSES[1]) if is_grain else ("propellant", HIGHEST)
+    if IMPULSES[0] <= speed <= most:
         return
-    limits = f"solid propellant gives {IMPULSES[0]:.0f} to {IMPULSES[1]:.0f} s"
+    limits = f"{kind} gives {IMPULSES[0]:.0f} to {most:.0f} s"
     if stage.motor.specific_impulse is not None:
         yield (*path, "specific_impulse"), f"{stage.motor.specific_impulse:g} s in vacuum: {limits}"
         return

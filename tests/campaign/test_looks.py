@@ -1,6 +1,7 @@
 """The stopping rule of campaigns that fly until verified: how often it is wrong, and when it stops."""
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,30 +10,21 @@ from scipy import stats
 from shefex_nav.campaign import looks, tolerance, verdicts
 
 STATED = [(0.99865, 0.9), (0.95, 0.95), (0.9, 0.9), (0.5, 0.6)]
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PROCEDURES = 20_000
 SURE = 1.0 - 1e-6  # of an interval of a simulated share
 
 
-def simulated(stated, share, runs, seed):
-    """Verdicts of many procedures with looks up to so many runs: (pass, fail) numbers, and mean runs.
+@pytest.fixture
+def simulated(monkeypatch):
+    """Verdicts of many procedures with looks up to so many runs: (pass, fail) numbers, and mean runs."""
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    from stopping_rule import procedures
 
-    share : true probability of a failure
-    """
-    rng, plan = np.random.default_rng(seed), looks.until(*stated, runs)
-    missed = np.zeros(PROCEDURES, int)
-    verdict = np.zeros(PROCEDURES, int)  # 1 pass, -1 fail
-    stopped, before = np.full(PROCEDURES, plan[-1].runs), 0
-    for look in plan:
-        missed += rng.binomial(look.runs - before, share, PROCEDURES)
-        before = look.runs
-        now = np.zeros(PROCEDURES, int)
-        if look.fails is not None:
-            now[missed >= look.fails] = -1
-        if look.passes is not None:
-            now[missed <= look.passes] = 1
-        new = (verdict == 0) & (now != 0)
-        verdict[new], stopped[new] = now[new], look.runs
-    return int((verdict == 1).sum()), int((verdict == -1).sum()), float(stopped.mean())
+    def flown(stated, share, runs, seed):
+        return procedures(looks.until(*stated, runs), share, PROCEDURES, np.random.default_rng(seed))
+
+    return flown
 
 
 def interval(k):
@@ -42,7 +34,7 @@ def interval(k):
 
 
 @pytest.mark.parametrize("stated", STATED)
-def test_a_false_pass_is_as_rare_as_stated_and_hardly_rarer(stated):
+def test_a_false_pass_is_as_rare_as_stated_and_hardly_rarer(stated, simulated):
     """True probability just below what is stated. The risk is meant to be used, else it costs runs."""
     p, c = stated
     runs = next(look.runs for look in looks.each(*stated) if (look.passes or 0) >= 16)
@@ -99,7 +91,7 @@ def test_looks_grow_and_leave_room_between_pass_and_fail(stated):
             assert look.passes < (1.0 - stated[0]) * look.runs < look.fails
 
 
-def test_more_often_met_than_stated_passes_and_less_often_fails():
+def test_more_often_met_than_stated_passes_and_less_often_fails(simulated):
     stated = 0.99865, 0.9
     passed, failed, runs = simulated(stated, 0.1 * 0.00135, 30_000, 5)
     assert passed > 0.99 * PROCEDURES and 2218 < runs < 3000

@@ -95,6 +95,17 @@ def test_the_specific_impulse_of_a_motor(tmp_path, speed_s, is_odd):
         assert f"specific impulse of {speed_s} s" in found[f"{STAGE}.motor"]
 
 
+@pytest.mark.parametrize(("speed_s", "is_odd"), [(430, False), (500, True)])
+def test_what_is_no_grain_may_be_liquid(speed_s, is_odd):
+    mass = load.load("rexus_like").vehicle.stages["Orion"].propellant.mass
+    table = "{burnt: [0 %, 100 %], station: [4 m, 4 m], inertia_roll: [3 kg m2, 0 kg m2], "
+    table += "inertia_pitch: [40 kg m2, 0 kg m2]}"
+    motor = "{exit_area: 0.03 m2, exit_station: 5.6 m, measured_at: vacuum, thrust: {time: [0 s, 1 s, 10 s], "
+    motor += f"force: [0 N, {speed_s * mass * 9.80665 / 5.0} N, 0 N]}}}}"
+    found = told(f"{STAGE}.motor={motor}", f"{STAGE}.propellant={{mass: {mass} kg, table: {table}}}")
+    assert (f"{STAGE}.motor" in found) is is_odd, found
+
+
 def test_a_given_specific_impulse_that_no_propellant_has():
     base = load.load("rexus_like").vehicle.stages["Orion"]
     total, speed = odd_parts.impulse(base)
