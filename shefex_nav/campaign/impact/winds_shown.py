@@ -49,7 +49,8 @@ def lines(found):
     for what in dict.fromkeys(reason.what for one in found.cells for reason in one.reasons):
         refused = [(one, reason) for one in found.cells for reason in one.reasons if reason.what == what]
         first, reason = min(refused, key=lambda pair: pair[0].speed)
-        others = f", and in {len(refused) - 1} more winds" if len(refused) > 1 else ""
+        more = len(refused) - 1
+        others = f", and in {more} more wind{'s' * (more > 1)}" if more else ""
         yield f"NO: {reason} ({first.speed:g} m/s from {first.whence}{others})"
     for name in found.unknown:
         yield f"{name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag"
