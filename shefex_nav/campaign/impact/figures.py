@@ -33,7 +33,7 @@ def chart(result):
         return equidistant(*np.asarray(places).T, middle)
 
     rows = math.ceil((3 + 4 * len(result.landed[0].landings)) / 3)  # of the legend, in three columns
-    figure, axes = style.single(6.9, f"{result.name}: where it lands, with coast lines", 0.1 + 0.21 * rows)
+    figure, axes = style.single(6.9, f"{result.name}: where it lands", 0.1 + 0.21 * rows)
     base_map(axes, middle, project(shown))
     for k, (way, places) in enumerate(zip(result.landed[0].paths, ways, strict=True)):
         axes.plot(*project(places).T, color=COLOURS[k % 5], lw=1.8, label=f"ground track, {way.body}")
