@@ -183,7 +183,7 @@ def judge(options, study, seeds):
     print(f"{Path(options.scenario).name}, code {commit()}, {len(seeds)} seeds: {seeds}")
     if study.turn_field:
         print("what the on-board model leaves out of gravity is turned by another rotation for every seed")
-    print(f"frames flown by {flown.told(study.path(seed) for seed in seeds)}")
+    print(f"frames flown by {flown.provenance(study.path(seed) for seed in seeds)}")
     rng, found, good = np.random.default_rng(0), {}, True
     for name, (overrides, _) in filters.items():
         runs = [one[name] for one, _ in results]

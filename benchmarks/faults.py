@@ -257,7 +257,7 @@ def main():
             parser.error(f"{folder} holds no star fixes of these seeds")
         from shefex_nav.verify import flown
 
-        print(f"star fixes: {flown.told(folder / f'fixes-{seed:04d}.npz' for seed in seeds)}")
+        print(f"star fixes: {flown.provenance(folder / f'fixes-{seed:04d}.npz' for seed in seeds)}")
     found, broken = {}, []
     with ProcessPoolExecutor(max_workers=options.jobs, mp_context=get_context("spawn")) as pool:
         for name in options.names:

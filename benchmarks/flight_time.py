@@ -32,7 +32,7 @@ STATISTICAL = ("star_tracker.frames=statistical",)
 SEED = 5
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = {  # what is timed in a flight, where a checkout has it: name -> (module, class or None, function)
-    "world": tuple(("prepare", None, name) for name in ("build_world", "sound", "with_faults")),
+    "world": tuple(("prepare", None, name) for name in ("build_world", "measure", "with_faults")),
     "log": (("log.writer", "LogWriter", "write"), ("log.writer", "LogWriter", "__exit__")),
     "keeping": (("log.run_data", "RunDataBuilder", "add"), ("log.run_data", "RunDataBuilder", "build")),
 }

@@ -3,7 +3,7 @@
 import re
 
 
-def said(name):
+def in_words(name):
     """`altitude_60km` as `down to 60 km`, `fault_gyro_end` as `fault ends: gyro`, no underscores."""
     words = re.sub(r"^altitude (\d+)km$", r"down to \1 km", name.replace("_", " "))
     found = re.fullmatch(r"fault (.*?)( end)?", words)

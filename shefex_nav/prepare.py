@@ -58,13 +58,13 @@ class World(NamedTuple):
         return [*self.gps_fixes, *self.gps_ranges, *chain(*others)]
 
 
-class Sound(NamedTuple):
+class Healthy(NamedTuple):
     """What the sensors of a run have before any of them fails."""
 
     scenario: object  # Scenario, `settled`; of its faults nothing is looked at
     seed: int
     world: World  # without what sensors say and how they fail
-    felt: imu.Felt
+    sensed: imu.Sensed
     gps: gps.GpsData
 
 
@@ -88,10 +88,10 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     if flight is None:
         flight = fly_vehicle(scenario, seed, brief=brief)
     wanted = np.empty((len(flight.trajectory.t_s), 6)) if biases else None
-    return with_faults(scenario, sound(scenario, seed, flight, brief=brief, biases=wanted))
+    return with_faults(scenario, measure(scenario, seed, flight, brief=brief, biases=wanted))
 
 
-def sound(scenario, seed, flight, *, brief=False, biases=None, sky=None):
+def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     """Let the sensors measure a flight; which of them fail is not looked at yet, `with_faults`.
 
     Parameters
@@ -102,7 +102,7 @@ def sound(scenario, seed, flight, *, brief=False, biases=None, sky=None):
 
     Returns
     -------
-    Sound
+    Healthy
     """
 
     def rng(stream):
@@ -114,7 +114,7 @@ def sound(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     catalogue = stars.load_catalogue(8.0)
     at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
     scenario = settled(scenario, flight if brief else None)
-    felt = imu.felt(settings(scenario.imu), flight.trajectory, rng("imu"), biases)
+    sensed = imu.sense(settings(scenario.imu), flight.trajectory, rng("imu"), biases)
     true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
@@ -132,38 +132,38 @@ def sound(scenario, seed, flight, *, brief=False, biases=None, sky=None):
         faults=None,
         imu_biases=biases,
     )
-    return Sound(scenario, seed, world, felt, said)
+    return Healthy(scenario, seed, world, sensed, said)
 
 
-def with_faults(scenario, sound, *, keeps=False):
+def with_faults(scenario, healthy, *, keeps=False):
     """The world of a run in which the sensors fail as a scenario says.
 
-    scenario : the Scenario of a Sound, or one that differs from it by its faults
-    keeps : whether the Sound is to be used again; else its arrays are used up
+    scenario : the Scenario of a Healthy, or one that differs from it by its faults
+    keeps : whether the Healthy is to be used again; else its arrays are used up
     -> World
     """
-    world, felt, receiver = sound.world, sound.felt, params_gps.receiver(sound.scenario)
+    world, sensed, receiver = healthy.world, healthy.sensed, params_gps.receiver(healthy.scenario)
     flight, wrong, of_instruments = world.flight, settings(scenario.faults), aboard.wrong(scenario)
     if keeps:
-        felt = felt._replace(dtheta_b=felt.dtheta_b.copy(), dv_b=felt.dv_b.copy())
-    fixes = gps.told(faults.gps(wrong.gps, sound.gps.fixes), receiver.fix)
-    ranges = sound.gps.ranges
+        sensed = sensed._replace(dtheta_b=sensed.dtheta_b.copy(), dv_b=sensed.dv_b.copy())
+    fixes = gps.as_kind(faults.gps(wrong.gps, healthy.gps.fixes), receiver.fix)
+    ranges = healthy.gps.ranges
     if ranges:
-        ranges = faults.gps_ranges(wrong.gps, ranges, sound.gps.antenna)
+        ranges = faults.gps_ranges(wrong.gps, ranges, healthy.gps.antenna)
     events = [*flight.events, *faults.events(wrong, flight.trajectory, world.earth, of_instruments)]
     seen = flight.trajectory, world.earth
     return world._replace(
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
-        imu=imu.reported(settings(sound.scenario.imu), flight.trajectory.t_s, felt, wrong.imu),
+        imu=imu.reported(settings(healthy.scenario.imu), flight.trajectory.t_s, sensed, wrong.imu),
         gps_fixes=gps.stamped(fixes, receiver.clock_offset),
         gps_ranges=gps.stamped(ranges, receiver.clock_offset),
         faults=wrong,
-        measured=measured_by_instruments(sound.scenario, sound.seed, *seen, of_instruments),
+        measured=measured_by_instruments(healthy.scenario, healthy.seed, *seen, of_instruments),
     )
 
 
 def gps_sky(scenario, flight, with_ranges=True):
-    """gps.Sky of a flight: `sound` of all runs of it needs no other. with_ranges : as of `gps.sky`"""
+    """gps.Sky of a flight: `measure` of all runs of it needs no other. with_ranges : as of `gps.sky`"""
     receiver, satellites = params_gps.receiver(scenario), constellation(scenario)
     return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)
 

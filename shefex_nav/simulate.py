@@ -108,7 +108,7 @@ class Route:
                 yield from due(schedule.steered, now_s)
                 yield blocks[k]
             at(n, ARRIVED)
-            yield from link.seen(arrived)
+            yield from link.records_of(arrived)
             yield from outputs
             at(n, MEASURED)
             yield from link.durations(now_s)
@@ -120,7 +120,7 @@ class Route:
         if ticks == len(self.read.t_valid_s):
             yield from reversed(schedule.events)  # the impact, after the last tick
 
-    def parted(self, world, stands_for):
+    def fork(self, world, stands_for):
         """A copy, which goes on in another world: as if it had flown there from the beginning.
 
         Parameters
@@ -228,7 +228,7 @@ class Link:
         self._pictures = [(self.line.picture(frame), truth) for frame, truth in self.shutter.arrived(now_s)]
         return [*due(self.schedule.received, now_s), *(frame for frame, _ in self._pictures)]
 
-    def seen(self, arrived):
+    def records_of(self, arrived):
         """Records of what has arrived at the last tick, truth of the pictures first."""
         if arrived:
             yield from (truth for _, truth in self._pictures)

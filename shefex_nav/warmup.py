@@ -90,9 +90,9 @@ def _say_what_does_not_fit(store):
 
     kinds = shipped_kinds()
     if kinds is not None and store.kind not in kinds:
-        store.tell(f"the installed shefex-nav-kernels are for {', '.join(kinds)}; here is {store.kind}")
+        store.say_once(f"the installed shefex-nav-kernels are for {', '.join(kinds)}; here is {store.kind}")
     elif kinds is not None:
-        store.tell("the installed shefex-nav-kernels lack some that this needs: they are compiled")
+        store.say_once("the installed shefex-nav-kernels lack some that this needs: they are compiled")
 
 
 @contextmanager

@@ -172,8 +172,8 @@ FAULTS = (  # likewise, of what shows when it flies only
         "times of its readings must be numbers in asc",
     ),
     (
-        "    return Seen(z, H",
-        "    return Seen(z, H[:, :5]",
+        "    return Linearised(z, H",
+        "    return Linearised(z, H[:, :5]",
         "what lasts have shapes [(1,), (1, 5)",
     ),
     ("here.rows(1)", "here.rows(1) + np.nan", "z and H must be numbers"),

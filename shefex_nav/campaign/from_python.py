@@ -54,11 +54,11 @@ def fly_campaign(
         fly = until.fly if until_verified else running.fly
         flown = fly(request, store, progress.Show(say), stop)
     ended, runs = (flown.ended, flown.asked) if until_verified else (flown, runs)
-    _tell(ended, runs, say)
+    _report_missing(ended, runs, say)
     return results.open_campaign(folder)
 
 
-def _tell(ended, runs, say):
+def _report_missing(ended, runs, say):
     """Say, warn of or raise what a campaign of so many runs is without. running.Ended"""
     from shefex_nav.campaign.engine import EngineError
 

@@ -1,7 +1,7 @@
 """The report of a campaign to hand over: one HTML page with everything in it, made as that of a run is."""
 
 from shefex_nav.campaign import figures
-from shefex_nav.campaign.parts import Command, Loud, parts
+from shefex_nav.campaign.parts import Bold, Command, parts
 from shefex_nav.files import put
 from shefex_nav.report import html
 from shefex_nav.report.figures import style
@@ -56,7 +56,7 @@ def _table(part):
 
 
 def _cell(cell):
-    return element("strong", cell) if isinstance(cell, Loud) else cell
+    return element("strong", cell) if isinstance(cell, Bold) else cell
 
 
 def _picture(name, figure):

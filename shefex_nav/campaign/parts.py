@@ -14,7 +14,7 @@ MOST_CAUSES, MOST_RUNS, MOST_EXPLAIN, MOST_SEPARATIONS, MOST_VERDICTS = 8, 6, 12
 MOST_LOST = 5
 
 
-class Loud(str):
+class Bold(str):
     """A text that wants attention."""
 
 
@@ -48,13 +48,13 @@ def parts(campaign, series=None):
 def head(campaign):
     """How many runs, and what they took."""
     n, asked, good = len(campaign), campaign.head["runs"], int(campaign.succeeded.sum())
-    done = Loud(f"{n} of {asked}, the campaign is not finished") if n < asked else str(n)
+    done = Bold(f"{n} of {asked}, the campaign is not finished") if n < asked else str(n)
     rate = f"{good}, {_percent(good / n)} (95 % interval {_between(*intervals.proportion(good, n))})"
     rows = [("runs", done), ("flew to their end", rate)]
     if n > good:
-        rows.append(("failed", Loud(n - good)))
+        rows.append(("failed", Bold(n - good)))
     for run, reason in list(campaign.lost.items())[:MOST_LOST]:
-        rows.append((f"run {run} was lost", Loud(reason)))
+        rows.append((f"run {run} was lost", Bold(reason)))
     if campaign.wall_s:
         timed = campaign.head.get("timed", {"runs": 0})
         pace = f", {3600.0 * timed['runs'] / timed['wall_s']:,.0f} runs an hour" if timed["runs"] else ""
@@ -75,7 +75,7 @@ def requirements(campaign):
     if failed:  # a run that failed met nothing that anybody saw
         heads += (f">of all {n} runs",)
     for one in found:
-        name = name_of(one.name) if one.passed == one.of else Loud(name_of(one.name))
+        name = name_of(one.name) if one.passed == one.of else Bold(name_of(one.name))
         if one.ci95 is None and n > failed:  # of software of a user's own
             unjudged.append(name_of(one.name))
             rows.append((unjudged[-1], one.words, *"-----", *(["-"] if failed else [])))
@@ -99,7 +99,7 @@ def verified(campaign):
     found = verdict_rows.table(campaign)
     if found is None:
         return None
-    rows = (tuple(Loud(cell) if cell in verdict_rows.LOUD else cell for cell in row) for row in found.rows)
+    rows = (tuple(Bold(cell) if cell in verdict_rows.LOUD else cell for cell in row) for row in found.rows)
     return Part(found.title, found.heads, tuple(rows), found.lines)
 
 
@@ -149,7 +149,7 @@ def flights(campaign):
         bound = f"at most {_tiny(star.most_wrong_runs)} of runs, {_tiny(star.most_wrong_fixes)} of fixes"
         share = star.runs_with_wrong
         wrong = f"{star.wrong} in {share.part} of {share.whole} runs; {bound} (95 %)"
-        rows.append(("wrong star fixes", Loud(wrong) if star.wrong else wrong))
+        rows.append(("wrong star fixes", Bold(wrong) if star.wrong else wrong))
     for one in statistics.ellipses(campaign):
         long, short = one.semi_axes_km
         words = (
@@ -210,7 +210,7 @@ def _together(verdicts):
     small = f"{off} of {len(verdicts)} {_off()}" if off else ""
     if not bad:
         return small
-    return Loud(f"{bad} of {len(verdicts)} are not as they should be" + (f", {small}" if small else ""))
+    return Bold(f"{bad} of {len(verdicts)} are not as they should be" + (f", {small}" if small else ""))
 
 
 def _off():
@@ -227,7 +227,7 @@ def _verdict(one, group):
 
 
 def _size(is_small):
-    return Loud(f"covariance too {'small' if is_small else 'large'}")
+    return Bold(f"covariance too {'small' if is_small else 'large'}")
 
 
 def trusted(campaign):
@@ -241,7 +241,7 @@ def trusted(campaign):
     )  # fmt: skip
     rows = []
     for one in found:
-        verdict = Loud(one.verdict) if one.verdict == "not kept" else one.verdict
+        verdict = Bold(one.verdict) if one.verdict == "not kept" else one.verdict
         rate = "-" if one.rate is None else f"{one.rate:.2g} ({one.least:.2g} to {one.most:.2g})"
         worst = ("-", "-") if one.worst is None else (f"{one.worst:.2f}", str(one.worst_run))
         tail = "-" if one.tail is None else f"{one.tail:.1g} (at most {one.tail_most:.1g})"
@@ -259,7 +259,7 @@ def programme(campaign):
     good, lines = int(campaign.succeeded.sum()), []
     for cause in campaign.warnings():
         what = "" if len(cause.runs) == 1 else f", with the numbers of run {cause.runs[0]}"
-        lines.append(Loud(f"{len(cause.runs)} of {good} runs ({_some(cause.runs)}){what}: {cause.words}"))
+        lines.append(Bold(f"{len(cause.runs)} of {good} runs ({_some(cause.runs)}){what}: {cause.words}"))
     return Part("The scenario does not fit the flight", lines=tuple(lines)) if lines else None
 
 

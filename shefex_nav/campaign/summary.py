@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import integrity, statistics, verdicts
-from shefex_nav.report.requirements import said, severity, words
+from shefex_nav.report.requirements import in_words, severity, words
 
 MOST_WORST = 3  # runs to look at
 
@@ -75,7 +75,7 @@ def _why(judged, rms_deg):
     missed = [one for one in judged if not one.passed]
     nearest = sorted(judged, key=lambda one: -severity([one]))[:1]
     found = "; ".join(
-        f"{name_of(one.name)} {said(one)}, wanted {words(one.name, one.required, one.unit)}"
+        f"{name_of(one.name)} {in_words(one)}, wanted {words(one.name, one.required, one.unit)}"
         for one in missed or nearest
     )
     return f"misses {found}" if missed else f"meets all requirements; nearest to its limit: {found}"

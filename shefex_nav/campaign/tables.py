@@ -38,6 +38,6 @@ def _shown(part):
 def _cell(cell):
     from rich.text import Text
 
-    from shefex_nav.campaign.parts import Loud
+    from shefex_nav.campaign.parts import Bold
 
-    return Text(str(cell), style="bold yellow" if isinstance(cell, Loud) else "")
+    return Text(str(cell), style="bold yellow" if isinstance(cell, Bold) else "")

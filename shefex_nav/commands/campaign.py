@@ -76,8 +76,8 @@ def campaign(
 
         how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
         raise typer.Exit(_sweep(how, sweep, json))
-    address = _told("--engine", running.address, cluster)
-    kept = _told("--keep", running.kept, keep or ())
+    address = _parsed("--engine", running.address, cluster)
+    kept = _parsed("--keep", running.kept, keep or ())
     loaded = load.load(scenario, overrides or ())
     software.refuse_reached(loaded)
     warn(loaded, loaded.dropped)
@@ -130,7 +130,7 @@ def _sweep(how, given, as_json):
     return 1 if lost or failed else 0
 
 
-def _told(option, parse, value):
+def _parsed(option, parse, value):
     """What the value of an option means, which is refused under its name."""
     from shefex_nav.campaign.running import BadCampaign
 

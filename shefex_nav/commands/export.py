@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from shefex_nav.commands.flights import about, tell_if_cut, tell_of_plugins
+from shefex_nav.commands.flights import about, say_if_cut, say_missing_plugins
 from shefex_nav.commands.options import Overrides, mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
@@ -95,8 +95,8 @@ def _write_tables(log, folders, maps):
     from shefex_nav.log import reader
 
     data = reader.read(log)
-    tell_if_cut(log, data)
-    tell_of_plugins(log, data.mission.plugins)
+    say_if_cut(log, data)
+    say_missing_plugins(log, data.mission.plugins)
     from shefex_nav.report import export as tables
     from shefex_nav.report import geography
 
@@ -160,7 +160,7 @@ def _write_frames(source, wanted, *, of_log):
         with about(source):
             if of_log:
                 flight = flown.of_log(source)
-                tell_of_plugins(source, flight.known.mission.plugins)
+                say_missing_plugins(source, flight.known.mission.plugins)
             else:
                 flight = flown.of_scenario(
                     load.load(source, wanted.overrides), FIRST_SEED if wanted.seed is None else wanted.seed

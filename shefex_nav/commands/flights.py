@@ -32,7 +32,7 @@ def warn(scenario, warnings):
         say(f"warning: {scenario.line_about(one.field, one.text)}")
 
 
-def tell_of_plugins(path, pins):
+def say_missing_plugins(path, pins):
     """A line for each plug-in of a log or a campaign that cannot be loaded here, as its `plugins` say."""
     from shefex_nav import plugins
 
@@ -40,7 +40,7 @@ def tell_of_plugins(path, pins):
         say(f"{path}: without what a plug-in brought: {words}")
 
 
-def tell_if_cut(log, data):
+def say_if_cut(log, data):
     """A line for the user of a log that was not closed, or whose mission was not flown or seen to its end."""
     if data.failure:
         first = data.failure.splitlines()[0]

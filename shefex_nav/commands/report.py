@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import show_campaign, show_run, tell_if_cut, tell_of_plugins
+from shefex_nav.commands.flights import say_if_cut, say_missing_plugins, show_campaign, show_run
 from shefex_nav.commands.options import Json
 from shefex_nav.commands.output_files import check_file, check_pictures, make_folder
 from shefex_nav.commands.printing import print_json, say
@@ -55,8 +55,8 @@ def _of_run(log, html, figures, as_json):
 
     run = open_run(log)
     data = run.data
-    tell_if_cut(log, data)
-    tell_of_plugins(log, data.mission.plugins)
+    say_if_cut(log, data)
+    say_missing_plugins(log, data.mission.plugins)
     if figures is not None:
         make_folder(figures, "--figures")
     glance = _glance(run) if html is not None or figures is not None else None
@@ -80,7 +80,7 @@ def _of_campaign(folder, html, figures, as_json):
     from shefex_nav.campaign.results import open_campaign
 
     campaign = open_campaign(folder)
-    tell_of_plugins(folder, campaign.plugins)
+    say_missing_plugins(folder, campaign.plugins)
     if figures is not None:
         make_folder(figures, "--figures")
     wanted = html is not None or figures is not None or not as_json

@@ -52,7 +52,7 @@ def robustness(
         raise typer.Exit(130)
     found = _result(head, records, out, json)
     if interrupted:
-        _tell_interrupted(len(records), len(waiting), out)
+        _say_interrupted(len(records), len(waiting), out)
         raise typer.Exit(130)
     if not found["ok"]:
         for one in found["requirements"]:
@@ -143,7 +143,7 @@ def _show(records):
     typer.echo(f"{flights}, each with its twin; {cpu_s / len(records):.1f} s of a processor each")
 
 
-def _tell_interrupted(flown, total, out):
+def _say_interrupted(flown, total, out):
     """How to go on."""
     from shefex_nav.verify.robustness import require
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import tell_if_cut, tell_of_plugins
+from shefex_nav.commands.flights import say_if_cut, say_missing_plugins
 from shefex_nav.commands.options import mission_time
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import say
@@ -65,8 +65,8 @@ def view(
         return
     runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=chosen, web=web)
     for log, data in zip(logs, runs, strict=True):
-        tell_if_cut(log, data)
-        tell_of_plugins(log, data.mission.plugins)
+        say_if_cut(log, data)
+        say_missing_plugins(log, data.mission.plugins)
     for written in (save, screenshot):
         if written is not None:
             say(f"wrote {written}")

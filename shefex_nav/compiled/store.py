@@ -51,13 +51,13 @@ class Store:
             with open(path, "rb") as file:
                 whole = file.read()
         except OSError as error:
-            self.tell(f"{path}: {error.strerror}; the kernel is compiled again")
+            self.say_once(f"{path}: {error.strerror}; the kernel is compiled again")
             return None
         with suppress(OSError):  # somebody else's file, which may be read only
             if path.startswith(self.own) and time.time() - os.path.getmtime(path) > TOUCHED_DAYS * DAY_S:
                 os.utime(path)
         if hashlib.sha256(whole[32:]).digest() != whole[:32]:
-            self.tell(f"{path} is damaged; the kernel is compiled again")
+            self.say_once(f"{path} is damaged; the kernel is compiled again")
             return None
         return whole[32:]
 
@@ -76,7 +76,7 @@ class Store:
                     os.unlink(part)
                 raise
         except OSError as error:
-            self._tell_unwritable(error)
+            self._say_unwritable(error)
             return None
         return path
 
@@ -86,12 +86,12 @@ class Store:
             os.makedirs(self.own, exist_ok=True)
             tempfile.TemporaryFile(dir=self.own).close()
         except OSError as error:
-            self._tell_unwritable(error)
+            self._say_unwritable(error)
             return False
         return True
 
-    def _tell_unwritable(self, error):
-        self.tell(
+    def _say_unwritable(self, error):
+        self.say_once(
             f"compiled kernels cannot be kept in {self.own} ({error.strerror}): "
             "every process compiles them again; set NUMBA_CACHE_DIR to a folder that can be written"
         )
@@ -135,7 +135,7 @@ class Store:
                     with suppress(OSError):
                         os.unlink(path)
 
-    def tell(self, line):
+    def say_once(self, line):
         """Say something on stderr, once in a process."""
         if line not in self._told:
             self._told.add(line)

@@ -35,7 +35,7 @@ def plus(u, a, v):
 
 
 @kernel(forceinline=True)
-def turned(C, u):
+def rotated(C, u):
     """C u"""
     return (
         C[0] * u[0] + C[1] * u[1] + C[2] * u[2],

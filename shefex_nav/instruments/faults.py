@@ -2,7 +2,7 @@
 
 A fault says by how much a field of the record is wrong under the name of the field, `{fault: bias, pressure:
 500 Pa}`, in its unit; an array has a value for each element. Bias, drift and scale factor change what the
-sensor feels, before range and quanta where the instrument says what these are (`Instrument.limited`).
+sensor senses, before range and quanta where the instrument says what these are (`Instrument.limited`).
 Silence, repeated and late readings are of what it sends. A fault draws no random numbers.
 """
 
@@ -195,7 +195,7 @@ def __getattr__(name):
 def applied(one, settings, faults, measured):
     """What an instrument says when it is faulty: Measured.
 
-    Faults of what it feels come first, in their order, then range and quanta, then those of what it sends.
+    Faults of what it senses come first, in their order, then range and quanta, then those of what it sends.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ import numpy as np
 
 from shefex_nav.instruments import instrument
 from shefex_nav.instruments.instrument import Column, DataColumn, Drawn, Equation, Plot, StateBlock
-from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal, Seen
+from shefex_nav.onboard.navigation.aid import Aid, Block, Linearised, Renewal
 from shefex_nav.settings import Settings, choice, quantity, section, switch
 
 ANOMALY_LENGTH = 50e3  # m [E], along the path, over which the field of the crust goes with itself
@@ -195,7 +195,7 @@ def aid(settings, use, known):
 
 
 def expect(model, here, reading):
-    """Seen of a reading, three rows in T, or one in rad of a heading. Model, aiding.Here"""
+    """Linearised of a reading, three rows in T, or one in rad of a heading. Model, aiding.Here"""
     from shefex_nav.geometry import rotation
 
     settings, use = model.settings, model.use
@@ -209,10 +209,10 @@ def expect(model, here, reading):
     lasting = lasting + (share**2 * float(b_b @ b_b)) * np.eye(3)
     z, R = reading.field_b - iron - b_b, noise**2 * np.eye(3)
     if use.rows == "field":
-        return Seen(z, H, R, ((lasting, use.memory),))
+        return Linearised(z, H, R, ((lasting, use.memory),))
     e = np.cross(C_bn[:, 2], b_b) / horizontal**2
     own, shared = np.array([[e @ R @ e]]), np.array([[e @ lasting @ e]])
-    return Seen(np.array([e @ z]), (e @ H)[None], own, ((shared, use.memory),))
+    return Linearised(np.array([e @ z]), (e @ H)[None], own, ((shared, use.memory),))
 
 
 def field(model, here):

@@ -29,7 +29,7 @@ from shefex_nav.instruments.instrument import (
     StateBlock,
     Use,
 )
-from shefex_nav.onboard.navigation.aid import Aid, Block, Seen
+from shefex_nav.onboard.navigation.aid import Aid, Block, Linearised
 from shefex_nav.settings import number, quantity
 
 
@@ -99,7 +99,7 @@ def aid(settings, use, known):
 
 
 def expect(noise, sun_i, here, reading):
-    """Seen of a reading, two rows in rad. rad; (3,) to the Sun; aiding.Here, SunReading"""
+    """Linearised of a reading, two rows in rad. rad; (3,) to the Sun; aiding.Here, SunReading"""
     from shefex_nav.geometry import rotation
 
     s_b, H = here.C_ib.T @ sun_i, here.rows(2)
@@ -109,7 +109,7 @@ def expect(noise, sun_i, here, reading):
     H[:, here.columns("attitude")] = across @ rotation.skew(s_b)
     H[:, here.columns("sun_alignment")] = -across @ rotation.skew(s_b)
     turned = s_b + np.cross(here.value("sun_alignment"), s_b)
-    return Seen(across @ (reading.s_b - turned), H, noise**2 * np.eye(2))
+    return Linearised(across @ (reading.s_b - turned), H, noise**2 * np.eye(2))
 
 
 def sees(reading):

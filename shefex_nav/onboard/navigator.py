@@ -68,7 +68,7 @@ class Navigator:
             found = search.settled(bank, self.nav.params, self.nav.earth)
         if found is None:
             self.nav = bank.best
-            return outputs + self._telemetry.now(search.teller(bank), self._ticks)
+            return outputs + self._telemetry.now(search.mixed_filter(bank), self._ticks)
         self.nav, self.bank = found, None
         return outputs + self._telemetry.now(found, self._ticks)
 
@@ -80,4 +80,4 @@ class Navigator:
 
         sky : star_context.Sky; predicts : False for a chain that does not search by the predicted attitude
         """
-        return (star_context.whole if predicts else star_context.brief)(self.nav, frame, sky)
+        return (star_context.full_context if predicts else star_context.brief_context)(self.nav, frame, sky)

@@ -103,7 +103,7 @@ class OwnNavigation:
     def _recorded(self, given):
         """Records of one thing that the software has given."""
         if isinstance(given, Estimate):
-            return self._told(self._checked(given))
+            return self._solution(self._checked(given))
         if isinstance(given, OUTPUTS):
             return [self._checked_record(given)]
         names = ", ".join(kind.__name__ for kind in self.GIVES)
@@ -175,7 +175,7 @@ class OwnNavigation:
         has_P = bool(np.isfinite(P_theta_b).all())
         self._kept.append(_Kept(self.now_s, self._imu, *known, P_theta_b if has_P else None))
 
-    def _told(self, estimate):
+    def _solution(self, estimate):
         """NavSolution of an Estimate, and NavCovariance at every tenth tick."""
         omega_b = estimate.omega_ib_b
         if omega_b is None:

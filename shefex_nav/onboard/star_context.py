@@ -21,7 +21,7 @@ class Sky(NamedTuple):
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
 
 
-def whole(nav, frame, sky):
+def full_context(nav, frame, sky):
     """Context of a frame with prediction and rate.
 
     Place and geometry are those of the tick nearest to its instant: within 5 ms they do not change. The
@@ -33,12 +33,12 @@ def whole(nav, frame, sky):
     history, C_bc = nav.history, nav.params.C_bc
     ticks = history.oldest, history.newest, history.place(history.nearest(frame.t_valid_s))
     shot = frame.t_valid_s, frame.t_start_s, frame.exposure_s, frame.line_s, frame.image_dn.shape[0]
-    context, known = _whole(nav.constants, history.arrays, ticks, C_bc, shot, sky)
+    context, known = _full_context(nav.constants, history.arrays, ticks, C_bc, shot, sky)
     return context if known else context._replace(omega_c=None, P_omega_c=None)
 
 
-def brief(nav, frame, sky):
-    """`whole` without prediction and rate, for a chain that does not search by them."""
+def brief_context(nav, frame, sky):
+    """`full_context` without prediction and rate, for a chain that does not search by them."""
     history, t_valid_s = nav.history, frame.t_valid_s
     place = history.place(history.nearest(t_valid_s))
     v_i, _, _, *angles = _sight(history.arrays, place, nav.params.C_bc, t_valid_s, nav.earth, sky.sun_i)
@@ -46,8 +46,8 @@ def brief(nav, frame, sky):
 
 
 @kernel
-def _whole(constants, memory, ticks, C_bc_nominal, shot, sky):
-    """`whole`, and whether the memory covers the exposure.
+def _full_context(constants, memory, ticks, C_bc_nominal, shot, sky):
+    """`full_context`, and whether the memory covers the exposure.
 
     constants, memory : prediction.Constants, prediction.Memory
     ticks : numbers of its oldest and newest tick, place of the one that ends nearest to the frame's instant
@@ -84,7 +84,7 @@ def _sight(memory, place, C_bc_nominal, t_valid_s, earth, sun_i):
     x, t_s, dt_s = memory.xs[place], memory.numbers[place, 0], memory.numbers[place, 1]
     n, vibration = int(memory.numbers[place, 2]), memory.numbers[place, 3]
     drive = memory.drives[place]
-    omega_b = strapdown.felt_packed(x, memory.increments[place], n, dt_s, vibration, drive, n * dt_s)[:3]
+    omega_b = strapdown.sensed_packed(x, memory.increments[place], n, dt_s, vibration, drive, n * dt_s)[:3]
     C_bc = rotation.dcm_from_rotvec(x[X_MOUNTING]) @ C_bc_nominal
     turned = rotation.dcm_from_rotvec(omega_b * (t_valid_s - t_s))
     C_ic = rotation.dcm_from_quat(x[X_Q]) @ turned @ C_bc

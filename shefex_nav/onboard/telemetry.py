@@ -62,11 +62,11 @@ class Columns:
     def _keep(self, nav, first, last, later, imu_blind):
         """Rows of the ticks after `first` and before `last`, which the history counts `later` higher."""
         if ticks := _among(first, last, self.every, later):
-            solution.tell(nav, ticks, imu_blind, self._solutions.more(len(ticks)))
+            solution.fill(nav, ticks, imu_blind, self._solutions.more(len(ticks)))
         if ticks := _among(first, last, COVARIANCE_TICKS, later):
             if self._layout is None:
                 self._layout, self._covariances = nav.layout, _Table(covariance.width(nav.layout))
-            covariance.tell(nav, ticks, self._covariances.more(len(ticks)))
+            covariance.fill(nav, ticks, self._covariances.more(len(ticks)))
 
     def solutions(self, first, last):
         """NavSolution of arrays of the ticks after first up to last that have been kept, and these ticks."""

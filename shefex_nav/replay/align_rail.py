@@ -1,6 +1,6 @@
 """Alignment of a rocket on its rail: where the nose points is known, the roll about it is seen by gravity.
 
-The nose points to the rail's azimuth and elevation. At rest the accelerometers feel gravity across the nose,
+The nose points to the rail's azimuth and elevation. At rest the accelerometers sense gravity across the nose,
 f_y = -sin(roll) cos(elevation) g and f_z = -cos(roll) cos(elevation) g, so a bias b turns the roll by
 b/(g cos(elevation)): on a rail that is nearly vertical, little or nothing is known of it. The mean rate at
 rest, less that of the Earth, is the gyros' bias.
@@ -27,17 +27,17 @@ def attitude(scenario, f_b, span_s, g):
     settings, accelerometer = scenario.alignment, scenario.imu.accelerometer
     acceleration = of_mean_force(accelerometer, span_s)
     level = float(np.hypot(acceleration / g, settings.disturbance))
-    felt = float(np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2])))
+    sensed = float(np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2])))
     sigma = float(np.hypot(level, settings.elevation_error))
-    if abs(felt - settings.elevation) > DISAGREE * sigma:
-        words = f"the accelerometers feel {np.degrees(felt):.1f} deg, alignment.elevation says"
+    if abs(sensed - settings.elevation) > DISAGREE * sigma:
+        words = f"the accelerometers sense {np.degrees(sensed):.1f} deg, alignment.elevation says"
         up = plausible.of_file(f_b / np.linalg.norm(f_b), scenario.data.axes)
         raise DataError(
             f"alignment: {words} {np.degrees(settings.elevation):.1f} deg; check elevation, its error, "
             f"imu.accelerometer.bias and data.axes: the first is the nose, axis {up} of the file points up"
         )
     weight = settings.elevation_error**2 / sigma**2
-    elevation = settings.elevation + weight * (felt - settings.elevation)
+    elevation = settings.elevation + weight * (sensed - settings.elevation)
     elevation_sigma = level * settings.elevation_error / sigma
     roll_sigma = min(level / max(np.cos(elevation), 1e-6), UNKNOWN)
     C_nb = euler.dcm_from_euler(np.arctan2(-f_b[1], -f_b[2]), elevation, settings.azimuth)

@@ -82,7 +82,7 @@ def oddities(common):
     if found is None:
         return
     left = Offset(found.offset_s - common.applied_s, found.sigma_s)
-    if told(left):
+    if is_reported(left):
         seen = f"{found.offset_s:+.3f} s, 1 sigma {found.sigma_s:.3f} s"
         yield (
             "gnss.clock_offset",
@@ -107,7 +107,7 @@ def find(imu, fixes, arm_b=NO_ARM):
     shifts_s = np.arange(-MOST_S, MOST_S + 0.5 * STEP_S, STEP_S)
     seen = _Seen(imu, arm_b)
     cost, count, coarse_s = np.zeros(len(shifts_s)), 0, 0.0
-    for said, sigma, felt, own_s in (_force(seen, inside), _turn(seen, inside)):
+    for said, sigma, felt, own_s in (_force(seen, inside), _course_rate(seen, inside)):
         if len(said) < FEWEST:
             continue
         misfit = np.array([_misfit(said, sigma, felt(shift_s)) for shift_s in shifts_s])
@@ -118,7 +118,7 @@ def find(imu, fixes, arm_b=NO_ARM):
     return _least(shifts_s, cost, count, coarse_s) if count else None
 
 
-def told(offset):
+def is_reported(offset):
     """Whether an Offset (or None) is one that the user should be told of."""
     return offset is not None and abs(offset.offset_s) > max(CLEAR * offset.sigma_s, SMALL_S)
 
@@ -186,7 +186,7 @@ def _force(seen, pairs):
     return np.array(said), np.hypot(sigma, NOISE), felt, 0.0
 
 
-def _turn(seen, pairs):
+def _course_rate(seen, pairs):
     """Rates of the course [rad/s], likewise; of the pairs that go along the ground."""
     courses = [[_course(fix) for fix in pair] for pair in pairs]
     used = [k for k, both in enumerate(courses) if None not in both]

@@ -76,7 +76,7 @@ class Whole(History):
         self.used_s = dict.fromkeys(aids, -np.inf)
 
 
-class Seen(NamedTuple):
+class UsedMeasurement(NamedTuple):
     """A measurement that was believed, or doubted, at a node."""
 
     tick: int
@@ -91,7 +91,7 @@ class Nodes(NamedTuple):
     ticks: np.ndarray  # (m,) in which an interval lies
     parts_s: np.ndarray  # (m, 2) its beginning and end, s from the start of the tick
     ends: np.ndarray  # (N + 1,) node at the end of each tick
-    seen: dict  # node -> list of Seen, in their order
+    seen: dict  # node -> list of UsedMeasurement, in their order
     xs: np.ndarray  # (m + 1, X) packed values of the filter
 
 
@@ -124,7 +124,7 @@ def nodes(nav, final, nominal):
                 if at_s < length_s:
                     between[len(ticks)] = x
                 begin_s = at_s
-            seen.setdefault(len(ticks), []).append(Seen(k, at_s, one, x))
+            seen.setdefault(len(ticks), []).append(UsedMeasurement(k, at_s, one, x))
         if begin_s < length_s - SAME_S:
             ticks.append(k)
             parts.append((begin_s, length_s))

@@ -284,7 +284,7 @@ def _right_handed():
 
 
 def _specific_forces(data, g):
-    """Means over seconds as the IMU felt them and as the truth has them: (k, 3), (k, 3) m/s^2, body axes.
+    """Means over seconds as the IMU sensed them and as the truth has them: (k, 3), (k, 3) m/s^2, body axes.
 
     Seconds in which the vehicle turns, or falls freely, are left out.
     """
@@ -294,7 +294,7 @@ def _specific_forces(data, g):
     gained, felt_b, true_b = np.cumsum(imu.dv_b, axis=0), [], []
     for first_s in np.linspace(begin_s, end_s - SECOND_S, n) if n > 0 else ():
         ends_s = np.array([first_s, first_s + SECOND_S])
-        felt = np.diff([np.interp(ends_s, imu.t_s, column) for column in gained.T], axis=1)[:, 0] / SECOND_S
+        sensed = np.diff([np.interp(ends_s, imu.t_s, column) for column in gained.T], axis=1)[:, 0] / SECOND_S
         rows = np.clip(np.searchsorted(truth.t_s, [*ends_s, ends_s.mean()]), 0, len(truth.t_s) - 1)
         C_first, C_last, C_nb = (euler.dcm_from_euler(*truth.angles[k]) for k in rows)
         v_e = np.array([np.interp(ends_s, truth.t_s, column) for column in truth.v_e.T])
@@ -302,8 +302,8 @@ def _specific_forces(data, g):
         coriolis_e = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], v_e.mean(axis=1))
         true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=1)[:, 0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
         steady = np.trace(C_first.T @ C_last) > 1.0 + 2.0 * np.cos(MOST_TURN)
-        if steady and min(np.linalg.norm(felt), np.linalg.norm(true)) > 0.5 * g:
-            felt_b.append(felt)
+        if steady and min(np.linalg.norm(sensed), np.linalg.norm(true)) > 0.5 * g:
+            felt_b.append(sensed)
             true_b.append(true)
     return np.array(felt_b).reshape(-1, 3), np.array(true_b).reshape(-1, 3)
 

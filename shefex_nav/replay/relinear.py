@@ -149,7 +149,7 @@ def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
 
 
 def _correct(nav, seen, mean, P):
-    """Take a Seen into mean and P, in place. -> Update"""
+    """Take a UsedMeasurement into mean and P, in place. -> Update"""
     whole, one = nav.history, seen.measurement
     z, H, R = fusion.linearised(nav, Moment(whole, seen.tick, seen.at_s), one)
     added, held, cut = None, None, ()
@@ -256,7 +256,7 @@ def _follow(constants, samples, about, between, mean, P, intervals):
         carried(constants, top, mean, T, moved)
         for i in range(n):
             mean[i] = moved[i] - d[i]
-        _turn(d, top, Q, mean, P)
+        _rotate(d, top, Q, mean, P)
         copy(top, intervals.tops[j])
         copy(Q, intervals.noises[j])
         for i in range(n):
@@ -302,15 +302,15 @@ def fade(at, model, T, vector):
 
 
 @inner
-def _turn(d, top, Q, mean, P):
+def _rotate(d, top, Q, mean, P):
     """G on all that has an attitude, in place; nothing where the trajectory goes as a flight does."""
     a = ATT.start
     if d[a] ** 2 + d[a + 1] ** 2 + d[a + 2] ** 2 < 1e-24:
         return
     G = right_jacobian(d[ATT])
-    _rows_turned(G, top, a)
-    _rows_turned(G, Q, a)
-    _rows_turned(G, P, a)
+    _rotate_rows(G, top, a)
+    _rotate_rows(G, Q, a)
+    _rotate_rows(G, P, a)
     for matrix in (Q, P):
         m = matrix.shape[0]
         for i in range(m):
@@ -327,7 +327,7 @@ def _turn(d, top, Q, mean, P):
 
 
 @inner
-def _rows_turned(G, matrix, a):
+def _rotate_rows(G, matrix, a):
     """Three rows from a on, turned by G, in place."""
     for j in range(matrix.shape[1]):
         x, y, z = matrix[a, j], matrix[a + 1, j], matrix[a + 2, j]

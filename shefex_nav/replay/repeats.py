@@ -1,7 +1,7 @@
 """A receiver that says the same position for a long time while the vehicle moves.
 
 The filter notices that fix by fix (`onboard.navigation.integrity_gps`); here it is said of the data as a
-whole, by what the inertial sensors feel meanwhile.
+whole, by what the inertial sensors sense meanwhile.
 """
 
 import numpy as np
@@ -42,7 +42,7 @@ def oddities(imu, fixes):
         yield (
             "data.gnss",
             f"the position repeats itself to the last digit for {last_s - first_s:.1f} s, from "
-            f"T{first_s:+.1f} s to T{last_s:+.1f} s ({count} fixes), while the IMU feels motion; "
+            f"T{first_s:+.1f} s to T{last_s:+.1f} s ({count} fixes), while the IMU senses motion; "
             "the filter leaves it out",
         )
     strange = [fix for fix in fixes if fix.n_satellites == NONSENSE]

@@ -117,7 +117,7 @@ def of_data(data, log_path, overrides=()):
         gravity=known,
         own=own,
         software=running,
-        arrivals=Recorded(data.imu.t_valid_s, *_heard(data), stars),
+        arrivals=Recorded(data.imu.t_valid_s, *_received(data), stars),
     )
 
 
@@ -175,7 +175,7 @@ def _check(log_path, data):
     )
 
 
-def _heard(data):
+def _received(data):
     """Lists of what the sensors of a RunData said that have no pictures."""
     yield from (data.gps, data.gps_ranges)
     for arrays in data.readings.values():

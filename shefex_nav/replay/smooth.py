@@ -51,7 +51,7 @@ class Smoothed(NamedTuple):
 
 
 class Chunk(NamedTuple):
-    """Ticks 0 ... m - 1 of a solution, as `solution.tell` and `covariance.tell` read a History."""
+    """Ticks 0 ... m - 1 of a solution, as `solution.fill` and `covariance.fill` read a History."""
 
     arrays: Memory
 
@@ -225,7 +225,7 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     progress(0.9)
     stars = nav.health["star_tracker"]._replace(used=int(star_aided))
     nav = nav._replace(health={**nav.health, "star_tracker": stars})
-    return told(nav, final, nodes, xs, wanted)
+    return solutions(nav, final, nodes, xs, wanted)
 
 
 def smoothed_about(nav, whole, nodes, start, intervals, trajectory, second=False):
@@ -271,7 +271,7 @@ def known_field(recording, nodes, final, xs):
     return np.column_stack([np.interp(begin_s + half_s, t_s[at], found[:, i]) for i in range(3)])
 
 
-def told(nav, final, nodes, xs, wanted):
+def solutions(nav, final, nodes, xs, wanted):
     """NavSolution of the smoother at every tick, and NavCovariance at every tenth.
 
     nav : fusion.Filter of the same parameters;  xs, wanted : of the last pass
@@ -293,9 +293,9 @@ def told(nav, final, nodes, xs, wanted):
         at_ticks, drives = xs[nodes.ends[ticks]], final.drives[ticks]
         memory = Memory(*of_ticks, at_ticks, Ps, at_ticks[-1], Ps[-1], drives)
         here = nav._replace(history=Chunk(memory))
-        solution.tell(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
+        solution.fill(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
         tenth = ticks[ticks % COVARIANCE_TICKS == 0]
         if len(tenth):
             own = spread[tenth[0] // COVARIANCE_TICKS - 1 : tenth[-1] // COVARIANCE_TICKS]
-            covariance.tell(here, range(tenth[0] - first, tenth[-1] - first + 1, COVARIANCE_TICKS), own)
+            covariance.fill(here, range(tenth[0] - first, tenth[-1] - first + 1, COVARIANCE_TICKS), own)
     return solution.columns(rows), covariance.columns(nav.layout, spread)

@@ -52,7 +52,7 @@ def lines_and_places(data):
         k = int(np.argmin(np.abs(states.t_s - event.t_s)))
         row = states._make(values[k : k + 1] for values in states)
         at = flown.of_states("", data, row, 1)
-        places.append(Place(event_words.said(event.name), event.t_s, event.detail, _points(at.track)[0]))
+        places.append(Place(event_words.in_words(event.name), event.t_s, event.detail, _points(at.track)[0]))
     return lines, places
 
 

@@ -161,11 +161,11 @@ def _inertial(earth, given):
             for C_ie, q_eb in zip(C, given.q, strict=True)
         ]
     )
-    P = None if given.P is None else _turned(earth, given.P, C)
+    P = None if given.P is None else _rotated(earth, given.P, C)
     return Given(given.t_s, np.array([r for r, _ in moved]), np.array([v for _, v in moved]), q, P)
 
 
-def _turned(earth, P, C):
+def _rotated(earth, P, C):
     """Covariances (N, 9, 9) of errors in Earth-fixed axes, of those in inertial axes. C (N, 3, 3) C_ie"""
     T = np.zeros_like(P)
     T[:, :3, :3] = T[:, 3:6, 3:6] = C

@@ -103,7 +103,7 @@ def _figures(data):
 
 def _numbers(summary):
     """The table of `report`, without the events, which have one of their own."""
-    events = {event_words.said(event["name"]) for event in summary["flight"]["events"]}
+    events = {event_words.in_words(event["name"]) for event in summary["flight"]["events"]}
     rows = []
     for section, lines in table.rows(summary):
         lines = [(name, value) for name, value in lines if section != "flight" or name not in events]

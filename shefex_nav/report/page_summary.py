@@ -55,7 +55,7 @@ def summary(run, found):
             (
                 one.name.replace("_", " "),
                 requirements.words(one.name, one.required, one.unit),
-                requirements.said(one),
+                requirements.in_words(one),
                 _kept(one, is_part),
             )
             for one in judged
@@ -221,7 +221,12 @@ def tables(run, section):
     """Tables at the head of a section."""
     if section == "flight" and run.data.events:
         rows = [
-            (event_words.said(event.name), f"{event.t_s:+.2f}", f"{event.altitude_m / 1e3:.2f}", event.detail)
+            (
+                event_words.in_words(event.name),
+                f"{event.t_s:+.2f}",
+                f"{event.altitude_m / 1e3:.2f}",
+                event.detail,
+            )
             for event in run.data.events
         ]
         yield html.table("Events", ("event", "T [s]", "height [km]", ""), rows, numbers=(1, 2))

@@ -263,7 +263,7 @@ def words(name, limit, unit):
     return "yes" if word == "is" else f"{word} {limit:g}{' ' if unit else ''}{unit}"
 
 
-def said(one):
+def in_words(one):
     """What a Judged found, for people."""
     if not one.judgeable:
         return f"cannot be judged: {one.note}"

@@ -16,7 +16,7 @@ _FLOWN = (  # name, key, digits, unit
 
 MOST_FAULTS = 12  # in the table
 DOUBTS = {  # records.Doubt for people
-    "level": "protection level over requirements.{quantity}.limit",
+    "level": "protection level above requirements.{quantity}.limit",
     "contradicted": "contradicted by a sensor",
     "imu": "motion beyond the IMU's range",
 }
@@ -71,7 +71,9 @@ def _requirement_rows(judged, is_part):
     for one in judged:
         verdict = requirements.verdict(one, is_part)
         style = "bold red" if verdict.startswith("not met") else ""
-        said = f"{requirements.said(one)}, wanted {requirements.words(one.name, one.required, one.unit)}: "
+        said = (
+            f"{requirements.in_words(one)}, wanted {requirements.words(one.name, one.required, one.unit)}: "
+        )
         yield one.name.replace("_", " "), Text.assemble(said, Text(verdict, style=style))
 
 
@@ -90,7 +92,7 @@ def _flight_rows(flight, *, stood):
         yield "as estimated", "there is no truth"
     for event in flight["events"]:
         when = f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
-        yield event_words.said(event["name"]), when
+        yield event_words.in_words(event["name"]), when
 
 
 def place(at, digits=4):
@@ -273,8 +275,8 @@ def _doubt(quantity, name):
 def _doubts(quantity, one):
     """Why a quantity was not usable: the two reasons that held longest."""
     longest = sorted(one["doubts"].items(), key=lambda one: -one[1])[:2]
-    reasons = [f"{100.0 * share:.1f} % {_doubt(quantity, name)}" for name, share in longest if share >= 5e-4]
-    return f"; not: {', '.join(reasons)}" if reasons else ""
+    reasons = [f"{100.0 * share:.1f} %, {_doubt(quantity, name)}" for name, share in longest if share >= 5e-4]
+    return f"; not usable: {'; '.join(reasons)}" if reasons else ""
 
 
 def _level_rows(navigation):

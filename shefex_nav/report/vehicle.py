@@ -1,8 +1,8 @@
 """The vehicle in its flight: masses, stability, thrust and drag over time, and what to look at.
 
-In: a scenario that is launched, and its flight by the trajectory simulator, without sensors. Out: `Seen`, the
-figures of its parts and moments, and warnings. Stability is that at small angles of attack: derivatives of
-the aerodynamic tables at zero, whatever the angle in flight.
+In: a scenario that is launched, and its flight by the trajectory simulator, without sensors. Out: `Profile`,
+the figures of its parts and moments, and warnings. Stability is that at small angles of attack: derivatives
+of the aerodynamic tables at zero, whatever the angle in flight.
 
 The angle of attack xi = beta + i alpha of a spinning body, across axes that do not roll, obeys
     xi'' - i (I_x/I_t) p xi' + omega^2 xi = A exp(i p t),   omega^2 = q S C_Na (x_cp - x_cm) / I_t,
@@ -36,7 +36,7 @@ class VehicleError(UserError):
     """A scenario has no rocket to be looked at."""
 
 
-class Seen(NamedTuple):
+class Profile(NamedTuple):
     """The vehicle over n instants from lift-off on. NaN where something is not: no air, no slope."""
 
     t_s: np.ndarray  # (n,)
@@ -61,7 +61,7 @@ class Looked(NamedTuple):
     scenario: object
     flight: fly.Flight
     configurations: tuple  # of vehicle.Configuration
-    seen: Seen
+    profile: Profile
     rail_exit_speed: float  # m/s, relative to the Earth
     wind_speed: float  # m/s, at the launcher at lift-off
 
@@ -75,9 +75,9 @@ def look(scenario, seed=SEED):
     given = params.flight_params(scenario)
     configurations = fly.configurations(given)
     flight = prepare.fly_vehicle(scenario, seed)
-    seen = _seen(flight, configurations, prepare.earth_rotation(scenario))
+    profile = _profile(flight, configurations, prepare.earth_rotation(scenario))
     speed = rail_exit_speed(flight, prepare.earth_rotation(scenario))
-    return Looked(scenario, flight, configurations, seen, speed, _wind(given))
+    return Looked(scenario, flight, configurations, profile, speed, _wind(given))
 
 
 def at(flight, name):
@@ -110,8 +110,8 @@ def _wind(given):
     return math.hypot(*(np.interp(0.0, given.wind_times, there[k::2]) for k in (0, 1)))
 
 
-def _seen(flight, configurations, earth):
-    """Seen of a flight."""
+def _profile(flight, configurations, earth):
+    """Profile of a flight."""
     every = flight.trajectory
     step = max(1, round(1.0 / (RATE * (every.t_s[1] - every.t_s[0]))))
     rows = _rows(every, slice(int(np.searchsorted(every.t_s, 0.0)), None, step))
@@ -128,7 +128,7 @@ def _seen(flight, configurations, earth):
             for name, values in _of_configuration(one, _rows(rows, part)).items():
                 found[name][part] = values
     found["drag"] += _parachute(flight, configurations[0].parachute, rows)
-    return Seen(
+    return Profile(
         t_s=rows.t_s, phase=rows.phase, height=earth_fixed(earth, rows).height, configuration=dropped,
         mass=rows.mass_kg, thrust=rows.thrust_n, dynamic_pressure=rows.dynamic_pressure_pa, mach=rows.mach,
         spin=rows.omega_ib_b[:, 0], **found,
@@ -145,7 +145,7 @@ def _parachute(flight, row, rows):
 
 
 def _of_configuration(one, rows):
-    """Columns of Seen of the samples in which a Configuration flies, {name: (n,)}."""
+    """Columns of Profile of the samples in which a Configuration flies, {name: (n,)}."""
     table, aero = one.mass, one.aero
     left = np.interp(rows.mass_kg, table[:, 1], table[:, 0])  # propellant, kg
     centre, i_x, i_t = (np.interp(left, table[:, 0], table[:, k]) for k in (2, 3, 4))
@@ -187,9 +187,9 @@ def _coefficients(aero, mach, alpha):
 
 def upwards(looked):
     """(n,) bool: samples from the end of the rail to the apogee, where air is felt."""
-    seen, flight = looked.seen, looked.flight
-    free = (seen.t_s > at(flight, "rail_exit")) & (seen.t_s <= _top(looked))
-    return free & (seen.dynamic_pressure >= FELT)
+    profile, flight = looked.profile, looked.flight
+    free = (profile.t_s > at(flight, "rail_exit")) & (profile.t_s <= _top(looked))
+    return free & (profile.dynamic_pressure >= FELT)
 
 
 def flying(looked, k):
@@ -200,8 +200,8 @@ def flying(looked, k):
 
 def summary(looked):
     """What is printed as JSON: dict of plain values, SI and degrees by their names."""
-    seen = looked.seen
-    flown = [k for k in range(len(looked.configurations)) if (seen.configuration == k).any()]
+    profile = looked.profile
+    flown = [k for k in range(len(looked.configurations)) if (profile.configuration == k).any()]
     share = looked.rail_exit_speed / looked.wind_speed if looked.wind_speed > 0.0 else None
     apogee = next((event for event in looked.flight.events if event.name == "apogee"), None)
     return {
@@ -211,10 +211,10 @@ def summary(looked):
         "rail_exit_speed_m_s": looked.rail_exit_speed,
         "wind_at_launcher_m_s": looked.wind_speed,
         "rail_exit_speed_over_wind": share,
-        "largest_thrust_n": float(seen.thrust.max()),
-        "largest_drag_n": float(seen.drag.max()),
-        "largest_dynamic_pressure_pa": float(seen.dynamic_pressure[seen.t_s < _top(looked)].max()),
-        "largest_spin_hz": float(np.abs(seen.spin).max() / (2.0 * np.pi)),
+        "largest_thrust_n": float(profile.thrust.max()),
+        "largest_drag_n": float(profile.drag.max()),
+        "largest_dynamic_pressure_pa": float(profile.dynamic_pressure[profile.t_s < _top(looked)].max()),
+        "largest_spin_hz": float(np.abs(profile.spin).max() / (2.0 * np.pi)),
         "motors": [_of_motor(*stage) for stage in looked.scenario.vehicle.stages.items()],
         "configurations": [_of_one(looked, k) for k in flown],
         "resonances": [
@@ -239,46 +239,47 @@ def _of_motor(name, stage):
 
 def _of_one(looked, k):
     """What is printed of configuration k."""
-    seen, part = looked.seen, looked.seen.configuration == k
+    profile, part = looked.profile, looked.profile.configuration == k
     first, last = np.flatnonzero(part)[[0, -1]]
     return {
         "flies": flying(looked, k),
-        "from_s": float(seen.t_s[first]),
-        "until_s": float(seen.t_s[last]),
-        "mass_kg": [float(seen.mass[first]), float(seen.mass[last])],
-        "centre_of_mass_m": [float(seen.centre[first]), float(seen.centre[last])],
+        "from_s": float(profile.t_s[first]),
+        "until_s": float(profile.t_s[last]),
+        "mass_kg": [float(profile.mass[first]), float(profile.mass[last])],
+        "centre_of_mass_m": [float(profile.centre[first]), float(profile.centre[last])],
         "diameter_m": float(looked.configurations[k].aero.diameter),
-        "least_margin_up": _least(seen, part & upwards(looked)),
-        "least_margin_down": _least(seen, part & (seen.t_s > _top(looked))),
+        "least_margin_up": _least(profile, part & upwards(looked)),
+        "least_margin_down": _least(profile, part & (profile.t_s > _top(looked))),
     }
 
 
 def _top(looked):
     """Time of the apogee, or of the end, s."""
-    return at(looked.flight, "apogee") or looked.seen.t_s[-1]
+    return at(looked.flight, "apogee") or looked.profile.t_s[-1]
 
 
-def _least(seen, part):
+def _least(profile, part):
     """Smallest static margin of some samples: {calibres, at_s, mach}; None where there is none."""
-    part = part & np.isfinite(seen.margin)
+    part = part & np.isfinite(profile.margin)
     if not part.any():
         return None
-    k = np.flatnonzero(part)[np.argmin(seen.margin[part])]
-    return {"calibres": float(seen.margin[k]), "at_s": float(seen.t_s[k]), "mach": float(seen.mach[k])}
+    k = np.flatnonzero(part)[np.argmin(profile.margin[part])]
+    calibres, at_s, mach = (float(column[k]) for column in (profile.margin, profile.t_s, profile.mach))
+    return {"calibres": calibres, "at_s": at_s, "mach": mach}
 
 
 def resonances(looked):
     """Each time that the spin passes the resonant one on the way up: list of (s, spin Hz, s nearby)."""
-    seen, rising = looked.seen, upwards(looked) & np.isfinite(looked.seen.resonant)
-    above = np.abs(seen.spin) - np.where(rising, seen.resonant, np.nan)
+    profile, rising = looked.profile, upwards(looked) & np.isfinite(looked.profile.resonant)
+    above = np.abs(profile.spin) - np.where(rising, profile.resonant, np.nan)
     with np.errstate(invalid="ignore"):
-        near = np.abs(above) <= NEAR * seen.resonant
+        near = np.abs(above) <= NEAR * profile.resonant
     found = []
     for k in np.flatnonzero((above[:-1] * above[1:] < 0.0) & rising[:-1] & rising[1:]):
         part = above[k] / (above[k] - above[k + 1])
-        t = float(seen.t_s[k] + part * (seen.t_s[k + 1] - seen.t_s[k]))
-        stays = [seen.t_s[b - 1] - seen.t_s[a] for a, b in stretches(near) if a - 1 <= k < b + 1]
-        found.append((t, float(abs(seen.spin[k]) / (2.0 * np.pi)), float(max(stays, default=0.0))))
+        t = float(profile.t_s[k] + part * (profile.t_s[k + 1] - profile.t_s[k]))
+        stays = [profile.t_s[b - 1] - profile.t_s[a] for a, b in stretches(near) if a - 1 <= k < b + 1]
+        found.append((t, float(abs(profile.spin[k]) / (2.0 * np.pi)), float(max(stays, default=0.0))))
     return found
 
 
@@ -303,15 +304,15 @@ def _stage(looked, k):
 
 
 def _spinning(looked, t_s):
-    k = int(looked.seen.configuration[np.searchsorted(looked.seen.t_s, t_s)])
+    k = int(looked.profile.configuration[np.searchsorted(looked.profile.t_s, t_s)])
     return (*_stage(looked, k), "aerodynamics")
 
 
 def _unstable(looked):
     """A Warned for each configuration whose margin is too small on the way up."""
-    seen = looked.seen
+    profile = looked.profile
     for k in range(len(looked.configurations)):
-        least = _least(seen, upwards(looked) & (seen.configuration == k))
+        least = _least(profile, upwards(looked) & (profile.configuration == k))
         if least is None or least["calibres"] >= LEAST_MARGIN:
             continue
         state = "unstable" if least["calibres"] < 0.0 else f"below {LEAST_MARGIN:g}"

@@ -146,7 +146,7 @@ def _scalable(target):
     if target.path == fields.EPOCH:
         return
     if target.spec is None:
-        words = f"is {fields.said(target.nominal)}, which is no number; only a choice can be in its place"
+        words = f"is {fields.in_words(target.nominal)}, which is no number; only a choice can be in its place"
         raise Wrong((), words)
     of_words = [word for word, _ in getattr(target.spec, "words", ())]
     for value in fields.numbers(target.nominal):

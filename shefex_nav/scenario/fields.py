@@ -140,6 +140,6 @@ def numbers(nominal):
         yield nominal
 
 
-def said(nominal):
+def in_words(nominal):
     """A nominal value in words."""
     return "a list" if isinstance(nominal, list) else describe(nominal)

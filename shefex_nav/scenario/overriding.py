@@ -19,7 +19,7 @@ class Option(str):
         return one
 
 
-class _Told(NamedTuple):
+class _Override(NamedTuple):
     """One `--set`."""
 
     mark: Mark
@@ -52,7 +52,7 @@ def carry_out(overrides, tree, places, texts):
     for one in used:
         section = _USES[tuple(one.parts)]
         if not replaced.is_there(section, one.value, texts):
-            replaced.tell(tree, section, one.value, places, texts)
+            replaced.note_dropped(tree, section, one.value, places, texts)
             layers.put_instrument(tree, section, one.value, "", one.mark, places, texts)
             places.put((*section, USE), {(): one.mark}, {(): one.mark})
     found += starlight.set_twice([(one.mark, tuple(one.parts)) for one in others if one.value is not REMOVED])
@@ -85,7 +85,7 @@ def _read(overrides, tree):
             found.append((mark, error.args[1]))
             continue
         found += [(mark, words) for _, words in errors]
-        told.append(_Told(mark, _parts(tree, name, value), value))
+        told.append(_Override(mark, _parts(tree, name, value), value))
     return told, found
 
 

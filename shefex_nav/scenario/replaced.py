@@ -33,7 +33,7 @@ def is_there(section, name, texts):
         return False  # which is told when it is read
 
 
-def tell(tree, section, name, places, texts):
+def note_dropped(tree, section, name, places, texts):
     """Add to `texts.dropped` what an instrument is going to take away from a section of a tree."""
     gone = _on_top(tree, section, places, texts)
     if not gone:

@@ -37,7 +37,7 @@ GYROS = ("gyro_roll_column", "gyro_scale", "gyro_misalignment")  # the first is 
 
 @dataclass(frozen=True)
 class Motion:
-    """A flight as the IMU feels it: K samples, dt_s apart."""
+    """A flight as the IMU senses it: K samples, dt_s apart."""
 
     dt_s: float
     C_ib: np.ndarray  # (K, 3, 3)
@@ -46,12 +46,12 @@ class Motion:
     burning: np.ndarray  # (K,) int, stage whose motor burns, from 1; 0: none
 
     @cached_property
-    def turned(self):
+    def rate_windows(self):
         """`_windows` of errors that go with rates: large, and the same for every IMU that flies it."""
         return _windows(_responses(self, self.omega_b), self.dt_s)
 
     @cached_property
-    def pushed(self):
+    def force_windows(self):
         """The same of errors that go with specific force."""
         return _windows(_responses(self, self.f_b), self.dt_s)
 
@@ -97,11 +97,11 @@ def effects(scenario, moved, events, end_s):
     """
     sigmas = _sigmas(scenario.imu)
     sizes = {
-        name: _worst(moved.turned if by_rate else moved.pushed, sigma)
+        name: _worst(moved.rate_windows if by_rate else moved.force_windows, sigma)
         for name, (by_rate, sigma) in sigmas.items()
     }
     (_, roll), *both = (sigmas[name] for name in GYROS)
-    across = [_worst(moved.turned, np.where(roll, 0.0, sigma)) for _, sigma in both]
+    across = [_worst(moved.rate_windows, np.where(roll, 0.0, sigma)) for _, sigma in both]
     sizes["accel_rectification"] = _rectified(scenario, moved)
     sizes["gravity"] = scenario.navigation.gravity_error * WINDOW_S
     noises = {name: _noise(scenario, name) for name in sizes}

@@ -1,4 +1,4 @@
-"""For how long a vehicle feels its weight, and the errors of its IMU that are biases meanwhile.
+"""For how long the accelerometers sense the weight, and the errors of the IMU that are biases meanwhile.
 
 Errors in proportion to specific force are noise to the filter unless their block is on, noise that keeps its
 sign for `navigation.thrust_memory`: thrust ends soon. Weight does not. On the ground, on the launch pad and

@@ -20,7 +20,7 @@ from shefex_nav.instruments.instrument import (
     readings,
     samples,
 )
-from shefex_nav.onboard.navigation.aid import Aid, Block, Seen
+from shefex_nav.onboard.navigation.aid import Aid, Block, Linearised
 from shefex_nav.settings import quantity
 
 
@@ -63,7 +63,7 @@ def expect(settings, here, reading):
     H[0, here.columns("position")] = here.up_i
     H[0, here.columns("altimeter_bias")] = 1.0
     z = reading.height - here.height - here.value("altimeter_bias")
-    return Seen(z, H, np.array([[settings.noise**2]]))
+    return Linearised(z, H, np.array([[settings.noise**2]]))
 
 
 def has_echo(reading):

@@ -217,25 +217,25 @@ def _mission_times(message, epoch):
     if system not in SCALES:
         raise DataError(f"{table.file}:{n}: TIME_SYSTEM: '{system}' is not read; one of: {', '.join(SCALES)}")
     texts = [one.rstrip("Z").replace("T", ":", 1) if _is_of_day(one) else one.rstrip("Z") for one in when]
-    told = {"format": "yday" if _is_of_day(when[0]) else "isot", "scale": SCALES[system]}
+    form = {"format": "yday" if _is_of_day(when[0]) else "isot", "scale": SCALES[system]}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ErfaWarning)  # leap seconds of years to come are not known
         try:
-            times = Time(texts, **told)
+            times = Time(texts, **form)
         except ValueError:
-            row = next(k for k, text in enumerate(texts) if not _is_epoch(text, told))
+            row = next(k for k, text in enumerate(texts) if not _is_epoch(text, form))
             words = "expected an epoch such as 2026-06-26T12:00:00 or, in all rows, 2026-177T12:00:00"
             raise DataError(f"{table.place(row)}: {words}, got '{when[row][:40]}'") from None
         since = (times - Time(epoch.utc, format="isot", scale="utc")).to_value("s")
     return np.atleast_1d(since) + (GPS_BEHIND_TAI_S if system == "GPS" else 0.0)
 
 
-def _is_epoch(text, told):
-    """Whether astropy.time.Time reads a text; told : its format and scale."""
+def _is_epoch(text, form):
+    """Whether astropy.time.Time reads a text; form : its format and scale."""
     from astropy.time import Time
 
     try:
-        Time(text, **told)
+        Time(text, **form)
     except ValueError:
         return False
     return True
@@ -297,7 +297,7 @@ def _teme_to_e(earth, t_s, epoch):
 def _inertial(here, t_s, r, v, frame, epoch):
     """Inertial positions and velocities (N, 3) of those in a frame of a message."""
     C_if = _axes_in_i(here, t_s, frame, epoch)
-    r_i, v_i = placing.turned(C_if, r), placing.turned(C_if, v)
+    r_i, v_i = placing.rotated(C_if, r), placing.rotated(C_if, v)
     if frame == EARTH_FIXED:
         v_i = v_i + np.cross(frames.omega_ie_i(here.earth), r_i)
     return r_i, v_i

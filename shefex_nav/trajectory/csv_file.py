@@ -29,7 +29,7 @@ def read(given, earth):
     ascending(table, t_s)
     here = placing.place(earth, t_s, given.origin)
     r_e, rounding_m = _positions(given, table, here)
-    r_i = placing.turned(here.C_ie, r_e)
+    r_i = placing.rotated(here.C_ie, r_e)
     v_i, rounding_m_s, others = _velocities(given, table, here, (t_s, r_e, r_i, rounding_m))
     v_e = v_i - np.cross(frames.omega_ie_i(earth), r_i)
     rounding_m += moved(v_e, clock_rounding(table.columns[given.time]) * given.time_unit.factor)
@@ -72,10 +72,10 @@ def _velocities(given, table, here, where):
         v_e = track.velocity(t_s, r_e, rounding_m)
         return placing.velocities(here, r_i, v_e, "ecef"), 0.0, ()
     values = table.stack(given.velocity)
-    told = values * given.velocity_unit.factor
+    converted = values * given.velocity_unit.factor
     known = ("ned", "enu", "ecef", "inertial", *(("launch_enu",) if given.origin else ()))
     others = [
-        (f"velocity_frame: {frame}", placing.velocities(here, r_i, told, frame))
+        (f"velocity_frame: {frame}", placing.velocities(here, r_i, converted, frame))
         for frame in known
         if frame != given.velocity_frame
     ]
@@ -86,9 +86,9 @@ def _velocities(given, table, here, where):
         for unit, of_one in LENGTHS.items():
             ratio = given.position_unit.factor / of_one
             if ratio != 1.0:
-                v_i = placing.velocities(here, r_i, told * ratio, given.velocity_frame)
+                v_i = placing.velocities(here, r_i, converted * ratio, given.velocity_frame)
                 others.append((f"position_unit: {unit}", v_i))
-    v_i = placing.velocities(here, r_i, told, given.velocity_frame)
+    v_i = placing.velocities(here, r_i, converted, given.velocity_frame)
     return v_i, rounding(values) * given.velocity_unit.factor, tuple(others)
 
 

@@ -103,7 +103,7 @@ def _rows(given, earth, columns, t_s, level):
     rounding_m += moved(v_l, clock_rounding(columns.table.columns["Time"]))
     here = placing.place(earth, t_s, given.origin)
     r_e = placing.ecef(here, r_l, "launch_enu")
-    r_i = placing.turned(here.C_ie, r_e)
+    r_i = placing.rotated(here.C_ie, r_e)
     v_i = placing.velocities(here, r_i, v_l, "launch_enu")
     return Rows(columns.table, t_s, r_i, v_i, None, rounding_m, rounding_m_s, None), here, r_e
 
@@ -134,8 +134,8 @@ def _openrocket(given, earth):
     r_l, rounding_m = columns.stack(east, north, up)
     v_l, rounding_m_s = track.velocity(t_s, r_l, rounding_m), 0.0
     if columns.has(climbs):
-        told, rounding_m_s = columns.stack(climbs)
-        v_l[:, 2] = told[:, 0]
+        climb, rounding_m_s = columns.stack(climbs)
+        v_l[:, 2] = climb[:, 0]
     return _rows(given, earth, columns, t_s, (r_l, v_l, rounding_m, rounding_m_s))[0]
 
 

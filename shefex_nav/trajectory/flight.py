@@ -58,12 +58,12 @@ class _Numbers(_Same):
 def _flown(same, numbers):
     """Flight, and list of Oddity."""
     scenario, earth = same.scenario, numbers.earth
-    told = scenario.trajectory
-    rows = reading.rows(told, earth, Epoch(scenario.mission.epoch, scenario.earth.ut1_minus_utc))
+    section = scenario.trajectory
+    rows = reading.rows(section, earth, Epoch(scenario.mission.epoch, scenario.earth.ut1_minus_utc))
     plausible.refuse(rows, earth)
-    told_by_rows = rows.t_s, rows.r_i, rows.v_i, rows.a_i, rows.rounding_m, rows.rounding_m_s
-    curve = track.Track(*told_by_rows, plausible.at_rest(rows, earth))
-    turning, last_s = _turning(told, rows, curve, earth)
+    of_rows = rows.t_s, rows.r_i, rows.v_i, rows.a_i, rows.rounding_m, rows.rounding_m_s
+    curve = track.Track(*of_rows, plausible.at_rest(rows, earth))
+    turning, last_s = _turning(section, rows, curve, earth)
     span = _span(scenario, rows, last_s, earth)
     motion = track.Given(curve, turning, earth, rows.t_s[0])
     place = curve.at(rows.t_s[:1])[0][0]
@@ -71,17 +71,17 @@ def _flown(same, numbers):
     air = surroundings.air(scenario, wgs84.geodetic_from_ecef(r_e)[:2])
     params = given.GivenParams(
         *span, float(IMU_HZ), surroundings.gravity(scenario), Air(air, scenario.atmosphere.density),
-        len(scenario.imu.vibration.boost), tuple(told.separations), rows.told,
+        len(scenario.imu.vibration.boost), tuple(section.separations), rows.known,
     )  # fmt: skip
     flown = given.fly(motion, params, earth)
     return flown, plausible.found(rows, flown, earth)
 
 
-def _turning(told, rows, curve, earth):
+def _turning(section, rows, curve, earth):
     """track.Turning, and the time [s] until which it and the positions are known."""
     attitudes = rows.attitudes
     if attitudes is None:
-        t_s, q_ib = along.velocity((rows.t_s, curve), earth, told.attitude.roll_rate)
+        t_s, q_ib = along.velocity((rows.t_s, curve), earth, section.attitude.roll_rate)
         return track.Turning(t_s, q_ib, 0.0), rows.t_s[-1]
     plausible.refuse_turns(attitudes)
     first_s = attitudes.t_s[0]
@@ -94,8 +94,8 @@ def _turning(told, rows, curve, earth):
 
 def _span(scenario, rows, last_s, earth):
     """First and last mission time [s] of the flight."""
-    mission, told, first_s = scenario.mission, scenario.trajectory, float(rows.t_s[0])
-    if mission.start < first_s - told.pad - SAME_S:
+    mission, section, first_s = scenario.mission, scenario.trajectory, float(rows.t_s[0])
+    if mission.start < first_s - section.pad - SAME_S:
         words = f"its first row is at T{first_s:+.3f} s, and mission.start is {mission.start:g} s"
         say = f"pad: {first_s - mission.start:g} s lets it stand there before that"
         raise DataError(f"{rows.table.file}: {words}; {say}, or let the mission start later")
@@ -104,7 +104,7 @@ def _span(scenario, rows, last_s, earth):
         raise DataError(f"{rows.table.file}: {words}; is lift_off or the epoch right?")
     if mission.start < first_s - SAME_S:
         plausible.refuse_moving(rows, earth)
-    if rows.told is not None:  # a log ends with a tick, the flight in it with its impact
-        impact_s = rows.told.instants.get("impact", -np.inf)
+    if rows.known is not None:  # a log ends with a tick, the flight in it with its impact
+        impact_s = rows.known.instants.get("impact", -np.inf)
         last_s = impact_s if last_s < impact_s < last_s + 1.0 / TICK_HZ else last_s
     return float(mission.start), float(min(mission.time_limit, last_s))

@@ -9,7 +9,7 @@ from shefex_nav.log import reader
 from shefex_nav.scenario.data_table import DataError, Table
 from shefex_nav.trajectory import placing
 from shefex_nav.trajectory.rows import Attitudes, Rows, ascending
-from shefex_nav.world.flight.given import Told
+from shefex_nav.world.flight.given import KnownPhases
 
 OF_FLIGHT = re.compile(
     r"lift_off|rail_exit|max_dynamic_pressure|apogee|entry|altitude_\d+km|impact|parachute"
@@ -32,14 +32,14 @@ def read(given, earth):
             0, 2, 1
         )
         over = v_i - np.cross(frames.omega_ie_i(data.mission.earth), r_i)
-        r_i = placing.turned(C_ii, r_i)
-        v_i = placing.turned(C_ii, over) + np.cross(frames.omega_ie_i(earth), r_i)
+        r_i = placing.rotated(C_ii, r_i)
+        v_i = placing.rotated(C_ii, over) + np.cross(frames.omega_ie_i(earth), r_i)
         C_ib = C_ii @ placing.of_quaternions(q_ib)
         q_ib = np.array([rotation.quat_from_dcm(np.ascontiguousarray(one)) for one in C_ib])
     events = {one.name: one.t_s for one in data.events if OF_FLIGHT.fullmatch(one.name)}
-    told = Told(truth.t_s, np.asarray(truth.phase), events)
+    known = KnownPhases(truth.t_s, np.asarray(truth.phase), events)
     attitudes = Attitudes(table, truth.t_s, q_ib, 0.0)
-    return Rows(table, truth.t_s, r_i, v_i, None, ULP_M, ULP_M_S, attitudes, told)
+    return Rows(table, truth.t_s, r_i, v_i, None, ULP_M, ULP_M_S, attitudes, known)
 
 
 def _same(one, other):

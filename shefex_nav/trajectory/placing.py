@@ -27,11 +27,11 @@ class Place(NamedTuple):
 
 def place(earth, t_s, origin=None):
     """Place of rows at mission times (N,) s. origin : scenario.trajectory.Origin"""
-    told = None if origin is None else (origin.latitude, origin.longitude, origin.height)
-    return Place(earth, frames.dcms_ie(earth, t_s), told)
+    at = None if origin is None else (origin.latitude, origin.longitude, origin.height)
+    return Place(earth, frames.dcms_ie(earth, t_s), at)
 
 
-def turned(C, vectors):
+def rotated(C, vectors):
     """Vectors (N, 3) by matrices (N, 3, 3)."""
     return np.einsum("kij,kj->ki", C, vectors)
 
@@ -42,7 +42,7 @@ def ecef(here, values, frame):
         return np.array([wgs84.ecef_from_geodetic(*one) for one in values])
     if frame == "launch_enu":
         return wgs84.ecef_from_geodetic(*here.origin) + values @ here.C_el.T
-    return turned(here.C_ie.transpose(0, 2, 1), values) if frame == "inertial" else values
+    return rotated(here.C_ie.transpose(0, 2, 1), values) if frame == "inertial" else values
 
 
 def axes(here, r_e, frame):
@@ -67,9 +67,9 @@ def velocities(here, r_i, values, frame):
     """
     if frame == "inertial":
         return values
-    r_e = turned(here.C_ie.transpose(0, 2, 1), r_i)
-    v_e = turned(axes(here, r_e, frame), values)
-    return turned(here.C_ie, v_e) + np.cross(frames.omega_ie_i(here.earth), r_i)
+    r_e = rotated(here.C_ie.transpose(0, 2, 1), r_i)
+    v_e = rotated(axes(here, r_e, frame), values)
+    return rotated(here.C_ie, v_e) + np.cross(frames.omega_ie_i(here.earth), r_i)
 
 
 def accelerations(here, r_i, v_i, values, frame):
@@ -77,7 +77,7 @@ def accelerations(here, r_i, v_i, values, frame):
     if frame == "inertial":
         return values
     omega_i = frames.omega_ie_i(here.earth)
-    a_i = turned(here.C_ie, turned(axes(here, r_i, frame), values))
+    a_i = rotated(here.C_ie, rotated(axes(here, r_i, frame), values))
     return a_i + 2.0 * np.cross(omega_i, v_i) - np.cross(omega_i, np.cross(omega_i, r_i))
 
 

@@ -36,7 +36,7 @@ class Oddity(NamedTuple):
 def refuse(rows, earth):
     """DataError where positions or velocities cannot be meant."""
     C_ie = frames.dcms_ie(earth, rows.t_s)
-    r_e = placing.turned(C_ie.transpose(0, 2, 1), rows.r_i)
+    r_e = placing.rotated(C_ie.transpose(0, 2, 1), rows.r_i)
     radius, speed = np.linalg.norm(r_e, axis=1), np.linalg.norm(rows.v_i, axis=1)
     bad = np.flatnonzero((radius < wgs84.B + DEEPEST_M) | (radius > FARTHEST_M))
     if len(bad):
@@ -59,7 +59,7 @@ def refuse(rows, earth):
 
 
 def refuse_turns(attitudes):
-    """DataError where an attitude turns so far between two rows that its rate cannot be told."""
+    """DataError where an attitude turns so far between two rows that its rate is not known."""
     turned = track.turns(attitudes.q_ib)
     k = int(np.argmax(turned))
     if turned[k] > MOST_TURN:

@@ -31,7 +31,7 @@ class Rows(NamedTuple):
     rounding_m: float
     rounding_m_s: float
     attitudes: Attitudes | None  # None: it is made along the velocity
-    told: object = None  # world.flight.given.Told of a log
+    known: object = None  # world.flight.given.KnownPhases of a log
     others: tuple = ()  # (words, v_i (N, 3)) of what the velocities might be otherwise
 
 

@@ -237,7 +237,7 @@ class Steps:
 
 def _interval(flight, layout, dt_s, before, end):
     """linear.Interval over the samples after `before` up to `end`."""
-    felt = samples(flight, layout, dt_s, before, end)
+    sensed = samples(flight, layout, dt_s, before, end)
     params, carried = flight.imu, remainders(flight.trajectory, before, end)
     walks = np.column_stack(
         [
@@ -246,7 +246,7 @@ def _interval(flight, layout, dt_s, before, end):
         ]
     )
     t_s, path = float(flight.trajectory.t_s[end]), path_over_earth(flight, before, end)
-    return linear.Interval(t_s, *bound_model.interval(layout, felt._replace(walks=walks), t_s, dt_s, path))
+    return linear.Interval(t_s, *bound_model.interval(layout, sensed._replace(walks=walks), t_s, dt_s, path))
 
 
 def remainders(trajectory, before, end):

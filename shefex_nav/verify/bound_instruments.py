@@ -16,7 +16,7 @@ STEPS = np.repeat([10.0, 0.1, 1e-5], 3)  # m, m/s, rad, to either side
 OF_SIGMA = 1e-3  # step of an error that is drawn
 
 
-class Heard(NamedTuple):
+class Readings(NamedTuple):
     """N readings of an instrument that measure anything."""
 
     name: str
@@ -27,7 +27,7 @@ class Heard(NamedTuple):
     R: np.ndarray  # (m, m)
 
 
-def heard(name, equation, readings, trajectory):
+def readings_of(name, equation, readings, trajectory):
     """Heard of the readings of an instrument. str, instrument.Equation, list, Trajectory"""
     t_s, used = trajectory.t_s, [one for one in readings if equation.holds is None or equation.holds(one)]
     dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
@@ -39,7 +39,7 @@ def heard(name, equation, readings, trajectory):
     rows = [_rows(equation, trajectory, one) for one in k.tolist()]
     n = N_NAV + sum(source.size for source in sources)
     H = np.array(rows).reshape(len(rows), len(equation.R), n)
-    return Heard(name, sources, k, np.array([one.t_available_s for one in used]), H, equation.R)
+    return Readings(name, sources, k, np.array([one.t_available_s for one in used]), H, equation.R)
 
 
 def _rows(equation, trajectory, k):

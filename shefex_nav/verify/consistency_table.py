@@ -24,7 +24,7 @@ def as_numbers(asked, chosen, histories, found):
 
 def made_by(asked, chosen):
     """In words, what made the star fixes that are kept: it may have been another version."""
-    return flown.told(asked.path(seed) for seed in chosen)
+    return flown.provenance(asked.path(seed) for seed in chosen)
 
 
 def refused(runs):

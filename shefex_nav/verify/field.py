@@ -2,7 +2,7 @@
 
 All seeds of a mission fly through the same field, so what the on-board model leaves out is the same three
 numbers in all of them, slowly changing: however many seeds there are, it is drawn once. Statistics over seeds
-that count it as drawn anew each time therefore need a world in which it is (`turned`).
+that count it as drawn anew each time therefore need a world in which it is (`rotated`).
 """
 
 import numpy as np
@@ -31,11 +31,11 @@ def beyond(field, trajectory, earth, begin=0):
     return trajectory.t_s[chosen], np.array(difference)
 
 
-def turned(scenario, world, rng):
+def rotated(scenario, world, rng):
     """The same flight in a field whose difference from the on-board one points elsewhere.
 
     The difference keeps its size and how it changes along the flight; its direction is turned by a rotation
-    drawn at random. The vehicle moves as before, so the accelerometers feel what gravity no longer does:
+    drawn at random. The vehicle moves as before, so the accelerometers sense what gravity no longer does:
     f = a - g. (Thrust and drag may well differ by 20 micro gee.)
 
     Scenario, prepare.World, Generator -> prepare.World

@@ -83,7 +83,7 @@ def made_by(path):
     return json.loads(str(files.arrays(path, ("head",))["head"]))
 
 
-def told(paths):
+def provenance(paths):
     """In words, what made some files of fixes: each version of the code, scenario and overrides once."""
     heads = [made_by(path) for path in paths]
     return "; ".join(sorted({_words({key: head.get(key) for key in sorted(head)}) for head in heads}))

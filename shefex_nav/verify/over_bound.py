@@ -66,7 +66,7 @@ def flight_of(scenario, world, fixes):
     trajectory = world.flight.trajectory
     truth = prepare.truth(scenario, trajectory, world.earth)
     heard = [
-        bound_instruments.heard(
+        bound_instruments.readings_of(
             one.name, one.equation(given, truth), world.measured[one.name].readings, trajectory
         )
         for one, given, _ in aboard.used(scenario)

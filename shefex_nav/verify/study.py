@@ -91,7 +91,7 @@ def world_of(study, scenario, seed):
     from shefex_nav.verify import field
 
     world = prepare.build_world(scenario, seed)
-    return field.turned(scenario, world, np.random.default_rng([seed, FIELD])) if study.turn_field else world
+    return field.rotated(scenario, world, np.random.default_rng([seed, FIELD])) if study.turn_field else world
 
 
 def follow(study, seed, fixes=None):

@@ -1,4 +1,4 @@
-"""Barometer: static pressure of the air at the vehicle, as its port feels it and its sensor reports it.
+"""Barometer: static pressure of the air at the vehicle, as its port senses it and its sensor reports it.
 
 The air is that of the scenario, on a day of its own: a level of pressure that the model of the air has at the
 height H lies at
@@ -6,7 +6,7 @@ height H lies at
     h(H) = H + e_0 + integral from 0 to H of s(H') dH',    s = dT/T,
 
 e_0 from the day's pressure at sea level, s from its temperature, first-order Gauss-Markov in height. Only the
-barometer feels the day; the forces of the air are those of the model. At the port a part of the
+barometer senses the day; the forces of the air are those of the model. At the port a part of the
 dynamic pressure q adds to the static one,
 
     p = p_air + c(M) (1 + d) q,
@@ -42,9 +42,9 @@ class Errors(NamedTuple):
 
 
 class Pressures(NamedTuple):
-    """What the sensor feels at some samples of a flight, and what is wrong with it."""
+    """What the sensor senses at some samples of a flight, and what is wrong with it."""
 
-    felt: np.ndarray  # (n,) Pa, before quanta and range
+    sensed: np.ndarray  # (n,) Pa, before quanta and range
     errors: Errors
 
 
@@ -69,11 +69,11 @@ def measure(settings, truth, k, rng):
     if settings.port is not None:
         coefficient = np.interp(trajectory.mach, settings.port.mach, settings.port.coefficient)
         port = port + coefficient * (1.0 + errors.port) * trajectory.dynamic_pressure_pa
-    felt = lagged(port, settings.lag, dt_s)
+    sensed = lagged(port, settings.lag, dt_s)
     white = rng.standard_normal((len(k), 2))
     every = k[0] if len(k) else 1
     wander = gauss_markov(np.exp(-every * dt_s / settings.drift_time), white[:, :1])[:, 0]
-    return Pressures(felt[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1], errors)
+    return Pressures(sensed[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1], errors)
 
 
 def draw_errors(settings, rng):
@@ -122,8 +122,8 @@ def modes_of_warmth(day):
     return np.diff(strongest, axis=0, prepend=0.0).T
 
 
-def felt(settings, truth, modes, place, errors):
-    """What the sensor feels at a place without white noise: (1,) Pa.
+def sensed_pressure(settings, truth, modes, place, errors):
+    """What the sensor senses at a place without white noise: (1,) Pa.
 
     The lag is that of a pressure that changes evenly. Mach number and dynamic pressure are those of the true
     flight: who does not know the wind learns no velocity from them.
@@ -158,7 +158,7 @@ def of_the_day(errors, heights):
 
 
 def lagged(pressure, lag_s, dt_s):
-    """What a sensor of first order feels of a pressure (N,), at rest before the first sample.
+    """What a sensor of first order senses of a pressure (N,), at rest before the first sample.
 
     dy/dt = (p - y)/lag by the trapezoidal rule.
     """

@@ -1,6 +1,6 @@
 """What goes wrong: faults of the sensors between two times.
 
-In: what the sensors of the IMU feel and what it sends (`imu.measure` asks for both), the fixes and ranges of
+In: what the sensors of the IMU sense and what it sends (`imu.measure` asks for both), the fixes and ranges of
 `gps.measure`, pictures and star fixes on their way. Out: the same as the on-board computer gets it, and an
 Event at the begin and at the end of every fault, which is truth and never seen on board. Without faults
 everything passes unchanged.
@@ -42,8 +42,8 @@ FELT = GyroBias, GyroScale, AccelerometerBias, AccelerometerScale  # of a sensor
 SENT = Stuck, Dead, Dropout, Repeat  # of what the unit sends
 
 
-def imu_felt(faults, t_s, dtheta_b, dv_b):
-    """What the sensors of a faulty unit feel, in place: wrong bias and scale, before range and quanta.
+def imu_sensed(faults, t_s, dtheta_b, dv_b):
+    """What the sensors of a faulty unit sense, in place: wrong bias and scale, before range and quanta.
 
     tuple of fault_settings.Imu; (N,) s, ends of the samples; (N, 3) rad, (N, 3) m/s, not limited, not counted
     """

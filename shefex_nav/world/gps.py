@@ -254,7 +254,7 @@ def spread(u_e, tracked, variances):
     return np.einsum("min,amn,mjn->amij", A[:, :3], variances, A[:, :3])
 
 
-def told(fixes, kind):
+def as_kind(fixes, kind):
     """GpsFix as a receiver tells them: 'full', by 'position' alone, by latitude and longitude ('horizontal').
 
     list of GpsFix -> list

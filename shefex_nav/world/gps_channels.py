@@ -51,7 +51,7 @@ def geometry(constellation, t_s, r_ea_e, v_ea_e):
     tau = np.full((len(t_s), len(constellation.node)), 0.075)
     for _ in range(LIGHT_TIME_PASSES):
         r_e, v_e = gnss.states_e(constellation, t_s[:, None] - tau)
-        r_es_e, v_es_e = _turned(r_e, tau), _turned(v_e, tau)
+        r_es_e, v_es_e = _rotated_with_earth(r_e, tau), _rotated_with_earth(v_e, tau)
         tau = np.linalg.norm(r_es_e - r_ea_e[:, None, :], axis=-1) / SPEED_OF_LIGHT
     rho, rho_rate = between(r_es_e, v_es_e, r_ea_e, v_ea_e)
     return rho, rho_rate, r_es_e, v_es_e
@@ -72,7 +72,7 @@ def between(r_es_e, v_es_e, r_ea_e, v_ea_e):
     return rho, rho_rate
 
 
-def _turned(x_e, tau):
+def _rotated_with_earth(x_e, tau):
     """Components in the axes e of tau later: the Earth has turned. (m, n, 3), (m, n) s -> (m, n, 3)."""
     c, s = np.cos(wgs84.OMEGA * tau), np.sin(wgs84.OMEGA * tau)
     x, y, z = x_e[..., 0], x_e[..., 1], x_e[..., 2]

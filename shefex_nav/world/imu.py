@@ -53,7 +53,7 @@ class ImuErrors(NamedTuple):
     accel_vibration_rectification: np.ndarray  # (3,) m/s^2 per (m/s^2 rms)^2
 
 
-class Felt(NamedTuple):
+class Sensed(NamedTuple):
     """What a healthy unit would read without end of range and quanta, and the errors that are in it."""
 
     dtheta_b: np.ndarray  # (N, 3) rad
@@ -88,45 +88,45 @@ def measure(settings, trajectory, rng, biases=None, wrong=()):
     -------
     ImuData
     """
-    return reported(settings, trajectory.t_s, felt(settings, trajectory, rng, biases), wrong)
+    return reported(settings, trajectory.t_s, sense(settings, trajectory, rng, biases), wrong)
 
 
-def felt(settings, trajectory, rng, biases=None):
-    """What the unit feels before anything fails; arguments as of `measure`. -> Felt"""
+def sense(settings, trajectory, rng, biases=None):
+    """What the unit senses before anything fails; arguments as of `measure`. -> Sensed"""
     errors, of_gyros, of_accels = draw_errors(settings, rng), None, None
     dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
     rms = vibration_rms(settings, trajectory.burning)
     if biases is not None:
         biases[:] = np.concatenate([errors.gyro_bias, errors.accel_bias]) * dt_s
         of_gyros, of_accels = biases[:, :3], biases[:, 3:]
-    dtheta_b = _turned(settings, errors, trajectory, rms, dt_s, rng, of_gyros)
-    dv_b = _pushed(settings, errors, trajectory, rms, dt_s, rng, of_accels)
+    dtheta_b = _sensed_rotation(settings, errors, trajectory, rms, dt_s, rng, of_gyros)
+    dv_b = _sensed_velocity_gain(settings, errors, trajectory, rms, dt_s, rng, of_accels)
     dtheta_b[0] = dv_b[0] = 0.0
     if biases is not None:
         biases /= dt_s
         biases[0] = biases[1]
-    return Felt(dtheta_b, dv_b, errors)
+    return Sensed(dtheta_b, dv_b, errors)
 
 
-def reported(settings, t_s, felt, wrong=()):
-    """What the unit sends of what it feels, faults included.
+def reported(settings, t_s, sensed, wrong=()):
+    """What the unit sends of what it senses, faults included.
 
     settings : settings.Imu;  t_s : (N,) of the trajectory;  wrong : tuple of fault_settings.Imu
-    felt : Felt, whose arrays are used up
+    sensed : Sensed, whose arrays are used up
     -> ImuData
     """
-    dtheta_b, dv_b = felt.dtheta_b, felt.dv_b
+    dtheta_b, dv_b = sensed.dtheta_b, sensed.dv_b
     dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
-    faults.imu_felt(wrong, t_s, dtheta_b, dv_b)
+    faults.imu_sensed(wrong, t_s, dtheta_b, dv_b)
     at_range = _clip(dtheta_b, settings.gyro.range * dt_s), _clip(dv_b, settings.accelerometer.range * dt_s)
     dtheta_b = quantise(dtheta_b, settings.gyro.quantum)
     dv_b = quantise(dv_b, settings.accelerometer.quantum)
     missing = faults.imu_sent(wrong, t_s, dtheta_b, dv_b, at_range)
     saturated = at_range[0].any(axis=1) | at_range[1].any(axis=1)
-    return ImuData(t_s, dtheta_b, dv_b, saturated, felt.errors, missing)
+    return ImuData(t_s, dtheta_b, dv_b, saturated, sensed.errors, missing)
 
 
-def _turned(settings, errors, trajectory, rms, dt_s, rng, bias):
+def _sensed_rotation(settings, errors, trajectory, rms, dt_s, rng, bias):
     """What the gyros would read without end of range and quanta: (N, 3) rad; bias : of `_add_in_run_bias`."""
     dtheta_b = _apply(_response(errors.gyro_scale_factor, errors.gyro_misalignment), trajectory.dtheta_b)
     _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
@@ -137,7 +137,7 @@ def _turned(settings, errors, trajectory, rms, dt_s, rng, bias):
     return dtheta_b
 
 
-def _pushed(settings, errors, trajectory, rms, dt_s, rng, bias):
+def _sensed_velocity_gain(settings, errors, trajectory, rms, dt_s, rng, bias):
     """Likewise the accelerometers: (N, 3) m/s."""
     dv_b = _apply(_response(errors.accel_scale_factor, errors.accel_misalignment), trajectory.dv_b)
     _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)

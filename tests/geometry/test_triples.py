@@ -48,7 +48,7 @@ def test_matrices_are_numpys():
         (square(t3.transposed(nine(A))), A.T),
         (square(t3.inverse(nine(A))), np.linalg.inv(A)),
         (square(t3.composed(2.0, tuple(U), tuple(V), tuple(W))), 2.0 * np.eye(3) + np.outer(U, V) + skew),
-        (t3.turned(nine(A), tuple(U)), A @ U),
+        (t3.rotated(nine(A), tuple(U)), A @ U),
         (t3.cross(tuple(U), tuple(V)), np.cross(U, V)),
         (t3.plus(tuple(U), 2.0, tuple(V)), U + 2.0 * V),
         (t3.dot(tuple(U), tuple(V)), U @ V),

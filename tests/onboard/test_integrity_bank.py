@@ -242,11 +242,11 @@ def test_a_velocity_that_was_far_off_once_does_not_withdraw_all_that_follows():
 def test_only_a_step_back_says_that_the_receiver_was_wrong():
     nav, _ = flown(0.0, 1)
     watch = nav.watch
-    watch.position_believed(np.array([60.0, 0.0, 0.0]))
+    watch.accept_position(np.array([60.0, 0.0, 0.0]))
     assert watch.moved is None  # a fix that is just outside the gate is no step
     watch.far = True
     for z, over in (([60.0, 0.0, 0.0], False), ([0.0, 60.0, 0.0], False), ([0.0, -58.0, 3.0], True)):
-        watch.position_believed(np.array(z))
+        watch.accept_position(np.array(z))
         assert (watch.moved is None) == over
 
 
@@ -315,7 +315,7 @@ def test_stars_end_a_dispute_only_where_their_angle_explains_the_step():
     watch, z = nav.watch, np.array([2.0, 0.0, 0.0])
     watch.far = True
     for pushed, angle, over in ((100.0, 1e-3, False), (100.0, 2e-2, True), (np.inf, 2e-2, False)):
-        watch.velocity_believed("gps_velocity", z, pushed)
+        watch.accept_velocity("gps_velocity", z, pushed)
         watch.attitude_was_wrong(angle)
         assert (watch.step is None) == over
         watch.step = None

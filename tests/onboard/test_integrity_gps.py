@@ -17,7 +17,7 @@ def fix(t_s, r, v):
 
 
 def here(t_s, r_e, v_e, sigma_v=0.0, sigma_a=0.0):
-    return integrity_gps.Whereabouts(t_s, r_e, v_e, sigma_v, sigma_a)
+    return integrity_gps.InertialState(t_s, r_e, v_e, sigma_v, sigma_a)
 
 
 def verdicts(*fixes, speed=100.0, acceleration=10.0):

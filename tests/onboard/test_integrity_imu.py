@@ -116,7 +116,7 @@ def test_the_noise_covers_what_a_dead_axis_has_lost_until_it_is_seen():
 
 
 def test_a_unit_that_is_silent_from_the_start_is_given_nothing_to_hold():
-    """Zeros, with the variance of readings that mean nothing: on the pad it would feel 9.8 m/s^2."""
+    """Zeros, with the variance of readings that mean nothing: on the pad it would sense 9.8 m/s^2."""
     out, densities, states, _ = run(readings(1.0, np.random.default_rng(6)), lost=range(10))
     assert np.all(states[:10] == SILENT) and not states[10:].any()
     assert not np.any(out[:10])

@@ -342,7 +342,7 @@ def test_a_coarse_receiver_below_which_the_vehicle_climbs_does_not_repeat_itself
         for k in range(2):
             latitude, longitude = SITE[0] + north * k / 6.39e6, SITE[1]
             r_e = wgs84.ecef_from_geodetic(latitude, longitude, 500.0 * k)
-            here = integrity_gps.Whereabouts(float(k), r_e, np.zeros(3), 0.1, 0.1)
+            here = integrity_gps.InertialState(float(k), r_e, np.zeros(3), 0.1, 0.1)
             said, _ = integrity_gps.repeated(memory, level_fix(float(k), 0.0, 0.0), here)
         return said
 

@@ -198,7 +198,7 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         history.extend([t_end_s])
     in_turn = history.xs[:12].copy(), history.Ps[:12].copy()
     history.go_to(0)
-    prediction.travel(constants_of(ALL), history.arrays, 1, 0.0, 11, np.inf)
+    prediction.propagate(constants_of(ALL), history.arrays, 1, 0.0, 11, np.inf)
     assert np.array_equal(in_turn[0], history.xs[:12]) and np.array_equal(in_turn[1], history.Ps[:12])
     for k in range(1, 12):
         imu = history.imu(k)

@@ -41,7 +41,7 @@ class Coning:
         return along + np.array([self.spin, 0.0, 0.0])
 
     def f_b(self, t):
-        """Thrust with a ripple, and what an IMU off the spin axis feels."""
+        """Thrust with a ripple, and what an IMU off the spin axis senses."""
         return np.array([60.0 + 5.0 * np.sin(3.0 * t), 2.0 + np.cos(9.0 * t), -1.0])
 
     def block(self, n):

@@ -15,7 +15,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.state import ATT, VEL, NavState, initial, layout, pack
 from shefex_nav.onboard.navigation.strapdown import ImuWindow
-from shefex_nav.onboard.navigation.unknown_attitude import LARGE2, UNKNOWN2, bent, take_share
+from shefex_nav.onboard.navigation.unknown_attitude import LARGE2, UNKNOWN2, second_order, take_share
 from shefex_nav.records import ImuBlock
 
 RANGE = 4.0  # rad/s, of the gyros
@@ -186,7 +186,7 @@ def test_the_sine_of_an_angle_says_less_than_the_angle(sigma, noise):
 
 def test_what_is_known_takes_all_of_a_correction():
     P = covariance_with(0.9 * np.sqrt(LARGE2))
-    whole, after = updated(P, 0.1, eskf.whole)
+    whole, after = updated(P, 0.1, eskf.take_all)
     same, after_same = updated(P, 0.1, take_share)
     assert whole == same and np.array_equal(after, after_same)
 
@@ -222,7 +222,7 @@ def test_the_direction_of_a_long_vector_tells_any_heading(heading_deg):
     H, R, heading = np.zeros((3, ORDER.n)), 0.05**2 * np.eye(3), heading_deg * DEG
     H[:, VEL] = np.eye(3)
     z = rotation.dcm_from_rotvec(heading * axis_i) @ along - along
-    shift = bent(P, z, H, R, Q_0)
+    shift = second_order(P, z, H, R, Q_0)
     engine, P_after = eskf.engine(ORDER), np.empty_like(P)
     dx, _ = eskf.update_packed(engine, ORDER, P, (z - H @ shift, H, R), pack(START), P_after)
     assert dx[ATT][2] == pytest.approx(heading, abs=0.01) and abs(dx[ATT][:2]).max() < 1e-3
@@ -233,6 +233,6 @@ def test_the_direction_of_a_long_vector_tells_any_heading(heading_deg):
 def test_a_short_vector_and_a_known_angle_are_left_to_the_linear_update():
     H, R = np.zeros((3, ORDER.n)), 0.05**2 * np.eye(3)
     H[:, VEL] = np.eye(3)
-    assert bent(gained(0.1)[0], np.zeros(3), H, R, Q_0) is None
-    assert bent(gained(8.0)[0], np.zeros(3), H, R, Q_0) is not None
-    assert bent(covariance_with(0.04), np.zeros(3), H, R, Q_0) is None
+    assert second_order(gained(0.1)[0], np.zeros(3), H, R, Q_0) is None
+    assert second_order(gained(8.0)[0], np.zeros(3), H, R, Q_0) is not None
+    assert second_order(covariance_with(0.04), np.zeros(3), H, R, Q_0) is None

@@ -1,6 +1,6 @@
 """Single steps of the on-board software with NavState and ImuBlock in and out, for tests.
 
-Everything here packs, calls what flies (`prediction`, `strapdown.travel`, `eskf.update_packed`, ...) and
+Everything here packs, calls what flies (`prediction`, `strapdown.propagate`, `eskf.update_packed`, ...) and
 unpacks; the reference of the covariance, filterpy's prediction, is the only arithmetic that does not fly.
 """
 
@@ -61,7 +61,7 @@ def window(block, before=None, vibration=0.0, extra=NO_EXTRA):
 
 
 def propagate(state, imu, begin_s, end_s, earth):
-    """The state after the part begin_s ... end_s of a window, by `prediction.travel`.
+    """The state after the part begin_s ... end_s of a window, by `prediction.propagate`.
 
     NavState at begin_s, ImuWindow, s from its start, EarthRotation -> r_i, v_i, q_ib
     """
@@ -71,17 +71,17 @@ def propagate(state, imu, begin_s, end_s, earth):
 
 
 def integrate(state, imu, begin_s, end_s, g_i):
-    """`propagate` under a given gravitation (3,) m/s^2, by `strapdown.travel`."""
+    """`propagate` under a given gravitation (3,) m/s^2, by `strapdown.propagate`."""
     x, none = pack(state), np.zeros(WEIGHTS, dtype=bool)
     nothing = error_model.Responses(none, none, np.empty((0, 3, 3, 3)), np.empty((0, 2, 3, 3)))
-    strapdown.travel(x, imu, begin_s, end_s, tuple(g_i), nothing)
+    strapdown.propagate(x, imu, begin_s, end_s, tuple(g_i), nothing)
     return x[X_R], x[X_V], x[X_Q]
 
 
 def felt(state, imu, at_s):
     """Corrected rate and specific force, (3,) rad/s, (3,) m/s^2: means of the sample in which at_s lies."""
     how = imu.increments, imu.n, imu.dt_s, imu.vibration, imu.drive
-    found = strapdown.felt_packed(pack(state), *how, at_s)
+    found = strapdown.sensed_packed(pack(state), *how, at_s)
     return found[:3], found[3:]
 
 

@@ -2,7 +2,7 @@
 
 A filter is linear about its own estimates. Before the stars those may be off by a degree about the roll axis,
 and what a smoother later takes from them is off by the square of that: 1.5e-4 of every acceleration that the
-sensors feel, 40 micro gee in a vehicle that tumbles at 1.5 Hz. The first smoothing is off by hundredths of a
+sensors sense, 40 micro gee in a vehicle that tumbles at 1.5 Hz. The first smoothing is off by hundredths of a
 degree, so it is linear about that a second time: a Kalman filter about a given trajectory x with errors of
 mean m and covariance P, and the adjoint back over it. A smoother that is repeated so is a Gauss-Newton method
 for the most probable trajectory (Bell, SIAM J. Optim. 4 (1994) 626).

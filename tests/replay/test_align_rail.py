@@ -70,7 +70,7 @@ def test_a_vertical_rail_shows_no_roll(tmp_path):
 
 def test_a_rail_that_the_accelerometers_contradict_is_refused(tmp_path):
     rail = RAIL.replace("80.2 deg", "86 deg")
-    words = r"the accelerometers feel 80\.0 deg, alignment.elevation says 86\.0 deg; check elevation"
+    words = r"the accelerometers sense 80\.0 deg, alignment.elevation says 86\.0 deg; check elevation"
     with pytest.raises(DataError, match=words):
         aligned(tmp_path, alignment=rail)
     with pytest.raises(DataError, match="axis x of the file points up"):

@@ -276,7 +276,7 @@ def test_every_event_is_named_in_the_picture_of_the_path(data):
      ("fault_gyro", "fault begins: gyro")],
 )  # fmt: skip
 def test_events_have_one_name_for_people(name, words):
-    assert event_words.said(name) == words
+    assert event_words.in_words(name) == words
 
 
 @pytest.mark.parametrize("entry", figures.catalogue(), ids=lambda entry: entry.name)

@@ -88,7 +88,7 @@ def star_fixes(apogee_km, **star):
 )  # fmt: skip
 def test_a_share_says_of_how_many_frames_it_is(apogee_km, star, is_passed, said):
     one = star_fixes(apogee_km, **star)
-    assert (one.passed, requirements.said(one)) == (is_passed, said)
+    assert (one.passed, requirements.in_words(one)) == (is_passed, said)
     assert (one.found is None) == said.startswith("not measured")
 
 

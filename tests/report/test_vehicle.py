@@ -31,7 +31,7 @@ def swinging():
 
 def test_thrust_less_drag_is_what_an_accelerometer_feels(rexus):
     """Along the roll axis at angles of attack of a degree, 1e-3 of the larger force and lever arms apart."""
-    seen, trajectory = rexus.seen, rexus.flight.trajectory
+    seen, trajectory = rexus.profile, rexus.flight.trajectory
     part = (seen.t_s > 2.0) & (seen.t_s < 45.0)
     force = np.interp(seen.t_s, trajectory.t_s, trajectory.f_b[:, 0] * trajectory.mass_kg)
     difference = (seen.thrust - seen.drag - force)[part]
@@ -41,13 +41,13 @@ def test_thrust_less_drag_is_what_an_accelerometer_feels(rexus):
 
 
 def test_drag_under_the_parachute_is_the_weight(rexus):
-    falling = rexus.seen.t_s > 700.0
-    np.testing.assert_allclose(rexus.seen.drag[falling], 112.0 * 9.82, rtol=0.01)
+    falling = rexus.profile.t_s > 700.0
+    np.testing.assert_allclose(rexus.profile.drag[falling], 112.0 * 9.82, rtol=0.01)
 
 
 def test_centre_of_mass_and_margin_follow_from_the_table(rexus):
     """Burnt out: payload and empty stage; centre of pressure by the scenario's own rows."""
-    seen = rexus.seen
+    seen = rexus.profile
     k = int(np.searchsorted(seen.t_s, 40.0))
     centre = (112.0 * 1.55 + 140.0 * 4.25) / 252.0
     assert seen.centre[k] == pytest.approx(centre, abs=1e-9)
@@ -74,7 +74,7 @@ def test_a_rocket_swings_with_the_frequency_that_is_told(swinging):
 
 def test_the_spin_passes_the_resonance_where_the_curves_cross(rexus):
     (t_s, hz, stays), *more = vehicle.resonances(rexus)
-    seen = rexus.seen
+    seen = rexus.profile
     assert not more and 4.0 < t_s < 6.0 and 0.0 < stays < 3.0
     k = int(np.searchsorted(seen.t_s, t_s))
     assert (abs(seen.spin[k - 1]) - seen.resonant[k - 1]) * (abs(seen.spin[k]) - seen.resonant[k]) <= 0.0

@@ -78,7 +78,7 @@ def of(one):
 
 
 def said(one, trajectory, numbers=None):
-    """What an instrument feels: (number of readings times rows,)."""
+    """What an instrument senses: (number of readings times rows,)."""
     measured = one.measure(of(one), truth(trajectory), numbers or Numbers())
     rows = [np.atleast_1d(reading[2]) for reading in measured.felt or measured.readings]
     return np.concatenate(rows)
@@ -145,7 +145,7 @@ def least_squares(one, flights):
 def test_the_bound_with_an_instrument_is_what_dense_least_squares_give(one, flights):
     flight, _ = flights
     readings = one.measure(of(one), truth(flight), Numbers()).readings
-    heard = bound_instruments.heard(one.name, one.equation(of(one), truth(flight)), readings, flight)
+    heard = bound_instruments.readings_of(one.name, one.equation(of(one), truth(flight)), readings, flight)
     assert len(heard.k) == 120
     layout = bound_model.sources(IMU, Camera, 0.0, np.inf, heard.sources)
     given = bound.Flight(flight, EARTH, ALIGNMENT, [], [], IMU, Camera, ARM, (heard,))
@@ -176,7 +176,7 @@ def test_a_fix_without_velocity_or_height_has_so_many_rows_fewer(is_horizontal, 
     noise = np.random.default_rng(1).standard_normal((2, 3, 3))
     R_r, R_v = noise @ noise.transpose(0, 2, 1)
     whole = GpsFix(4.0, 4.2, True, r_e, np.zeros(3), R_r, R_v, 8, 2.0, "")
-    few = gps.told([whole], "horizontal" if is_horizontal else "position")[0]
+    few = gps.as_kind([whole], "horizontal" if is_horizontal else "position")[0]
     layout = bound_model.sources(IMU, Camera, 0.0, np.inf)
     given = bound.Flight(flight, EARTH, ALIGNMENT, [], [], IMU, Camera, ARM)
     full, part = (bound._gps(given, layout, DT, 1600, fix) for fix in (whole, few))

@@ -61,7 +61,7 @@ def test_fixes_of_another_scenario_or_with_other_overrides_are_refused(tmp_path)
         flown.load(path, {"scenario": "b.yaml", "set": ["gps.rate=2 Hz"]})
     with pytest.raises(flown.FlownError, match=r"those of set \['gps\.rate=2 Hz'\], not of set \[\]"):
         flown.load(path, {"scenario": "a.yaml", "set": []})
-    assert flown.told([path, path]) == "code abc, scenario a.yaml, set ['gps.rate=2 Hz']"
+    assert flown.provenance([path, path]) == "code abc, scenario a.yaml, set ['gps.rate=2 Hz']"
 
 
 def test_a_file_of_something_else_is_refused(tmp_path):
@@ -223,7 +223,7 @@ def field_of_gravity():
 
 
 def test_runs_in_one_field_scatter_more_and_by_what_the_interval_says():
-    """40 groups of 25 runs with a field in common, against the interval; only one block feels it."""
+    """40 groups of 25 runs with a field in common, against the interval; only one block senses it."""
     rng = np.random.default_rng(7)
     P, steps, times_s = field_of_gravity()
     phase = np.zeros(120, dtype=int)

@@ -11,7 +11,7 @@ from shefex_nav.records import Doubt, GateResult, GpsFix, NavHealth
 from shefex_nav.scenario import load
 from shefex_nav.verify.robustness import assess, detect, fixes, happenings, levels
 from shefex_nav.verify.robustness.happenings import HAPPENS, Window
-from shefex_nav.verify.robustness.innovations import Seen
+from shefex_nav.verify.robustness.innovations import Innovation
 
 
 def flown(changes, noise, *, accepted=lambda k: True, health=(), begin=0):
@@ -19,7 +19,7 @@ def flown(changes, noise, *, accepted=lambda k: True, health=(), begin=0):
     seen, gates = {}, []
     for k, white in enumerate(noise):
         z = white + (changes[k - begin] if 0 <= k - begin < len(changes) else 0.0)
-        seen["gps_position", float(k)] = Seen(z, 4.0 * np.eye(3))
+        seen["gps_position", float(k)] = Innovation(z, 4.0 * np.eye(3))
         note = "" if accepted(k) else "rejected"
         gates.append(
             GateResult(k + 0.2, float(k), "gps_position", 3, z @ z / 4.0, 21.0, accepted(k), note, z)

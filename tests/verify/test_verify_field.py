@@ -1,4 +1,4 @@
-"""A world in which the field of the Earth is another one: what its accelerometers feel."""
+"""A world in which the field of the Earth is another one: what its accelerometers sense."""
 
 from collections import namedtuple
 from types import SimpleNamespace
@@ -54,7 +54,7 @@ def test_the_turned_field_has_the_same_size_and_the_vehicle_the_same_path(seed):
     world = world_of(tumbling(20.0))
     path = world.flight.trajectory
     known = gravity.load("egm96", 12)
-    found = field.turned(scenario_with("egm96", 12), world, np.random.default_rng(seed))
+    found = field.rotated(scenario_with("egm96", 12), world, np.random.default_rng(seed))
     C_ib = np.array([rotation.dcm_from_quat(q) for q in path.q_ib[1:]])
     more_i = -np.einsum("nij,nj->ni", C_ib, found.imu.dv_b[1:]) / DT
     difference = []
@@ -80,7 +80,7 @@ def test_directions_are_even():
     first = []
     _, (start, *_) = field.beyond(gravity.load("egm96", 4), world.flight.trajectory, EARTH)
     for seed in range(n):
-        found = field.turned(scenario, world, np.random.default_rng(seed))
+        found = field.rotated(scenario, world, np.random.default_rng(seed))
         first.append(start - rotation.dcm_from_quat(world.flight.trajectory.q_ib[1]) @ found.imu.dv_b[1] / DT)
     scatter = np.linalg.norm(start) / np.sqrt(3.0 * n)
     assert np.abs(np.mean(first, axis=0)).max() < 4.0 * scatter
@@ -88,5 +88,5 @@ def test_directions_are_even():
 
 def test_a_world_of_the_on_board_field_has_nothing_to_turn():
     world = world_of(tumbling(2.0))
-    found = field.turned(scenario_with("j2", 2), world, np.random.default_rng(0))
+    found = field.rotated(scenario_with("j2", 2), world, np.random.default_rng(0))
     assert np.abs(found.imu.dv_b).max() < 1e-9 * DT

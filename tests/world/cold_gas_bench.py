@@ -84,7 +84,7 @@ def steer(x, law, follow, inertia, seconds, cold_gas=COLD_GAS, q_wanted=None, rn
     n = round(seconds / cold_gas.period)
     steering = control.start(cold_gas, rng, n)._replace(follow=follow, law=law)
     steering.next_s[0] = steering.clock[0] = law.t_0
-    steering.q_wanted[:] = control.believed(steering, x[6:10]) if q_wanted is None else q_wanted
+    steering.q_wanted[:] = control.estimated_attitude(steering, x[6:10]) if q_wanted is None else q_wanted
     control.settle(steering, np.array([[x[10], 0.0, 0.0]]))  # as after a long coast
     states = np.empty((n, 19))
     _fly(x, steering, n, np.asarray(inertia, dtype=float), states)

@@ -35,7 +35,7 @@ def test_visible_sources_against_array_expressions(axis, cone_deg, spin_deg_s):
     r_i = 6.55e6 * np.array([0.3, -0.2, np.sqrt(1.0 - 0.13)])
     v_i, omega_i = bodies.earth_v_i + np.array([1e3, 2e3, -1e3]), spin_deg_s * DEG * np.array([0.0, 0.6, 0.8])
     view = sky.View(boresight_i, cone_deg * DEG, r_i, v_i, omega_i, C_ei)
-    film = sky.Film(0.05, 2520.0, 2.0, 0.8)
+    film = sky.DrawingLimit(0.05, 2520.0, 2.0, 0.8)
     hip, u_i, electrons = sky.visible(device.sky, device.planets, view, film)
 
     near = np.flatnonzero(device.sky.u_i @ boresight_i > np.cos(cone_deg * DEG))

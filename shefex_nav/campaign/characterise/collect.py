@@ -150,7 +150,7 @@ def collect(scenario, seed):
             (
                 fix.t_valid_s, truth.rate, fix.exposure_s, fix.reason, first, len(stars),
                 fix.background_dn - film.mean_dn, film.mean_dn,
-                sightings.turned_px(camera.pinhole, film), *counts,
+                sightings.rotation_px(camera.pinhole, film), *counts,
                 _error(fix.q_ic, truth, good), np.sqrt(np.diag(fix.P_c)),
             )
         )  # fmt: skip

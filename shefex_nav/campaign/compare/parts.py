@@ -7,7 +7,7 @@ import numpy as np
 from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG
 from shefex_nav.campaign.compare.quantities import NEARER
-from shefex_nav.campaign.parts import Command, Loud, Part
+from shefex_nav.campaign.parts import Bold, Command, Part
 from shefex_nav.scenario import differences
 
 MOST_DIFFERENCES = 10  # values, that are told
@@ -30,7 +30,7 @@ def _sides(sides):
     for side in sides:
         failed = sum(bool(one.failed) for one in side.runs.values())
         flown = "; ".join(side.software.values()) or "built-in"
-        rows.append((side.letter, side.label, flown, str(len(side.runs)), _loud(str(failed), failed)))
+        rows.append((side.letter, side.label, flown, str(len(side.runs)), _bold(str(failed), failed)))
     heads = "", "what", "software", ">runs", ">failed"
     lines = [f"{side.letter}: {side.where}" for side in sides]
     for side in sides:
@@ -91,7 +91,7 @@ def verdict(found, one):
         return f"not judged: {found.why}"
     if found.verdict == paired.NOT_SEEN:
         return "no difference seen"
-    return Loud(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
+    return Bold(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
 
 
 def _lines(one):
@@ -147,8 +147,8 @@ def _count(n, word):
     return f"{n} {word}{'' if n == 1 else 's'}"
 
 
-def _loud(text, wrong):
-    return Loud(text) if wrong else text
+def _bold(text, wrong):
+    return Bold(text) if wrong else text
 
 
 def commands(one):

@@ -183,7 +183,7 @@ def _blame_if_white(nav, position, own, velocity):
     if noise.share is not None:
         noise.share = None
         _count(nav, 1.0, noise.rest)
-        _say(nav, _at_rest(noise.rest))
+        _report(nav, _at_rest(noise.rest))
     nav.bank.begin_anew()
     return True
 
@@ -239,7 +239,7 @@ def widen(nav, now, step, verdict, why):
     if noise.share is None:
         noise.share = Share(nav.history)
     noise.share.begin(SETTLING)
-    _say(nav, f"{IMU} told too small: counts {noise.imu:.2g} times, {CANNOT} yet")
+    _report(nav, f"{IMU} told too small: counts {noise.imu:.2g} times, {CANNOT} yet")
     return verdict._replace(fate=Fate.RESET, admitted=grown(now.P, step), note=f"{IMU} told too small: {why}")
 
 
@@ -315,13 +315,13 @@ def _refine(nav, found, factor):
         for window in noise.windows.values():
             window.forget()
     if noise.share is None:
-        _say(nav, _at_rest(noise.rest))
+        _report(nav, _at_rest(noise.rest))
         return
     if found.count >= ENOUGH:
         known = found.share >= TOLD_SHARE
         noise.confirmed |= known
         if known or ABOUT not in noise.told:
-            _say(nav, f"{IMU} told too small: " + (f"{ABOUT} {factor:.2g} times" if known else CANNOT))
+            _report(nav, f"{IMU} told too small: " + (f"{ABOUT} {factor:.2g} times" if known else CANNOT))
         noise.share.fade()
     if factor != before:
         noise.share.begin()
@@ -348,7 +348,7 @@ def _count_sensor(nav, name, factor):
     noise.windows[name].forget()
     noise.by_noise[name].clear()
     words = f"{name.replace('_', ' ')} noise told too small: about {factor:.2g} times" if factor > 1.0 else ""
-    nav.watch.said.append(NavHealth(nav.history.ends_s[-1], f"{name} noise", not words, words))
+    nav.watch.pending.append(NavHealth(nav.history.ends_s[-1], f"{name} noise", not words, words))
 
 
 def _rest(nav, fix):
@@ -361,7 +361,7 @@ def _rest(nav, fix):
     if rest == noise.rest:
         return
     _count(nav, noise.imu, rest)
-    _say(nav, _at_rest(rest))
+    _report(nav, _at_rest(rest))
 
 
 def _at_rest(factors):
@@ -371,9 +371,9 @@ def _at_rest(factors):
     return f"{IMU} told too small: at rest {words}" if words else ""
 
 
-def _say(nav, words):
+def _report(nav, words):
     """Let the log know what is thought of the noise of the IMU, if that has changed."""
     noise = nav.noise
     if words != noise.told:
         noise.told = words
-        nav.watch.said.append(NavHealth(nav.history.ends_s[-1], "imu noise", not words, words))
+        nav.watch.pending.append(NavHealth(nav.history.ends_s[-1], "imu noise", not words, words))

@@ -10,10 +10,10 @@ import numpy as np
 
 from shefex_nav.onboard.navigation.blocks import Block
 
-__all__ = ["Aid", "Block", "Renewal", "Seen"]
+__all__ = ["Aid", "Block", "Linearised", "Renewal"]
 
 
-class Seen(NamedTuple):
+class Linearised(NamedTuple):
     """What a reading says about the errors: z = H dx + noise."""
 
     z: np.ndarray  # (m,) reading less what was expected
@@ -37,7 +37,7 @@ class Aid(NamedTuple):
 
     name: str
     record: type  # of its readings
-    expect: Callable[[Any, Any], Seen]  # aiding.Here, reading
+    expect: Callable[[Any, Any], Linearised]  # aiding.Here, reading
     blocks: tuple[Block, ...] = ()  # states that it brings along
     holds: Callable[[Any], bool] | None = None  # whether a reading measures anything; None: each does
     unfit: Callable[[Any, Any], str] | None = None  # why a reading is not to be used; '' if it may

@@ -1,7 +1,7 @@
 """Instruments that the filter uses besides GPS and stars.
 
 Such an instrument says what it expects of a reading where the filter believes to be (`Here`), and what the
-reading tells of the errors (`aid.Seen`). The rest is the same for all of them: errors that last longer
+reading tells of the errors (`aid.Linearised`). The rest is the same for all of them: errors that last longer
 than from one reading to the next let one reading pass the gate with all of their variance, and readings that
 follow on each other count less together than each by itself (`measurements.lasting_factor`); readings that
 contradict the filter by the same amount again and again may be those of a new bias (`aid.Renewal`); those of

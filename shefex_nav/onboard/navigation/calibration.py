@@ -77,9 +77,9 @@ def free_increment(x, M, A, G, increments, n, duration_s):
 
     -> dtheta_b (3,) rad, dv_b (3,) m/s
     """
-    dv = t3.turned(A, t3.plus(t3.vector(increments[n], 3), -duration_s, t3.vector(x, X_BA)))
+    dv = t3.rotated(A, t3.plus(t3.vector(increments[n], 3), -duration_s, t3.vector(x, X_BA)))
     w = t3.plus(t3.vector(increments[n], 0), -duration_s, t3.vector(x, X_BG))
-    return t3.turned(M, t3.plus(w, -1.0, t3.turned(G, dv))), dv
+    return t3.rotated(M, t3.plus(w, -1.0, t3.rotated(G, dv))), dv
 
 
 @inner

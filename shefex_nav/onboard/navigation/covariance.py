@@ -37,7 +37,7 @@ class Added(NamedTuple):
 
 
 def width(layout):
-    """Numbers in a row of `tell`."""
+    """Numbers in a row of `fill`."""
     return CHOICE_AT + 2 * (layout.n - BA.stop)
 
 
@@ -56,22 +56,22 @@ def covariance(nav, tick=None):
     """NavCovariance of a tick, numbered as `History` counts them, or of the last one."""
     tick = nav.history.newest if tick is None else tick
     rows = np.empty((1, width(nav.layout)))
-    tell(nav, range(tick, tick + 1), rows)
+    fill(nav, range(tick, tick + 1), rows)
     return NavCovariance(rows[0, 0].item(), *_fields(rows[0], " ".join(nav.layout.names)))
 
 
-def tell(nav, ticks, rows):
+def fill(nav, ticks, rows):
     """Write a row for each of some ticks, in one compiled call.
 
     fusion.Filter; range of their numbers, as `History` counts them; rows (m, `width`)
     """
     history, layout, model = nav.history, nav.layout, nav.params.imu
     added = Added(model.gravity, model.accel_vibration, model.gyro_vibration)
-    _tell(layout.at, layout.nominal, ticks.start, ticks.step, history.arrays, added, rows)
+    _fill(layout.at, layout.nominal, ticks.start, ticks.step, history.arrays, added, rows)
 
 
 def columns(layout, rows):
-    """NavCovariance of arrays over N: of rows (N, `width`) of `tell`."""
+    """NavCovariance of arrays over N: of rows (N, `width`) of `fill`."""
     fields = _fields(rows, np.full(len(rows), " ".join(layout.names)))
     return NavCovariance(rows[:, 0].copy(), *(np.ascontiguousarray(field) for field in fields))
 
@@ -102,7 +102,7 @@ def as_reported(P, accel_swing, gyro_swing):
 
 
 @kernel
-def _tell(at, nominal, first, step, memory, added, rows):
+def _fill(at, nominal, first, step, memory, added, rows):
     """Rows of NavCovariance of ticks of a History: rows (m, `width`) is written.
 
     at, nominal : of Layout;  first, step : numbers of the ticks;  memory : prediction.Memory;  added : Added

@@ -127,7 +127,7 @@ def begin(responses, at, G):
     responses : Responses, written;  at : of Layout;  G : nine numbers
     """
     by_gyro, by_accel, gyro, accel = responses
-    couples = False  # the gyros feel the corrected specific force
+    couples = False  # the gyros sense the corrected specific force
     for k in range(9):
         couples = couples or G[k] != 0.0
     for k in range(WEIGHTS):

@@ -118,12 +118,12 @@ def _weighed(z, R, S):
     return np.linalg.solve(L, z), total / m
 
 
-def whole(dx, P, updated):
+def take_all(dx, P, updated):
     """All of an estimated error is taken."""
     return updated
 
 
-def update_packed(kalman, layout, P, measured, x, P_after, share=whole):
+def update_packed(kalman, layout, P, measured, x, P_after, share=take_all):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
@@ -191,7 +191,7 @@ def _take_in(x, dx, nominal, updated, P, G):
     P[ATT, ATT] = np.ascontiguousarray(turned[:, ATT]) @ G.T
 
 
-def turned_back(P, G):
+def without_reset_jacobian(P, G):
     """Covariance after an update of the attitude alone, by a large angle or a reset: without its G.
 
     A star fix says exp(z) = exp(e) exp(m), e the attitude's error, m the camera's. Linear at e = 0 that is

@@ -148,7 +148,7 @@ def _forget(nav, t_s):
     history = nav.history
     while nav.recorder is not None and len(history) > 1 and history.ends_s[1] <= t_s:
         present = history.x.copy(), history.P.copy()
-        _way(nav, 1, 1, [], nav.recorder)
+        _reprocess(nav, 1, 1, [], nav.recorder)
         history.x[:], history.P[:] = present
         history.forget_until(history.ends_s[1])
     history.forget_until(t_s)
@@ -188,7 +188,7 @@ def fuse(nav, arrived):
     list of GateResult, one for each measurement
     """
     history, results = nav.history, []
-    last, turn = history.newest - history.oldest, partial(_turn, list(nav.sensors))
+    last, turn = history.newest - history.oldest, partial(_order, list(nav.sensors))
     earliest = last + 1
     for arrival, fix in arrived:
         fix = gps_told.understood(nav.params.gps_told, fix)
@@ -200,7 +200,7 @@ def fuse(nav, arrived):
             history.measurements[index] = tuple(sorted(queue, key=turn))
             earliest = min(earliest, index)
     if earliest <= last:
-        _way(nav, earliest, last, results)
+        _reprocess(nav, earliest, last, results)
     nav.watch.protect(nav.earth, history)
     return results
 
@@ -214,7 +214,7 @@ def _worth_trying(nav, arrival, fix, index, results):
     names, reason = contents(nav, arrival, index, fix)
     if reason:
         results.append(_unused(now_s, fix, names[0], reason))
-        nav.watch.tell(now_s, "gps" if about(names[0]) in (POSITION, VELOCITY) else arrival, reason)
+        nav.watch.report(now_s, "gps" if about(names[0]) in (POSITION, VELOCITY) else arrival, reason)
         return (), fix
     if index is None:
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
@@ -222,21 +222,21 @@ def _worth_trying(nav, arrival, fix, index, results):
     if about(names[0]) is ATTITUDE:
         return names, straightened(nav, arrival, index, fix)
     if about(names[0]):
-        repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, _whereabouts(nav, index))
+        repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, _inertial_state(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
-        nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
+        nav.watch.report(now_s, "gps", next(iter(repeats.values()), ""))
         names = tuple(name for name in names if name not in repeats)
     return names, fix
 
 
-def _whereabouts(nav, index):
+def _inertial_state(nav, index):
     """integrity_gps.Whereabouts of a tick."""
     history, t_s = nav.history, nav.history.ends_s[index]
     sums = nav.watch.path.until(history.oldest + index)
-    return integrity_gps.whereabouts(t_s, history.arrays, history.place(index), sums, nav.earth)
+    return integrity_gps.inertial_state(t_s, history.arrays, history.place(index), sums, nav.earth)
 
 
-def _turn(sensors, measurement):
+def _order(sensors, measurement):
     """When a measurement has its turn: at its instant; of one instant in the order of the list of sensors.
 
     So the order of arrival does not matter.
@@ -256,7 +256,7 @@ def _out_of_reach(history, fix):
     return "not after the start of the filter" if history.imu(0) is None else "older than the history"
 
 
-def _way(nav, first, last, results, recorder=None):
+def _reprocess(nav, first, last, results, recorder=None):
     """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
     history = nav.history
     history.go_to(first - 1)
@@ -274,27 +274,27 @@ def _way(nav, first, last, results, recorder=None):
                 start_s = begin_s if k == index else 0.0
                 at_s = history.since(index, start_s, measurement.fix.t_valid_s)
                 if k < index or at_s > begin_s:
-                    _travel(nav, k, begin_s, index, at_s, recorder)
+                    _propagate(nav, k, begin_s, index, at_s, recorder)
                 k, begin_s = index, at_s
                 measurement = _apply(nav, index, at_s, measurement, results, recorder)
             decided.append(measurement)
         if decided:
             history.measurements[index] = tuple(decided)
-    _travel(nav, k, begin_s, last, np.inf, recorder)
+    _propagate(nav, k, begin_s, last, np.inf, recorder)
 
 
-def _travel(nav, first, begin_s, last, end_s, recorder):
+def _propagate(nav, first, begin_s, last, end_s, recorder):
     """From an instant of the tick `first` to one of the tick `last`; s from the start of each."""
     history = nav.history
     way = history.oldest + first, begin_s, history.oldest + last, end_s
     if recorder is None:
-        prediction.travel(nav.constants, history.arrays, *way)
+        prediction.propagate(nav.constants, history.arrays, *way)
         return
     imu = history.imu(last)
     end_s = min(end_s, imu.length_s)
     t_s, after_s = (imu.t_end_s - (imu.length_s - at_s) for at_s in (begin_s, end_s))  # exact at the end
     state, P = unpack(t_s, history.x.copy()), history.P.copy()
-    prediction.travel(nav.constants, history.arrays, *way)
+    prediction.propagate(nav.constants, history.arrays, *way)
     if end_s - begin_s > SAME_S:
         Phi, Q = prediction.growth(nav.constants, nav.layout, state, imu, begin_s, end_s)
         after = unpack(after_s, history.x.copy())
@@ -306,9 +306,11 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     history, sensor, fix = nav.history, nav.sensors[measurement.sensor], measurement.fix
     now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
-    bent = unknown_attitude.bent(now.P, z, H, R, now.x[X_Q]) if measurement.sensor in VECTORS else None
-    if bent is not None:
-        z = z - H @ bent
+    beyond = (
+        unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if measurement.sensor in VECTORS else None
+    )
+    if beyond is not None:
+        z = z - H @ beyond
     pending, confirmed = measurement.fate == Fate.PENDING, False
     if pending:
         measurement, result, confirmed = gate.decide(nav, now, z, H, R, measurement)
@@ -316,18 +318,18 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         if measurement.fate in UNUSED:
             return measurement
     fate, x = measurement.fate, history.x.copy()
-    if bent is not None and fate != Fate.USED:  # a sensor that is believed otherwise says it in its own way
-        z, bent = z + H @ bent, None
+    if beyond is not None and fate != Fate.USED:  # a sensor that is believed otherwise says it in its own way
+        z, beyond = z + H @ beyond, None
     before, P = None if recorder is None else now.state, history.P.copy()
     prior, cut = reset.forgotten(nav, P, measurement, H)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
-        if bent is not None:
-            history.x[: ATT.start] += bent[: ATT.start]
-        whole = bent is not None or about(measurement.sensor) is ATTITUDE
-        share = eskf.whole if whole else unknown_attitude.take_share
+        if beyond is not None:
+            history.x[: ATT.start] += beyond[: ATT.start]
+        whole = beyond is not None or about(measurement.sensor) is ATTITUDE
+        share = eskf.take_all if whole else unknown_attitude.take_share
         given = prior, (z, H, R), history.x, history.P, share
         if measurement.teaches:
             dx, G = eskf.update_packed(nav.kalman, nav.layout, *given)
@@ -335,7 +337,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
             dx, G = integrity_learnt.update_without(nav.layout, *given)
     attitude_alone = fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2 or not measurement.teaches
     if fix_of(measurement.sensor) is ATTITUDE and attitude_alone:
-        history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
+        history.P[:], G = eskf.without_reset_jacobian(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))

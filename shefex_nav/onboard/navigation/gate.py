@@ -68,7 +68,7 @@ def decide(nav, now, z, H, R, measurement):
     verdict = _verdict(nav, now, innovation, measurement)
     attitude = _attitude(nav, now, z, R, measurement, verdict.fate)
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
-    _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
+    _report(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
         verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
         nav.bank.explained(nav, "star_tracker")
@@ -77,7 +77,7 @@ def decide(nav, now, z, H, R, measurement):
         verdict = _doubted(nav, now, z, nis, name, verdict)
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
-    nav.watch.constants_seen(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
+    nav.watch.check_constants(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
     result = _result(nav, innovation, measurement, verdict)
     believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
     confirmed = not verdict.alone or believed
@@ -169,7 +169,7 @@ def _doubted(nav, now, z, nis, name, verdict):
         if not watch.unread:
             watch.moved = z.copy()
     elif verdict.insisted and verdict.fate == Fate.USED:
-        watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
+        watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
         watch.attitude_was_wrong(float(np.sqrt(z @ z)))
     if verdict.fate == Fate.RESET and fix_of(name) is ATTITUDE:
@@ -177,10 +177,10 @@ def _doubted(nav, now, z, nis, name, verdict):
         return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))
     if verdict.fate == Fate.RESET and about(name) is VELOCITY:
         watch.gyros.doubt()
-        watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
+        watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
     if verdict.fate == Fate.RESET and fix_of(name) is POSITION and verdict.admitted is None:
-        watch.position_believed(z)
+        watch.accept_position(z)
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limits[len(z), SURPRISING]:
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
     return verdict
@@ -199,14 +199,14 @@ def _result(nav, innovation, measurement, verdict):
     return GateResult(nav.history.ends_s[-1], fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
 
 
-def _tell(nav, now_s, name, fate, note):
+def _report(nav, now_s, name, fate, note):
     """Let the log know what is thought of a sensor, if that has changed; one rejected fix changes nothing."""
     if fate == Fate.USED:
-        nav.watch.believed(now_s, name)
+        nav.watch.accept(now_s, name)
     elif fate in (Fate.DOUBTED, Fate.RESET):
-        nav.watch.tell(now_s, name, note)
+        nav.watch.report(now_s, name, note)
     elif integrity_watch.contradicts(name, nav.health[name]):
-        nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
+        nav.watch.report(now_s, name, integrity_watch.reason(name, nav.health))
 
 
 def _attitude(nav, now, z, R, measurement, fate):
@@ -231,7 +231,7 @@ def _gyros_wrong(nav, now, z, R, fate):
         watch.gyros.forget()
         return None
     turned = np.sqrt(z @ z) if fate == Fate.REJECTED else 0.0  # the camera may be, and turns about other axes
-    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:], turned)
+    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.sensed_packed[3:], turned)
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
     elif watch.gyros.checked_s == now.t_s:

@@ -15,7 +15,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import unpack
-from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, sensed_packed
 
 
 class Tick(NamedTuple):
@@ -43,7 +43,7 @@ class History:
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
     increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 2, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
-    arrays : these and x, P as `prediction.travel` takes them, Memory
+    arrays : these and x, P as `prediction.propagate` takes them, Memory
     position_s : of the last position fix that was used before the instant that has been reached; kept where
         position fixes have errors that last;  used_s : likewise of each aid (`aiding`)
     """
@@ -240,21 +240,21 @@ class Moment:
         return self.history.extra[self.history.place(self.k)]
 
     @property
-    def felt(self):
+    def sensed(self):
         """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
-        felt = self.felt_packed
-        return felt[:3], felt[3:]
+        sensed = self.sensed_packed
+        return sensed[:3], sensed[3:]
 
     @property
-    def felt_packed(self):
-        """`felt` in one array, (6,)."""
-        return self.felt_with(self.x)
+    def sensed_packed(self):
+        """`sensed` in one array, (6,)."""
+        return self.sensed_with(self.x)
 
-    def felt_with(self, x):
-        """`felt_packed`, corrected with the estimates of other packed values."""
+    def sensed_with(self, x):
+        """`sensed_packed`, corrected with the estimates of other packed values."""
         history, place = self.history, self.history.place(self.k)
         _, dt_s, n, vibration = history.numbers[place].tolist()
-        return felt_packed(
+        return sensed_packed(
             x, history.increments[place], int(n), dt_s, vibration, history.drives[place], self.at_s
         )
 

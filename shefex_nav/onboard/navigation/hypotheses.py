@@ -73,12 +73,12 @@ def split(alignment):
     own = WIDER * step / np.sqrt(12.0)
     P = alignment.P_theta_b + (own**2 - variances[2]) * np.outer(u, u)
     return [
-        Part(_turned(alignment, angle * u, P), weight / weights.sum())
+        Part(_rotated(alignment, angle * u, P), weight / weights.sum())
         for angle, weight in zip(places, weights, strict=True)
     ]
 
 
-def _turned(alignment, turn_b, P_theta_b):
+def _rotated(alignment, turn_b, P_theta_b):
     """Alignment turned by (3,) rad in body axes, with a covariance (3, 3) given in the axes before."""
     C = rotation.dcm_from_rotvec(turn_b)
     q_ib = rotation.quat_multiply(alignment.q_ib, rotation.quat_from_rotvec(turn_b))

@@ -16,9 +16,9 @@ def coefficients(nav, readings, end_s, dt_s):
     """
     n = len(readings)
     mean = readings.sum(axis=0) / (n * dt_s)
-    felt = ImuMean(end_s - 0.5 * n * dt_s, mean[:3], mean[3:])
+    sensed = ImuMean(end_s - 0.5 * n * dt_s, mean[:3], mean[3:])
     columns = [
-        np.zeros((6, block.size)) if block.drives is None else block.drives(felt)
+        np.zeros((6, block.size)) if block.drives is None else block.drives(sensed)
         for block in nav.params.blocks
         if block.name in nav.layout.names
     ]

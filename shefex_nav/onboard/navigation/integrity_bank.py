@@ -183,7 +183,7 @@ class Bank:
         self.forget(group)
         self.due.pop(group, None)
         if nav.watch.alarms.pop(group, None) is not None:
-            nav.watch.tell(nav.history.ends_s[-1], f"{group} innovations", "")
+            nav.watch.report(nav.history.ends_s[-1], f"{group} innovations", "")
 
     def take(self, nav, now, z, R, S, measurement, verdict):
         """Verdict on a new measurement after the bank has seen it.
@@ -237,7 +237,7 @@ class Bank:
         """The solution is withdrawn; the covariance grows before the next fix that is used."""
         now_s = nav.history.ends_s[-1]
         nav.watch.alarms[group] = now_s
-        nav.watch.tell(now_s, f"{group} innovations", f"{name}: {found.words}")
+        nav.watch.report(now_s, f"{group} innovations", f"{name}: {found.words}")
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
         mean = np.linalg.cholesky(S) @ found.mean[-len(S) :]
         if fix_of(name) is POSITION and found.one_sided and nav.watch.moved is None:
@@ -277,7 +277,7 @@ class Bank:
         ]
         if speaking and all(one.calm() for one in speaking):
             del nav.watch.alarms[group]
-            nav.watch.tell(now_s, f"{group} innovations", "")
+            nav.watch.report(now_s, f"{group} innovations", "")
 
 
 def _counts(nav, name, fate):

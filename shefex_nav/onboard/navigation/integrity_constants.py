@@ -54,7 +54,7 @@ class Sums(NamedTuple):
     C_ib: np.ndarray  # (3, 3) likewise
 
 
-class Seen(NamedTuple):
+class Shown(NamedTuple):
     """A measurement, before it corrects the state."""
 
     x: np.ndarray  # (X,) packed values
@@ -90,9 +90,9 @@ class Constants:
         if self.B is None:
             self.B = np.zeros((H.shape[1], 4))
         what = SHOWS.get(name, NOTHING)
-        omega_b = now.felt_packed[:3] if what == VELOCITY else NO_RATE
+        omega_b = now.sensed_packed[:3] if what == VELOCITY else NO_RATE
         judges = what != NOTHING and fate != Fate.HELD and not nav.watch.imu_blind
-        seen = Seen(now.x, now.P, z, H, S, omega_b, nav.earth.rate, now.t_s - self.seen_s)
+        seen = Shown(now.x, now.P, z, H, S, omega_b, nav.earth.rate, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
         self.seen_s = now.t_s
         if judges:
@@ -121,7 +121,7 @@ class Constants:
 
 @kernel
 def _take(B, sums, seen, what, judges, learns):
-    """Take a measurement in: B, sums in place. seen : Seen;  what : of `SHOWS`;  judges, learns : bool
+    """Take a measurement in: B, sums in place. seen : Shown;  what : of `SHOWS`;  judges, learns : bool
 
     -> by how much the square of the innovation is beyond its mean; values of TIME and by how much they make
     the squares less; likewise of ARM
@@ -169,9 +169,9 @@ def _carried(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
     B : (n, 4);  before_v_i, before_C_ib : at the last measurement;  r_i, v_i, C_ib : now
     """
     gravity = -wgs84.GM / (r_i @ r_i) ** 1.5 * r_i
-    felt = v_i - before_v_i - gravity * dt_s  # vibration, which is noise, has no part in the mean
+    sensed = v_i - before_v_i - gravity * dt_s  # vibration, which is noise, has no part in the mean
     turn_i = before_C_ib @ B[ATT]
-    gained = -rotation.skew(felt) @ turn_i
+    gained = -rotation.skew(sensed) @ turn_i
     B[POS] += dt_s * (B[VEL] + 0.5 * gained)
     B[VEL] += gained
     B[ATT] = C_ib.T @ turn_i

@@ -42,7 +42,7 @@ from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation.measurements import level_axes
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL, X_R, X_V
-from shefex_nav.onboard.navigation.strapdown import felt_packed
+from shefex_nav.onboard.navigation.strapdown import sensed_packed
 from shefex_nav.records import GpsFix, GpsRanges
 
 SAYS = {  # sensor and field of where and how fast, and what the first is called
@@ -100,7 +100,7 @@ class RawPath:
         return next((one for one in reversed(self.sums) if one.number <= number), self.sums[0])
 
 
-class Whereabouts(NamedTuple):
+class InertialState(NamedTuple):
     """The vehicle by its inertial sensors alone, and how far these can be trusted from here on."""
 
     t_s: float
@@ -110,23 +110,23 @@ class Whereabouts(NamedTuple):
     sigma_a: float  # m/s^2, of the norm of the acceleration
 
 
-def whereabouts(t_s, memory, place, sums, earth):
+def inertial_state(t_s, memory, place, sums, earth):
     """Whereabouts at the end of a tick.
 
     memory, place : prediction.Memory and where the tick stands in it;  sums : Sums until its end
     earth : EarthRotation
     """
-    return Whereabouts(t_s, *_whereabouts(t_s, memory, place, sums.dr, sums.dv, earth))
+    return InertialState(t_s, *_inertial_state(t_s, memory, place, sums.dr, sums.dv, earth))
 
 
 @kernel
-def _whereabouts(t_s, memory, place, dr, dv, earth):
-    """`whereabouts` without its time; dr, dv : of Sums."""
+def _inertial_state(t_s, memory, place, dr, dv, earth):
+    """`inertial_state` without its time; dr, dv : of Sums."""
     x, numbers = memory.xs[place], memory.numbers[place]
     r_e, v_e = frames.ecef_from_inertial(earth, t_s, x[X_R] - dr - t_s * dv, x[X_V] - dv)
     n, dt_s, drive = int(numbers[2]), numbers[1], memory.drives[place]
-    felt = felt_packed(x, memory.increments[place], n, dt_s, numbers[3], drive, numbers[2] * dt_s)
-    sigma_v, sigma_a = sigmas(memory.Ps[place], felt[3:])
+    sensed = sensed_packed(x, memory.increments[place], n, dt_s, numbers[3], drive, numbers[2] * dt_s)
+    sigma_v, sigma_a = sigmas(memory.Ps[place], sensed[3:])
     return r_e, v_e, sigma_v, sigma_a
 
 
@@ -153,7 +153,7 @@ class Kept(NamedTuple):
     fix: GpsFix | GpsRanges  # the last of those that say the same
     place: list  # its position or ranges
     velocity: list  # and their rates
-    there: Whereabouts  # of the vehicle at the first of them
+    there: InertialState  # of the vehicle at the first of them
     times: int  # how often its position has been said again by a receiver at rest
 
 

@@ -359,16 +359,16 @@ def levels(w, before, dt_s, k, known, sigma, out):
             if i == 0:
                 north_r, north_v = position, velocity
             elif i == 1:
-                _told(row, POSITION.start, np.sqrt(north_r**2 + position**2), k, sigma, out)
-                _told(row, VELOCITY.start, np.sqrt(north_v**2 + velocity**2), k, sigma, out)
+                _level(row, POSITION.start, np.sqrt(north_r**2 + position**2), k, sigma, out)
+                _level(row, VELOCITY.start, np.sqrt(north_v**2 + velocity**2), k, sigma, out)
             else:
-                _told(row, POSITION.start + 1, position, k, sigma, out)
-                _told(row, VELOCITY.start + 1, velocity, k, sigma, out)
-            _told(row, ATTITUDE.start + i, w[row, BODY.start + i], k, sigma, out)
+                _level(row, POSITION.start + 1, position, k, sigma, out)
+                _level(row, VELOCITY.start + 1, velocity, k, sigma, out)
+            _level(row, ATTITUDE.start + i, w[row, BODY.start + i], k, sigma, out)
 
 
 @inner(forceinline=True)
-def _told(row, j, worst, k, sigma, out):
+def _level(row, j, worst, k, sigma, out):
     """Level of an axis that is told: the larger of both kinds of sensors."""
     level = k[j] * sigma[j] + worst
     if row == 0 or level > out[j] or level != level:

@@ -54,7 +54,7 @@ class Share:
             return
         x, xs, Ps = history.xs[self.number % len(history.xs)].copy(), *map(np.empty_like, history.arrays[3:5])
         memory = history.arrays._replace(xs=xs, Ps=Ps, x=x, P=self.P)
-        prediction.travel(nav.constants, memory, self.number + 1, 0.0, number, np.inf)
+        prediction.propagate(nav.constants, memory, self.number + 1, 0.0, number, np.inf)
         self.number = number
 
     def innovation(self, z, H, S):

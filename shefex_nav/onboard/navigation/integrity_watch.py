@@ -79,7 +79,7 @@ class Watch:
         self.used_now = []  # (s, integrity_protection.Slope) of each fix used in this tick
         self.repeated = {}  # name of an instrument -> aiding.Repeated
         self.reasons = {}  # source -> why it is not healthy
-        self.said = []  # NavHealth not handed over yet
+        self.pending = []  # NavHealth not handed over yet
 
     def screen(self, block, readings, densities):
         """What of an ImuBlock can be used: `integrity_imu.screen`, which writes the two arrays."""
@@ -118,7 +118,7 @@ class Watch:
 
     def _changed(self, changes):
         """The state of axes of the unit has changed."""
-        self.said += changes
+        self.pending += changes
         self.unread = bool(self.imu.state.any())
         self.gyros.forget()
 
@@ -137,7 +137,7 @@ class Watch:
         for name in found.axes:
             k = integrity_gyro.AXES.index(name)
             words = f"turns otherwise than the stars: by {np.degrees(found.rate_b[k]):.3g} deg/s"
-            self.tell(now_s, name, words)
+            self.report(now_s, name, words)
         self.distrusted = True
 
     def _gyros_now(self, now_s):
@@ -145,7 +145,7 @@ class Watch:
         if self.gyros.failed and self._is_news(now_s):
             self.distrusted = not self.gyros.trust(now_s)
             for name in self.gyros.recovered:
-                self.tell(now_s, name, UNCHECKED if self.gyros.is_unchecked(now_s) else "")
+                self.report(now_s, name, UNCHECKED if self.gyros.is_unchecked(now_s) else "")
 
     def _is_news(self, now_s):
         """Whether gyros that have been wrong are not what was last said of them."""
@@ -159,7 +159,7 @@ class Watch:
         if self.unread and fix_of(sensor) in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[fix_of(sensor)], t_valid_s, now_s)
 
-    def velocity_believed(self, name, z, pushed):
+    def accept_velocity(self, name, z, pushed):
         """A GPS velocity is believed against the accelerometers, which show nothing wrong by themselves.
 
         Either may be wrong, and both agree from here on: the receiver that goes on with its error as well as
@@ -169,7 +169,7 @@ class Watch:
             return
         self.step, self.pushed = (None if is_back(self.step, z) else z.copy()), pushed
 
-    def position_believed(self, z):
+    def accept_position(self, z):
         """A GPS position is believed against the filter, which its velocity did not make wrong.
 
         As of a velocity: only a step back, as large, says that it was the receiver.
@@ -189,10 +189,10 @@ class Watch:
         if angle * self.pushed > BACK * np.linalg.norm(self.step):
             self.step = self.moved = None  # the velocity has moved the position
 
-    def constants_seen(self, nav, now, name, z, H, S, fate):
+    def check_constants(self, nav, now, name, z, H, S, fate):
         """A measurement is judged: `integrity_constants.Constants.take`."""
         self.constants.take(nav, now, name, z, H, S, fate)
-        self.tell(nav.history.ends_s[-1], "gps_constants", self.constants.found)
+        self.report(nav.history.ends_s[-1], "gps_constants", self.constants.found)
 
     def back_to(self, number):
         """The filter goes back to the end of a tick: corrections after it are not made yet."""
@@ -243,9 +243,9 @@ class Watch:
         of_position = jumps or self.moved is not None
         return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if of_position else 0)
 
-    def believed(self, t_s, sensor):
+    def accept(self, t_s, sensor):
         """A sensor is used: it is healthy, but for what its earlier fixes have left in doubt."""
-        self.tell(t_s, sensor, self._left(sensor))
+        self.report(t_s, sensor, self._left(sensor))
 
     def _left(self, sensor):
         """What is left to say of a sensor that is used; '' if nothing is."""
@@ -257,7 +257,7 @@ class Watch:
             return f"disputed: it or the gyros are wrong by {np.degrees(self.disputed):.2g} deg"
         return ""
 
-    def tell(self, t_s, source, reason):
+    def report(self, t_s, source, reason):
         """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
 
         The kind of a reason is what stands before its colon.
@@ -265,11 +265,11 @@ class Watch:
         before = self.reasons.get(source, "")
         self.reasons[source] = reason
         if before.split(":")[0] != reason.split(":")[0]:
-            self.said.append(NavHealth(t_s, source, not reason, reason))
+            self.pending.append(NavHealth(t_s, source, not reason, reason))
 
     def changes(self):
         """The list of NavHealth since the last call."""
-        said, self.said = self.said, []
+        said, self.pending = self.pending, []
         return said
 
 

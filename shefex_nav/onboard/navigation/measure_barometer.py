@@ -7,7 +7,7 @@ at h. With the pressure p_s of the Standard and the block `baro_scale` of warmth
 
 b and e are the two of the block `baro_bias`: of the sensor [Pa], and how much higher the day's pressures lie
 at sea level [m]; t_j is the part of layer j below h'; c(M) q is what the flow adds at the port, by its
-calibration, against air at rest. A lag of first order feels the pressure of `lag` ago, to first order. The
+calibration, against air at rest. A lag of first order senses the pressure of `lag` ago, to first order. The
 hydrostatic law gives dp_s/dH = -g rho (US Standard Atmosphere 1976, eq. 33). On the pad, where the place is
 known, readings settle b and e together: to first order they are one there, and part with height.
 
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.environment import atmosphere
-from shefex_nav.onboard.navigation.aid import Seen
+from shefex_nav.onboard.navigation.aid import Linearised
 
 LAYERS = np.array([0.0, 1.5e3, 3.5e3, 6e3, 9e3, 12e3, 16e3, 21e3])  # m, base of each; the last has no top
 LAST_TOP = 32e3  # m, of the last layer where its warmth is worked out
@@ -106,18 +106,18 @@ class Expected(NamedTuple):
 
 def expected(model, air, bias, warmth):
     """Expected. Model, Air, values of the blocks baro_bias (2,) and baro_scale (8,)"""
-    felt = air.height - model.settings.lag * air.climb
-    parts = thicknesses(felt)
-    level = felt - bias[1] - float(warmth @ parts)
+    sensed = air.height - model.settings.lag * air.climb
+    parts = thicknesses(sensed)
+    level = sensed - bias[1] - float(warmth @ parts)
     density, pressure, _, _ = atmosphere.us76(level)
     g = atmosphere.G_0 * (atmosphere.EARTH_RADIUS / (atmosphere.EARTH_RADIUS + level)) ** 2
-    layer = max(int(np.searchsorted(LAYERS, felt, side="right")) - 1, 0)
+    layer = max(int(np.searchsorted(LAYERS, sensed, side="right")) - 1, 0)
     flow = at_port(model, air.mach) * air.dynamic_pressure
     return Expected(pressure + bias[0] + flow, -density * g, parts, 1.0 - float(warmth[layer]))
 
 
 def expect(model, here, reading):
-    """Seen of one reading: z (1,) Pa, H (1, n). Model, aiding.Here, BarometerReading"""
+    """Linearised of one reading: z (1,) Pa, H (1, n). Model, aiding.Here, BarometerReading"""
     around, warmth = air(here), here.value("baro_scale")
     known = np.zeros(len(LAYERS)) if warmth is None else warmth
     told, H = expected(model, around, here.value("baro_bias"), known), here.rows(1)
@@ -129,7 +129,7 @@ def expect(model, here, reading):
         H[0, here.columns("baro_scale")] = -told.slope * told.parts
     shared = tuple((np.array([[v]]), lasts_s) for v, lasts_s in lasting(model, around, told, warmth is None))
     R = np.array([[white(model) ** 2]])
-    return Seen(np.array([reading.pressure - told.pressure]), H, R, shared)
+    return Linearised(np.array([reading.pressure - told.pressure]), H, R, shared)
 
 
 def lasting(model, air, told, warmth_too):

@@ -52,7 +52,7 @@ def star_vectors(layout, state, fix, C_bc, sigma_floor):
     return _star_vectors(*turns, stars, sigma_floor, layout.n, first)
 
 
-def turned_back(stars, turn_c, P):
+def rotated_back(stars, turn_c, P):
     """StarVectors as a camera sees them that is turned back by a small angle.
 
     turn_c : (3,) rad, camera axes;  P : (3, 3) rad^2, its covariance, which counts for each star by itself

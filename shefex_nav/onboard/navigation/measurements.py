@@ -41,15 +41,15 @@ class Antenna(NamedTuple):
     J_v: np.ndarray  # (3, n)
 
 
-class Felt(NamedTuple):
-    """What the IMU feels in a tick."""
+class Sensed(NamedTuple):
+    """What the IMU senses in a tick."""
 
-    felt: np.ndarray  # (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected
+    sensed: np.ndarray  # (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected
     vibration: float
     drive: np.ndarray  # (6, m)
 
 
-def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration, drive=calibration.NO_DRIVE):
+def antenna(layout, x, t_s, earth, l_ba_b, sensed, vibration, drive=calibration.NO_DRIVE):
     """Where the GPS antenna is at the instant that a fix with the time of the state belongs to.
 
     r_ea_e = C_ei (r_i + C_ib l),   v_ea_e = C_ei (v_i + C_ib (omega_ib_b x l) - omega_ie_i x (r_i + C_ib l)),
@@ -64,7 +64,7 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration, drive=calibration.NO
     t_s : its time, s
     earth : EarthRotation
     l_ba_b : (3,) m, IMU to antenna, nominal
-    felt : (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected for the estimated errors of the IMU
+    sensed : (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected for the estimated errors of the IMU
     vibration, drive : of the tick, with which they were corrected
 
     Returns
@@ -75,30 +75,30 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration, drive=calibration.NO
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, Felt(felt, vibration, drive))
+    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, Sensed(sensed, vibration, drive))
     return Antenna(motion[0], motion[1], J[0], J[1])
 
 
 @kernel
 def _antenna(at, n, x, t_s, earth, l_ba_b, now):
-    """`antenna` with the fields of the Layout; now : Felt. -> motion (2, 3), J (2, 3, n)"""
-    motion, J, felt = np.empty((2, 3)), np.empty((2, 3, n)), now.felt
-    J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], now.vibration, now.drive)
+    """`antenna` with the fields of the Layout; now : Sensed. -> motion (2, 3), J (2, 3, n)"""
+    motion, J, sensed = np.empty((2, 3)), np.empty((2, 3, n)), now.sensed
+    J_omega, J_f = calibration.jacobians_packed(at, n, x, sensed[:3], sensed[3:], now.vibration, now.drive)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
-    omega, delay, r_i = t3.vector(felt, 0), x[X_LATENCY], t3.vector(x, X_R.start)
+    omega, delay, r_i = t3.vector(sensed, 0), x[X_LATENCY], t3.vector(x, X_R.start)
     g = t3.plus(
         gravity_i(r_i, earth.angle_0 + earth.rate * t_s, earth.C_iq, earth.C_re), 1.0, t3.vector(x, X_GRAVITY)
     )
     arm = t3.plus(t3.vector(l_ba_b, 0), 1.0, t3.vector(x, X_LEVER.start))
     swing = t3.cross(omega, arm)
-    f = t3.plus(t3.vector(felt, 3), 1.0, t3.cross(omega, swing))
-    r = t3.plus(r_i, 1.0, t3.turned(C, arm))
-    v = t3.plus(t3.vector(x, X_V.start), 1.0, t3.turned(C, swing))
-    r, v, a = _seen(r, v, t3.plus(t3.turned(C, f), 1.0, g), turn, delay)
-    t3.put(motion[0], t3.turned(C_ei, r))
-    t3.put(motion[1], t3.turned(C_ei, v))
+    f = t3.plus(t3.vector(sensed, 3), 1.0, t3.cross(omega, swing))
+    r = t3.plus(r_i, 1.0, t3.rotated(C, arm))
+    v = t3.plus(t3.vector(x, X_V.start), 1.0, t3.rotated(C, swing))
+    r, v, a = _seen(r, v, t3.plus(t3.rotated(C, f), 1.0, g), turn, delay)
+    t3.put(motion[0], t3.rotated(C_ei, r))
+    t3.put(motion[1], t3.rotated(C_ei, v))
     for j in range(n):
         dr, dv, dtheta = _unit(j - POS.start), _unit(j - VEL.start), _unit(j - ATT.start)
         dl = _unit(j - at[LEVER]) if at[LEVER] >= 0 else zero
@@ -110,11 +110,11 @@ def _antenna(at, n, x, t_s, earth, l_ba_b, now):
         swung = t3.plus(t3.cross(dtheta, swing), 1.0, driven)
         jolted = t3.plus(t3.plus(t3.cross(dtheta, f), 1.0, df), 1.0, t3.cross(w, swing))
         jolted = t3.plus(jolted, 1.0, t3.cross(omega, driven))
-        dr, dv = t3.plus(dr, 1.0, t3.turned(C, moved)), t3.plus(dv, 1.0, t3.turned(C, swung))
-        dr, dv, _ = _seen(dr, dv, t3.plus(dg, 1.0, t3.turned(C, jolted)), turn, delay)
+        dr, dv = t3.plus(dr, 1.0, t3.rotated(C, moved)), t3.plus(dv, 1.0, t3.rotated(C, swung))
+        dr, dv, _ = _seen(dr, dv, t3.plus(dg, 1.0, t3.rotated(C, jolted)), turn, delay)
         if j == at[LATENCY]:
             dr, dv = t3.scaled(-1.0, v), t3.scaled(-1.0, a)
-        dr, dv = t3.turned(C_ei, dr), t3.turned(C_ei, dv)
+        dr, dv = t3.rotated(C_ei, dr), t3.rotated(C_ei, dv)
         for i in range(3):
             J[0, i, j], J[1, i, j] = dr[i], dv[i]
     return motion, J

@@ -121,12 +121,12 @@ def advance(constants, x, t_s, P, imu, begin_s, end_s):
     numbers = np.array([[t_s - begin_s + imu.length_s, imu.dt_s, imu.n, imu.vibration]])
     increments, extra = imu.increments[None], imu.extra[None]
     memory = Memory(numbers, increments, extra, x[None].copy(), P[None].copy(), x, P, imu.drive[None])
-    travel(constants, memory, 0, begin_s, 0, end_s)
+    propagate(constants, memory, 0, begin_s, 0, end_s)
     return x, P
 
 
 @kernel
-def travel(constants, memory, first, begin_s, last, end_s):
+def propagate(constants, memory, first, begin_s, last, end_s):
     """State and covariance from an instant within one tick to one within the same or a later tick.
 
     Parameters
@@ -136,12 +136,12 @@ def travel(constants, memory, first, begin_s, last, end_s):
     first, begin_s : number of the tick in which the way begins, s from its start
     last, end_s : in which it ends; np.inf: at its end
     """
-    _through(constants, memory, first, begin_s, last, end_s, workspace(memory.P.shape[0]))
+    _propagate_ticks(constants, memory, first, begin_s, last, end_s, workspace(memory.P.shape[0]))
 
 
 @inner(forceinline=True)
-def _through(constants, memory, first, begin_s, last, end_s, work):
-    """`travel` with a `workspace` that is there already."""
+def _propagate_ticks(constants, memory, first, begin_s, last, end_s, work):
+    """`propagate` with a `workspace` that is there already."""
     numbers, x, P, model = memory.numbers, memory.x, memory.P, constants.model
     for number in range(first, last + 1):
         k = number % numbers.shape[0]
@@ -174,7 +174,7 @@ def _keep(x, P, x_kept, P_kept):
 
 @kernel(forceinline=True)
 def enter(constants, memory, number, motors, t_end_s, dt_s, n, work=None):
-    """A tick on: complete the place of a new tick in a `History`, and `travel` through it.
+    """A tick on: complete the place of a new tick in a `History`, and `propagate` through it.
 
     number : of the tick, whose n samples of dt_s that end at t_end_s are in its place already
     motors : of NavParams
@@ -197,7 +197,7 @@ def enter(constants, memory, number, motors, t_end_s, dt_s, n, work=None):
     vibration = error_model.vibration_level(motors, limits[0], limits[1], t_end_s, gained / (n * dt_s), shake)
     numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3] = t_end_s, dt_s, n, vibration
     room = workspace(memory.P.shape[0]) if work is None else work
-    _through(constants, memory, number, 0.0, number, np.inf, room)
+    _propagate_ticks(constants, memory, number, 0.0, number, np.inf, room)
 
 
 @inner
@@ -257,7 +257,7 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     error_model.begin(responses, at, G)
-    u, u_r, angle, speed = strapdown.travel(x, imu, begin_s, end_s, g, responses)
+    u, u_r, angle, speed = strapdown.propagate(x, imu, begin_s, end_s, g, responses)
     laws.drift(x, noise, constants.F, T)
     q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     C_bi = t3.transposed(t3.dcm_from_quat(q_after))

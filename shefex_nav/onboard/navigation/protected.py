@@ -39,7 +39,7 @@ def _level_axes(C_iq, C_re, angle_0, rate, t_s, x, out):
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     r_e = np.empty(3)
-    t3.put(r_e, t3.turned(C_ei, t3.vector(x, X_R.start)))
+    t3.put(r_e, t3.rotated(C_ei, t3.vector(x, X_R.start)))
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
     C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
     t3.store(out[:3], C_ni)

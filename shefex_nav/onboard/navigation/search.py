@@ -44,7 +44,7 @@ def settled(bank, params, earth):
     return fusion.start(params, mixture.alignment(), earth) if mixture.is_settled else None
 
 
-def teller(bank):
+def mixed_filter(bank):
     """Filter that holds the mixture at the last tick, to be told of; not to be advanced."""
     mixture, best = bank.mixture(), bank.best
     tick = best.history[-1]

@@ -35,8 +35,8 @@ MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give
 
 def _antenna(nav, now):
     """Antenna of the receiver at a Moment."""
-    arm, felt = nav.params.l_ba_b, now.felt_packed
-    return measurements.antenna(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration, now.drive)
+    arm, sensed = nav.params.l_ba_b, now.sensed_packed
+    return measurements.antenna(nav.layout, now.x, now.t_s, nav.earth, arm, sensed, now.vibration, now.drive)
 
 
 def _gps_position(nav, now, fix):
@@ -50,7 +50,7 @@ def _swung_arm(nav, now):
     """`unknown_attitude.of_arm` of the velocity of the antenna against the IMU."""
     if unknown_attitude.is_known(now.P):
         return 0.0
-    return unknown_attitude.of_arm(now.P, rotation.cross(now.felt_packed[:3], nav.params.l_ba_b))
+    return unknown_attitude.of_arm(now.P, rotation.cross(now.sensed_packed[:3], nav.params.l_ba_b))
 
 
 def _gps_velocity(nav, now, fix):
@@ -99,16 +99,16 @@ def straightened(nav, arrival, index, fix):
     noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
     if not bend_c @ bend_c > BEND_SEEN * noise:
         return fix
-    q_ic, P_c, P = _turned_back(fix.q_ic, fix.P_c, bend_c, noise)
+    q_ic, P_c, P = _rotated_back(fix.q_ic, fix.P_c, bend_c, noise)
     if fix.reason == Reason.NONE:
         fix = fix._replace(q_ic=q_ic, P_c=P_c)
     if _says_single_stars(arrival) and len(fix.stars.hip):
-        fix = fix._replace(stars=measure_stars.turned_back(fix.stars, bend_c, P))
+        fix = fix._replace(stars=measure_stars.rotated_back(fix.stars, bend_c, P))
     return fix
 
 
 @kernel
-def _turned_back(q_ic, P_c, bend_c, noise):
+def _rotated_back(q_ic, P_c, bend_c, noise):
     """Attitude without a bend (3,) rad, its covariance with what the bend may be wrong by, and that alone."""
     P = noise * np.eye(3)
     for i in range(3):
@@ -247,7 +247,7 @@ def _star_admits(nav, z):
 
 def rate_covariance(layout, now):
     """Covariance of the corrected rate of a Moment by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
-    J_omega, _ = calibration.jacobians(layout, now.x, *now.felt, now.vibration, now.drive)
+    J_omega, _ = calibration.jacobians(layout, now.x, *now.sensed, now.vibration, now.drive)
     return J_omega @ now.P @ J_omega.T
 
 
@@ -361,7 +361,7 @@ def attitudes_instead(nav, taken, results):
             nav.health["star_tracker"] = nav.health["star_tracker"]._replace(
                 rejected=0, evidence=None, in_a_row=0
             )
-            nav.watch.tell(result.t_s, "star_tracker", "")
+            nav.watch.report(result.t_s, "star_tracker", "")
         elif fix.reason == Reason.NONE:
             instead.append(("star_tracker", fix))
     return instead

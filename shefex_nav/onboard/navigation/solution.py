@@ -73,13 +73,13 @@ def solution(nav):
 
 
 def solutions(nav, ticks, imu_blind):
-    """NavSolution of each of some ticks, as `tell` takes them: list."""
+    """NavSolution of each of some ticks, as `fill` takes them: list."""
     rows = np.empty((len(ticks), WIDTH))
-    tell(nav, ticks, imu_blind, rows)
+    fill(nav, ticks, imu_blind, rows)
     return [_solution(row) for row in rows]
 
 
-def tell(nav, ticks, imu_blind, rows):
+def fill(nav, ticks, imu_blind, rows):
     """Write a row for each of some ticks, in one compiled call.
 
     Parameters
@@ -93,12 +93,12 @@ def tell(nav, ticks, imu_blind, rows):
     model, watch = nav.params.imu, nav.watch
     noise = Noise(model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration)
     bounds = Bounds(watch.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
-    _tell(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
+    _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
 
 
 def _solution(row):
-    """NavSolution of a row of `tell`."""
+    """NavSolution of a row of `fill`."""
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
     t_s, aided, position, velocity, attitude = row[T_S:].tolist()
     return NavSolution(
@@ -113,7 +113,7 @@ def _solution(row):
 
 
 def columns(rows):
-    """NavSolution of arrays over N: of rows (N, WIDTH) of `tell`."""
+    """NavSolution of arrays over N: of rows (N, WIDTH) of `fill`."""
     fields = {}
     for name, size in FIELDS.items():
         part = rows[:, ENDS[name] - size : ENDS[name]]
@@ -125,7 +125,7 @@ def columns(rows):
 
 
 @kernel
-def _tell(at, first, step, memory, noise, earth, bounds, out):
+def _fill(at, first, step, memory, noise, earth, bounds, out):
     """`_derive`, protection levels, time and whether to be trusted of ticks of a History: out (m, WIDTH).
 
     first, step : numbers of the ticks;  memory : prediction.Memory;  noise : Noise;  bounds : Bounds
@@ -177,8 +177,8 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
-    felt = np.array(dtheta + dv) / dt_s
-    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration, drive)
+    sensed = np.array(dtheta + dv) / dt_s
+    J_omega, _ = jacobians_packed(at, P.shape[0], x, sensed[:3], sensed[3:], vibration, drive)
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
     white = (noise.random_walk**2 * dt_s + noise.quantum**2 / 6.0) / dt_s**2
     for k in range(3):
@@ -205,8 +205,8 @@ def _of_state(x, P, t_s, earth, out, axes):
     r_i = t3.vector(x, X_R.start)
     u_i = t3.plus(t3.vector(x, X_V.start), -1.0, t3.cross(turn, r_i))  # against the air
     out[: X_Q.stop] = x[: X_Q.stop]
-    out[R_E], out[R_E + 1], out[R_E + 2] = t3.turned(C_ei, r_i)
-    out[V_E], out[V_E + 1], out[V_E + 2] = t3.turned(C_ei, u_i)
+    out[R_E], out[R_E + 1], out[R_E + 2] = t3.rotated(C_ei, r_i)
+    out[V_E], out[V_E + 1], out[V_E + 2] = t3.rotated(C_ei, u_i)
     latitude, longitude, _ = wgs84.geodetic_from_ecef(out[R_E : R_E + 3])
     C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
     t3.store(axes[:3], C_ni)
@@ -226,7 +226,7 @@ def _of_state(x, P, t_s, earth, out, axes):
 def _angles(out, C_ni, C_ib, u_i, turn, P):
     """Angles of the velocity u_i against the air, and sigmas of three of them. C_ni, C_ib : nine numbers"""
     C_bi = t3.transposed(C_ib)
-    v_n, v_b = t3.turned(C_ni, u_i), t3.turned(C_bi, u_i)
+    v_n, v_b = t3.rotated(C_ni, u_i), t3.rotated(C_bi, u_i)
     speed2 = max(np.sqrt(t3.dot(u_i, u_i)), SLOWEST) ** 2
     along, in_plane = np.sqrt(v_n[0] ** 2 + v_n[1] ** 2), np.sqrt(v_b[0] ** 2 + v_b[2] ** 2)
     level, plane, attack = max(along, SLOWEST), max(in_plane, SLOWEST), np.arctan2(v_b[2], v_b[0])
@@ -237,9 +237,9 @@ def _angles(out, C_ni, C_ib, u_i, turn, P):
     attack_b = t3.scaled(1.0 / plane, (-np.sin(attack), 0.0, np.cos(attack)))
     slip_b = t3.scaled(1.0 / speed2, (-v_b[0] * v_b[1] / plane, plane, -v_b[2] * v_b[1] / plane))
     zero, g = (0.0, 0.0, 0.0), np.empty(ATT.stop)
-    path_i = t3.turned(t3.transposed(C_ni), path_n)
+    path_i = t3.rotated(t3.transposed(C_ni), path_n)
     for k, u_b, dv_i in (
-        (0, zero, path_i), (1, attack_b, t3.turned(C_ib, attack_b)), (2, slip_b, t3.turned(C_ib, slip_b))
+        (0, zero, path_i), (1, attack_b, t3.rotated(C_ib, attack_b)), (2, slip_b, t3.rotated(C_ib, slip_b))
     ):  # fmt: skip
         _put(g, dv_i, t3.cross(turn, dv_i))  # dv_i . (-omega x dr) = (omega x dv_i) . dr
         g[ATT.start], g[ATT.start + 1], g[ATT.start + 2] = t3.cross(u_b, v_b)  # = u . (v_b x dtheta)

@@ -120,7 +120,7 @@ def gravity_i(r, angle, C_iq, C_re):
     """
     c, s = np.cos(angle), np.sin(angle)
     pole = c * C_re[0, 2] - s * C_re[1, 2], s * C_re[0, 2] + c * C_re[1, 2], C_re[2, 2]
-    pole = t3.turned(t3.matrix(C_iq), pole)
+    pole = t3.rotated(t3.matrix(C_iq), pole)
     r2, z = t3.dot(r, r), t3.dot(r, pole)
     k = 1.5 * J2_WGS84 * wgs84.A**2 / r2
     pull = -wgs84.GM / (r2 * np.sqrt(r2))
@@ -128,7 +128,7 @@ def gravity_i(r, angle, C_iq, C_re):
 
 
 @inner
-def travel(x, imu, begin_s, end_s, g, responses):
+def propagate(x, imu, begin_s, end_s, g, responses):
     """Carry packed values through a part of a window, and with them the responses to errors of the IMU.
 
     Parameters
@@ -160,7 +160,7 @@ def travel(x, imu, begin_s, end_s, g, responses):
             piece = cut(last, before, sample, h, x0, x1)
             T, dtheta, dv, _, _, phi, s, s_r = piece
             C = t3.dcm_from_quat(q)
-            u, u_r = t3.turned(C, s), t3.turned(C, s_r)
+            u, u_r = t3.rotated(C, s), t3.rotated(C, s_r)
             if responses.by_gyro[0]:
                 error_model.carry_all(responses, m, weights, piece, C, u, u_r)
             u_r_sum, u_sum = t3.plus(t3.plus(u_r_sum, T, u_sum), 1.0, u_r), t3.plus(u_sum, 1.0, u)
@@ -175,7 +175,7 @@ def travel(x, imu, begin_s, end_s, g, responses):
 
 
 @kernel
-def felt_packed(x, increments, n, dt_s, vibration, drive, at_s):
+def sensed_packed(x, increments, n, dt_s, vibration, drive, at_s):
     """Corrected rate and specific force with packed values: means of the sample in which at_s lies.
 
     increments, dt_s, vibration, drive : of an ImuWindow of n samples;  at_s : s from its start

@@ -35,9 +35,9 @@ cancel each other only together, and the rest would be a tie that is none. m sta
 so n fixes say of theta what one says: the error counts `ALIKE` times as large as it is; they teach nothing.
 
 **What a vector shows of an angle.** GPS shows how the specific force is turned. Where the vector is long
-enough, its direction tells the angle as a whole (`bent`). Else it is the sine, not the angle: of a normal
-angle with variance s^2 the sine has the variance (1 - exp(-2 s^2))/2 and the tie s^2 exp(-s^2/2) to the
-angle, from which follow the best linear gain and the variance that it leaves (statistical linearisation;
+enough, its direction tells the angle as a whole (`second_order`). Else it is the sine, not the angle: of a
+normal angle with variance s^2 the sine has the variance (1 - exp(-2 s^2))/2 and the tie s^2 exp(-s^2/2) to
+the angle, from which follow the best linear gain and the variance that it leaves (statistical linearisation;
 Gelb, Applied Optimal Estimation, 1974, section 6.2). No more is taken than by the linear gain (`take_share`).
 
 **A lever arm in an unknown direction.** What GPS sees of it has a second order, too,
@@ -147,7 +147,7 @@ def is_known(P):
     return P.item(ROLL, ROLL) <= LARGE2 and P.item(PITCH, PITCH) <= LARGE2 and P.item(YAW, YAW) <= LARGE2
 
 
-def bent(P, z, H, R, q_ib):
+def second_order(P, z, H, R, q_ib):
     """What an angle that a vector shows as a whole has done to position and velocity beyond the first order.
 
     Of an angle h about an axis u the vector d, gained across u, shows sin(h) u x d + (cos(h) - 1) d, both of
@@ -160,7 +160,7 @@ def bent(P, z, H, R, q_ib):
     """
     if is_known(P):
         return None
-    is_long, first, second, across, along = _bend(P, z, H, R, q_ib)
+    is_long, first, second, across, along = _second_order(P, z, H, R, q_ib)
     if not is_long:
         return None
     angle = np.arctan2(across, along)
@@ -168,8 +168,8 @@ def bent(P, z, H, R, q_ib):
 
 
 @kernel
-def _bend(P, z, H, R, q_ib):
-    """Whether the vector of `bent` is long enough; first and second order of what the angle does, (n,) each;
+def _second_order(P, z, H, R, q_ib):
+    """Whether the vector is long enough; first and second order of what the angle does, (n,) each;
     the components of z across the vector and along it."""
     n = len(P)
     first, second = np.zeros(n), np.zeros(n)
@@ -202,7 +202,7 @@ def take_share(dx, P, updated):
     return _taken(turned, share, after, dx)
 
 
-class Turned(NamedTuple):
+class Decoupled(NamedTuple):
     """Covariances and an estimated error about the axes about which the angles have no ties to each other."""
 
     axes: np.ndarray  # (n, n)
@@ -220,7 +220,7 @@ def _along_axes(P, updated, dx):
     axes[ATT, ATT] = np.linalg.eigh(np.ascontiguousarray(P[ATT, ATT]))[1]
     P, updated, along = axes.T @ P @ axes, axes.T @ updated @ axes, axes.T @ dx
     before, after = np.diag(P)[ATT].copy(), np.diag(updated)[ATT].copy()
-    return Turned(axes, P, updated, along, before, after)
+    return Decoupled(axes, P, updated, along, before, after)
 
 
 @kernel

@@ -76,7 +76,7 @@ def _name_events(axes, data, path, x, y):
     axes.plot(*xy.T, "o", color=style.BLACK, ms=_DOT, zorder=3)
     groups = labels.together(axes, xy, _DOT)
     names = [", ".join(events[k][2] for k in group) for group in groups]
-    first = {event_words.said(name) for name in _PRINCIPAL}
+    first = {event_words.in_words(name) for name in _PRINCIPAL}
     order = sorted(range(len(groups)), key=lambda k: first.isdisjoint(names[k].split(", ")))
     at = xy[[group[0] for group in groups]]
     labels.place(axes, at[order], [names[k] for k in order], avoid=np.column_stack([x, y])[::8])

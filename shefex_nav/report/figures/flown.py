@@ -52,7 +52,7 @@ def event_names(events):
     """Events of one instant together: list of (t_s, altitude_m, 'name, name')."""
     out = []
     for event in events:
-        name = event_words.said(event.name)
+        name = event_words.in_words(event.name)
         if out and abs(out[-1][0] - event.t_s) < 0.05:
             out[-1] = (*out[-1][:2], f"{out[-1][2]}, {name}")
         else:

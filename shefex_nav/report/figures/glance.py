@@ -55,7 +55,7 @@ def _flight(axes, data, t_s):
     at_s = [event.t_s for event in principal]
     xy = np.column_stack([at_s, np.interp(at_s, path.t_s, path.track.height / 1e3)])
     avoid = np.column_stack([path.t_s, path.track.height / 1e3])[::8]
-    labels.place(axes, xy, [event_words.said(event.name) for event in principal], avoid=avoid)
+    labels.place(axes, xy, [event_words.in_words(event.name) for event in principal], avoid=avoid)
 
 
 def _attitude(panels, data, t_s):

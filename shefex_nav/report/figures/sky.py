@@ -18,7 +18,7 @@ _SHARE = 0.9  # of the frames that the closer map shows
 _PATH = {True: (style.BLUE, "fix"), False: (style.RED, "no fix")}
 
 
-class Seen(NamedTuple):
+class SkyMap(NamedTuple):
     """What is on the map."""
 
     t_s: np.ndarray  # (m,) of the frames
@@ -36,13 +36,13 @@ class Limb(NamedTuple):
     C_ie: np.ndarray  # (3, 3)
 
 
-def seen(data):
-    """Seen of a RunData; None without frames."""
+def around(data):
+    """SkyMap of a RunData; None without frames."""
     frames_ = data.frame_truths
     if not frames_:
         return None
     solved = {fix.number for fix in data.star_fixes if fix.reason == Reason.NONE}
-    return Seen(
+    return SkyMap(
         np.array([frame.t_valid_s for frame in frames_]),
         np.array([rotation.dcm_from_quat(frame.q_ic)[:, 2] for frame in frames_]),
         np.array([frame.number in solved for frame in frames_]),
@@ -107,7 +107,7 @@ def _direction(ra_deg, dec_deg):
 @style.styled
 def sky_map(data):
     """Whole sky and the part the camera looked at. RunData -> Figure; None without frames."""
-    sky = seen(data)
+    sky = around(data)
     if sky is None or not len(data.truth.t_s):
         return None
     figure = style.figure(5.3)

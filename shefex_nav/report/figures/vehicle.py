@@ -18,7 +18,7 @@ _LEFT = 0.25
 @style.styled
 def drawing(looked):
     """Each configuration from the side, to one scale, nose to the left. vehicle.Looked -> Figure"""
-    shown = [k for k in range(len(looked.configurations)) if (looked.seen.configuration == k).any()]
+    shown = [k for k in range(len(looked.configurations)) if (looked.profile.configuration == k).any()]
     length = max(_reach(looked, k) for k in shown)
     widest = max(looked.configurations[k].aero.diameter for k in shown)
     scale = (style.WIDTH - _LEFT - style.RIGHT) / (1.06 * length)  # inches per metre
@@ -52,9 +52,9 @@ def drawing(looked):
 
 
 def _head(looked, k):
-    part = looked.seen.configuration == k
-    first, last = looked.seen.mass[part][[0, -1]]
-    begin = looked.seen.t_s[part][0]
+    part = looked.profile.configuration == k
+    first, last = looked.profile.mass[part][[0, -1]]
+    begin = looked.profile.t_s[part][0]
     mass = f"{first:,.0f} kg" if abs(first - last) < 0.5 else f"{first:,.0f} to {last:,.0f} kg"
     return f"{vehicle.flying(looked, k)}, from T{begin:+.1f} s: {mass.replace(',', ' ')}"
 
@@ -65,13 +65,14 @@ def _reach(looked, k):
     stages = list(given.stages.values())[k:]
     known = [-given.imu[0], given.payload.station, *(one.motor.exit_station for one in stages)]
     known += [one.dry.station for one in stages]
-    seen = looked.seen
-    stations = np.concatenate([column[seen.configuration == k] for column in (seen.centre, seen.pressure)])
+    profile = looked.profile
+    part = profile.configuration == k
+    stations = np.concatenate([profile.centre[part], profile.pressure[part]])
     return max(*known, float(np.nanmax(stations)))
 
 
 def _draw(axes, looked, k):
-    given, seen = looked.scenario.vehicle, looked.seen
+    given, profile = looked.scenario.vehicle, looked.profile
     stages = list(given.stages.items())[k:]
     radius = 0.5 * looked.configurations[k].aero.diameter
     end = stages[0][1].motor.exit_station if stages else _reach(looked, k)
@@ -85,10 +86,10 @@ def _draw(axes, looked, k):
     station = given.payload.station
     axes.plot(station, 0.0, "D", color=style.GREEN, ms=7, mec="black", label="payload's centre of mass")
     axes.plot(-given.imu[0], given.imu[1], "s", color=style.SKY, ms=6, mec="black", label="IMU")
-    part = seen.configuration == k
-    _range(axes, seen.centre[part], 0.5 * radius, style.BLACK, "o", "centre of mass of the whole")
+    part = profile.configuration == k
+    _range(axes, profile.centre[part], 0.5 * radius, style.BLACK, "o", "centre of mass of the whole")
     felt = vehicle.upwards(looked) & part
-    _range(axes, seen.pressure[felt], -0.5 * radius, style.RED, "^", "centre of pressure on the way up")
+    _range(axes, profile.pressure[felt], -0.5 * radius, style.RED, "^", "centre of pressure on the way up")
 
 
 def _stage(axes, name, stage):
@@ -132,16 +133,17 @@ def _range(axes, stations, y, colour, marker, label):
 @style.styled
 def over_time(looked):
     """Mass, stations, stability, forces and spin over time, on the way up and over all. Looked -> Figure"""
-    seen, flight = looked.seen, looked.flight
+    profile, flight = looked.profile, looked.flight
     rising = vehicle.upwards(looked)
-    spans = [(0.0, 1.02 * float(seen.t_s[rising].max(initial=seen.t_s[1]))), (0.0, float(seen.t_s[-1]))]
-    data = SimpleNamespace(truth=seen, events=flight.events)
+    t_s = profile.t_s
+    spans = [(0.0, 1.02 * float(t_s[rising].max(initial=t_s[1]))), (0.0, float(t_s[-1]))]
+    data = SimpleNamespace(truth=profile, events=flight.events)
     name = f"{looked.scenario.mission.name}: the vehicle over time"
     heads = ["on the way up, as long as air is felt", "the whole flight"]
     figure, rows = style.panels(data, 6, name, columns=2, height=1.25, heads=heads, spans_s=spans)
     for column, span in zip(rows.T, spans, strict=True):
-        part = (seen.t_s >= span[0]) & (seen.t_s <= span[1])
-        _column(column, seen, part)
+        part = (profile.t_s >= span[0]) & (profile.t_s <= span[1])
+        _column(column, profile, part)
         for axes in column:
             style.event_lines(axes, data)
     labels = (
@@ -159,24 +161,24 @@ def over_time(looked):
     return figure
 
 
-def _column(column, seen, part):
-    t_s = seen.t_s[part]
+def _column(column, profile, part):
+    t_s = profile.t_s[part]
 
     def draw(axes, values, **how):
         if np.isfinite(values).any():
             axes.plot(t_s, values, **how)
 
     mass, stations, margin, force, spin, pressure = column
-    draw(mass, seen.mass[part], color=style.BLUE)
-    draw(stations, seen.centre[part], color=style.BLACK, label="centre of mass")
-    draw(stations, seen.pressure[part], color=style.RED, ls="--", label="centre of pressure")
+    draw(mass, profile.mass[part], color=style.BLUE)
+    draw(stations, profile.centre[part], color=style.BLACK, label="centre of mass")
+    draw(stations, profile.pressure[part], color=style.RED, ls="--", label="centre of pressure")
     stations.invert_yaxis()
-    draw(margin, seen.margin[part], color=style.BLUE)
+    draw(margin, profile.margin[part], color=style.BLUE)
     margin.axhspan(0.0, vehicle.LEAST_MARGIN, color="#f6d5c0", lw=0, zorder=0)
     margin.axhline(0.0, color=style.RED, lw=0.8)
-    draw(force, seen.thrust[part] / 1e3, color=style.BLUE, label="thrust")
-    draw(force, seen.drag[part] / 1e3, color=style.RED, ls="--", label="drag")
-    draw(spin, np.abs(seen.spin[part]) / (2.0 * np.pi), color=style.BLUE, label="spin")
-    resonant = seen.resonant[part] / (2.0 * np.pi)
+    draw(force, profile.thrust[part] / 1e3, color=style.BLUE, label="thrust")
+    draw(force, profile.drag[part] / 1e3, color=style.RED, ls="--", label="drag")
+    draw(spin, np.abs(profile.spin[part]) / (2.0 * np.pi), color=style.BLUE, label="spin")
+    resonant = profile.resonant[part] / (2.0 * np.pi)
     draw(spin, resonant, color=style.RED, ls="--", label="resonance with the pitch motion")
-    draw(pressure, seen.dynamic_pressure[part] / 1e3, color=style.BLUE)
+    draw(pressure, profile.dynamic_pressure[part] / 1e3, color=style.BLUE)

@@ -145,7 +145,7 @@ def _log_events(log, data, t_s, flown, ground, size):
     poles = [np.array([ground[k], flown[k]]) for k in rows]
     log("heights", rr.LineStrips3D(poles, colors=[90, 90, 110], radii=[-0.7]))
     tops = [pole[1] for pole in poles]
-    names = [event_words.said(event.name) for event in data.events]
+    names = [event_words.in_words(event.name) for event in data.events]
     log("events", rr.Points3D(tops, colors=_EVENT, radii=[-3.0]))
     first = [k for k, event in enumerate(data.events) if event.name in FIRST_NAMED]
     order = [*first, *(k for k in range(len(tops)) if k not in first)]

@@ -194,10 +194,10 @@ class _Flight:
             for record in self.route.on(ticks, stops=ticks == self.route.schedule.ticks):
                 self._kept.setdefault(type(record), []).append(record)
 
-    def parted(self, world):
+    def fork(self, world):
         """This flight so far, which goes on in another world."""
         seen = self._seen.copy()
-        route = self.route.parted(world, {id(self._seen): seen})
+        route = self.route.fork(world, {id(self._seen): seen})
         return _Flight(route, {kind: records.copy() for kind, records in self._kept.items()}, seen)
 
     def end(self):
@@ -226,7 +226,7 @@ def _fly(job, situations, vehicle):
     for k in sorted(range(1, len(situations)), key=lambda k: alike[k]):
         if alike[k] > 0:
             first.on(alike[k])
-            flights[k] = first.parted(built[k][1])
+            flights[k] = first.fork(built[k][1])
         else:
             flights[k] = _begun(job, *built[k], vehicle)
     flights[0] = first
@@ -253,13 +253,13 @@ def _scenarios_and_worlds(job, situations, vehicle):
     """Scenario, prepare.World of each Situation: list. What faults do not change is measured once."""
     from shefex_nav import prepare
 
-    built, sound = [], None
+    built, healthy = [], None
     for situation in situations:
         scenario, faulty = _scenario(job, situation), _only_faults(situation)
-        if not faulty or sound is None:
-            found = prepare.sound(scenario, job.seed, vehicle, sky=_sky(job.scenario, of_rocket(job)))
-            sound = found if faulty else sound
-        world = prepare.with_faults(scenario, sound if faulty else found, keeps=faulty)
+        if not faulty or healthy is None:
+            found = prepare.measure(scenario, job.seed, vehicle, sky=_sky(job.scenario, of_rocket(job)))
+            healthy = found if faulty else healthy
+        world = prepare.with_faults(scenario, healthy if faulty else found, keeps=faulty)
         built.append((scenario, _received(world, situation)))
     return built
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 
-class Seen(NamedTuple):
+class Innovation(NamedTuple):
     """One innovation, when it met the gate."""
 
     z: np.ndarray  # (m,)
@@ -21,7 +21,7 @@ class Seen(NamedTuple):
 
 @contextmanager
 def watched(seen):
-    """While a filter flies in this process, `seen` is filled: dict, (sensor, t_valid_s) -> Seen."""
+    """While a filter flies in this process, `seen` is filled: dict, (sensor, t_valid_s) -> Innovation."""
     from shefex_nav.onboard.navigation import fusion
 
     table = fusion.table
@@ -42,5 +42,5 @@ def watched(seen):
 def _noted(name, linearise, seen, nav, now, fix):
     z, H, R = linearise(nav, now, fix)
     if (name, fix.t_valid_s) not in seen:
-        seen[name, fix.t_valid_s] = Seen(z.copy(), H @ now.P @ H.T + R)
+        seen[name, fix.t_valid_s] = Innovation(z.copy(), H @ now.P @ H.T + R)
     return z, H, R

@@ -93,7 +93,9 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     refuse(scenario)
     key = flight_key(scenario)
     flight = shared.of("flight", key, lambda: prepare.fly_vehicle(scenario, shared.seed))
-    heard = shared.of("heard", _others(scenario), lambda: _heard(scenario, shared.seed, flight, gps_s))
+    heard = shared.of(
+        "heard", _others(scenario), lambda: _with_readings(scenario, shared.seed, flight, gps_s)
+    )
     seen = stars.NONE
     if scenario.star_tracker.enabled:
         dump = scenario.model_dump(include=set(OF_STARS), exclude={"star_tracker": {"model"}})
@@ -183,9 +185,9 @@ def _others(scenario):
     return repr(dump)
 
 
-def _heard(scenario, seed, flight, gps_s):
+def _with_readings(scenario, seed, flight, gps_s):
     """bound.Flight with what GPS receiver and instruments say, still without star fixes."""
-    world = prepare.with_faults(scenario, prepare.sound(scenario, seed, flight))
+    world = prepare.with_faults(scenario, prepare.measure(scenario, seed, flight))
     fixes = together([fix for fix in world.gps_fixes if fix.valid], gps_s)
     return over_bound.flight_of(scenario, world._replace(gps_fixes=fixes), [])
 
@@ -211,8 +213,8 @@ def _mean(group, t_s):
 
 
 def _stars(scenario, seed, flight, every_s):
-    """stars.Seen of a scenario."""
-    return stars.seen(scenario, prepare.sound(scenario, seed, flight).world, seed, every_s)
+    """stars.StarFixes of a scenario."""
+    return stars.star_fixes(scenario, prepare.measure(scenario, seed, flight).world, seed, every_s)
 
 
 def _errors(along, growth, process):

@@ -31,7 +31,7 @@ class _Stars:
         self.stars = stars
 
 
-class Seen(NamedTuple):
+class StarFixes(NamedTuple):
     """What a star tracker gives along a flight."""
 
     fixes: tuple  # of StarFix, each of several frames
@@ -40,11 +40,11 @@ class Seen(NamedTuple):
     sigma: float  # rad, median over the fixes, of one frame across the boresight; NaN without any
 
 
-NONE = Seen((), 0, 0, np.nan)
+NONE = StarFixes((), 0, 0, np.nan)
 
 
-def seen(scenario, world, seed, every_s=EVERY_S):
-    """Seen of a flight.
+def star_fixes(scenario, world, seed, every_s=EVERY_S):
+    """StarFixes of a flight.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def seen(scenario, world, seed, every_s=EVERY_S):
     sigmas = [np.sqrt(fix.P_c.diagonal()[:2].mean()) for fix in found]
     grouped = tuple(fix._replace(P_c=fix.P_c / stride) for fix in found)
     sigma = float(np.median(sigmas)) if sigmas else np.nan
-    return Seen(grouped, looked * stride, len(found) * stride, sigma)
+    return StarFixes(grouped, looked * stride, len(found) * stride, sigma)
 
 
 def _tracker(scenario, world):

@@ -215,7 +215,7 @@ def _add_sky(camera, move, C_ei, least):
     cone = min(pi, half_diagonal + 0.5 * move.rate * duration_s(times) + 0.005)  # rad; spot and aberration
     observer_v_i = camera.bodies.earth_v_i + move.v_i
     view = sky.View(move.C_ci[2], cone, r_i, observer_v_i, move.omega_ib_i, C_ei)
-    film = sky.Film(times.exposure_s, hole.focal_length_px, psf.width_px, least)
+    film = sky.DrawingLimit(times.exposure_s, hole.focal_length_px, psf.width_px, least)
     hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, film)
     render.add_points(camera.light, hole, psf, move.path, u_i, electrons, least)
 

@@ -100,7 +100,7 @@ def sight(model, camera, film, scene, rng, detection):
     if mean_dn >= detection.saturation:
         return Sighting(NOTHING, np.zeros(0, dtype=np.int64), float(mean_dn))
     chances = Chances(rng.standard_normal((len(scene[0]), 2)), rng.random(len(scene[0])))
-    clutter = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
+    clutter = rng.poisson(model.clutter[0] + model.clutter[1] * broken(rotation_px(hole, film)))
     places = rng.random((clutter, 2))
     hip, *detections = _sight_kernel(
         model, hole, film, scene, chances, places, detection.seed_sigma, detection.most_objects
@@ -108,7 +108,7 @@ def sight(model, camera, film, scene, rng, detection):
     return Sighting(Detections(*detections), hip, float(mean_dn))
 
 
-def turned_px(hole, film):
+def rotation_px(hole, film):
     """By how much the camera turns during an exposure."""
     return hole.focal_length_px * sqrt(film.omega_c @ film.omega_c) * film.exposure_s
 

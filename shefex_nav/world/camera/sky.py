@@ -40,7 +40,7 @@ class View(NamedTuple):
     C_ei: np.ndarray  # (3, 3)
 
 
-class Film(NamedTuple):
+class DrawingLimit(NamedTuple):
     """What a source needs to be worth drawing."""
 
     exposure_s: float

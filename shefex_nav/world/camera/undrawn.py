@@ -119,7 +119,7 @@ def look(camera, command, trajectory, number, t_start_s):
         motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, heaven, shot,
     )  # fmt: skip
     background = (settings.detector.background + stray_rate(settings.stray_light, *aim)) * exposure_s
-    film = _film(settings, command, omega_c, background, scene[2].sum())
+    film = _drawing_limit(settings, command, omega_c, background, scene[2].sum())
     frame = frame_of(settings.detector, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
     truth = truth_of(frame, settings.stray_light, (q_ic, rate), aim[:2], *listed)
     return frame, truth, film, scene
@@ -144,10 +144,10 @@ def _look(hole, states, q_bc, samples, earth, heaven, shot):
     C_ei = np.ascontiguousarray(frames.dcm_ie(earth, shot.t_valid_s).T)
     cone = atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + SPARE
     view = sky.View(C_ci[2], cone, r_i, heaven.earth_v_i + v_i, np.zeros(3), C_ei)
-    every = sky.Film(shot.exposure_s, hole.focal_length_px, shot.width_px, 0.0)
+    every = sky.DrawingLimit(shot.exposure_s, hole.focal_length_px, shot.width_px, 0.0)
     hip, u_i, electrons = sky.visible(heaven.sources, heaven.planets, view, every)
     hip, xy_px, electrons = _on_detector(hole, C_ci, hip, u_i, electrons)
-    caught_px = _bent(hole, path_ci, C_ci, xy_px) if shot.at_once else xy_px
+    caught_px = _mean_places(hole, path_ci, C_ci, xy_px) if shot.at_once else xy_px
     q_ic = rotation.quat_from_dcm(np.ascontiguousarray(C_ci.T))
     listed = hip > 0
     return (
@@ -172,7 +172,7 @@ def _on_detector(hole, C_ci, hip, u_i, electrons):
 
 
 @inner
-def _bent(hole, path_ci, C_ci, xy_px):
+def _mean_places(hole, path_ci, C_ci, xy_px):
     """Places of light in the mean of a path (m, 3, 3), from those at its middle (3, 3): (n, 2) px.
 
     Elsewhere than in the middle while the rate changes: Simpson's rule over an exposure of all rows at once.
@@ -188,7 +188,7 @@ def _bent(hole, path_ci, C_ci, xy_px):
     return out
 
 
-def _film(settings, command, omega_c, background, starlight):
+def _drawing_limit(settings, command, omega_c, background, starlight):
     """Exposure with a background in electrons a pixel, and the light of all stars."""
     detector = settings.detector
     per_dn = detector.conversion / 10.0 ** (command.gain_db / 20.0)

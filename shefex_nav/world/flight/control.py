@@ -131,14 +131,14 @@ def drift_over(q_ib, dtheta_b, dt, drift, roll_scale):
 
 
 @kernel(forceinline=True)
-def believed(control, q_ib):
+def estimated_attitude(control, q_ib):
     """The attitude that the control believes, for the true one: four numbers."""
     turned = t3.quat_multiply(t3.quat_from_rotvec(control.tilt_i), q_ib)
     return t3.quat_multiply(turned, t3.quat_from_rotvec(control.misalignment))
 
 
 @kernel(forceinline=True)
-def _believed_rate(control, omega_b):
+def _estimated_rate(control, omega_b):
     """The rate that the control believes, in what it believes to be the body axes: three numbers, rad/s."""
     drift, p = control.drift, omega_b[0]
     rate = p + drift[0] + control.roll_scale * p, omega_b[1] + drift[1], omega_b[2] + drift[2]
@@ -147,7 +147,7 @@ def _believed_rate(control, omega_b):
 
 def settle(control, omega_b):
     """Take the mean rate over the last revolutions: omega_b (n, 3) rad/s, true, equally spaced in time."""
-    mean = _believed_rate(control, omega_b.mean(axis=0)) if len(omega_b) else (0.0, 0.0, 0.0)
+    mean = _estimated_rate(control, omega_b.mean(axis=0)) if len(omega_b) else (0.0, 0.0, 0.0)
     control.mean_rate[:] = mean[1:]
 
 
@@ -217,7 +217,7 @@ def _approach(control, size, inertia, j):
 
 @inner(forceinline=True)
 def _about_axis(control, j, inertia, error, rate):
-    """Torque about one axis that does not feel the others' spin: (N m, whether there is something to do).
+    """Torque about one axis, whatever the others' spin: (N m, whether there is something to do).
 
     error: rad, from the body to what is wanted; rate: rad/s of the body against it. Outside the dead band of
     the angle the body has to come back, inside that of the rate at any speed: asking for one speed would set
@@ -337,8 +337,8 @@ def command(control, t_s, x, i_x, i_y, i_z):
     """One tick: set control.torque until the next one. x (19,) true state, i: kg m^2 about the body axes."""
     drift, q_true = control.drift, (x[6], x[7], x[8], x[9])
     _advance(control, t_s, q_true, (drift[0] + control.roll_scale * x[10], drift[1], drift[2]))
-    rate = _believed_rate(control, (x[10], x[11], x[12]))
-    torque, busy = demand(control, t_s, believed(control, q_true), rate, (i_x, i_y, i_z))
+    rate = _estimated_rate(control, (x[10], x[11], x[12]))
+    torque, busy = demand(control, t_s, estimated_attitude(control, q_true), rate, (i_x, i_y, i_z))
     used = control.propellant[0]
     _open_valves(control, torque, busy, x[10] * control.period)
     _remember(control, t_s, _angle_error(control.follow, q_true, control.q_wanted))

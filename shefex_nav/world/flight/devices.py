@@ -78,7 +78,7 @@ def kick(x, C_ib, speed, rate_b, lever_b):
 
     The speed [m/s] is that of the centre of mass, which lies at lever_b (3,) m from the IMU; the IMU, whose
     state this is, goes the other way when the body starts to turn about the centre of mass. What the IMU
-    gains in velocity its accelerometers have felt: it enters their increment.
+    gains in velocity its accelerometers have sensed: it enters their increment.
     """
     gain_b = np.array([speed, 0.0, 0.0]) - np.cross(rate_b, lever_b)
     x[3:6] += C_ib @ gain_b

@@ -1,7 +1,7 @@
 """Equations of motion of the vehicle.
 
 In: state, `scene.Scene` of the section, `attitude_program.RateLaw`. Out: the time derivative of the state,
-and what an accelerometer and an air data sensor would feel.
+and what an accelerometer and an air data sensor would sense.
 
 The state is that of the IMU, a point fixed in the body, not of the centre of mass, which moves as propellant
 burns and jumps at staging. For a body of varying mass (solidification principle: Meirovitch, J. Spacecraft
@@ -30,12 +30,12 @@ from shefex_nav.world.flight.devices import yo_yo_acceleration
 from shefex_nav.world.flight.surroundings import (
     air,
     coarse_gravity,
+    earth_rotation,
     level,
     position_e,
     times,
     to_inertial,
     transposed_times,
-    turned,
     wind_e,
 )
 from shefex_nav.world.flight.vehicle import mass_properties, thrust
@@ -218,7 +218,7 @@ def _at_imu(x, s, lx, ly, lz, ax, ay, az):
 @inner(error_model="numpy", forceinline=True)
 def _around(t_s, x, s, tables, fine):
     """Gravitation in frame i, three numbers, m/s^2, and Around."""
-    turn = turned(s, t_s)
+    turn = earth_rotation(s, t_s)
     ex, ey, ez = position_e(s, turn, x[0], x[1], x[2])
     gx, gy, gz = coarse_gravity(s, ex, ey, ez)
     gx, gy, gz = to_inertial(s, turn, gx, gy, gz)

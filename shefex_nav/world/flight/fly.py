@@ -320,7 +320,7 @@ class _Run:
         else:
             self.law = self._rate_law(task, self.x[6:10].copy(), spin)
         self.mode = dynamics.PROGRAMMED
-        # rates that the law does not take over are gone at once; the centre of mass does not feel it
+        # rates that the law does not take over are gone at once; the centre of mass is not moved by it
         jump = np.array(attitude.body_rate(self.law, self.t_s)[:3]) - self.x[10:13]
         devices.kick(self.x, self._C_ib(), 0.0, jump, lever(self.configuration, self.t_s))
 
@@ -341,7 +341,7 @@ class _Run:
         # a task that follows another goes on from what was wanted there, if that says enough
         told = c.follow == control.ATTITUDE or (follow != control.ATTITUDE and c.follow != control.RATES)
         if not (told and abs(self.wanted_until - self.t_s) < EPS):
-            c.q_wanted[:] = control.believed(c, x[6:10].copy())
+            c.q_wanted[:] = control.estimated_attitude(c, x[6:10].copy())
             c.owed[:] = 0.0
         spin = x[10] if follow == control.AXIS_AND_SPIN else 0.0
         law = attitude.hold(task.start, task.end, 0.0)

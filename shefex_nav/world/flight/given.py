@@ -29,7 +29,7 @@ SPACE = 100e3  # m, above which a vehicle that is there at the start is in orbit
 GROUND = 100.0  # m above the start, or the ellipsoid: a vehicle that comes down ends there by an impact
 
 
-class Told(NamedTuple):
+class KnownPhases(NamedTuple):
     """What a file says of the flight itself, as a log of ours does."""
 
     t_s: np.ndarray  # (N,)
@@ -47,7 +47,7 @@ class GivenParams(NamedTuple):
     air: object  # params.Air
     motors: int  # whose vibration is told; 0: none
     separations: tuple  # s, from each on the next motor may burn
-    told: Told | None = None  # None: it is looked for
+    known: KnownPhases | None = None  # None: it is looked for
 
 
 def fly(given, params, earth):
@@ -60,9 +60,11 @@ def fly(given, params, earth):
     mach, pressure = _in_the_air(params.air, height, np.linalg.norm(v_e, axis=1))
     push, attack = _along_the_air(earth, t_s, columns, v_e)
     starts = _start(height[0], v_e[0])
-    seen = _seen(params, t_s, (v_e, height, push, pressure), starts)
-    number, instants = seen if params.told is None else _as_told(params, t_s)
-    phase = _phases(t_s, number, instants, starts) if params.told is None else _phases_told(params.told, t_s)
+    seen = _by_motion(params, t_s, (v_e, height, push, pressure), starts)
+    number, instants = seen if params.known is None else _by_file(params, t_s)
+    phase = (
+        _phases(t_s, number, instants, starts) if params.known is None else _phases_of_file(params.known, t_s)
+    )
     none = np.full(n, np.nan)  # nobody knows
     trajectory = Trajectory(
         t_s=t_s, phase=phase, **columns, mass_kg=none, mach=mach, dynamic_pressure_pa=pressure, thrust_n=none,
@@ -142,8 +144,8 @@ def _in_the_air(air, height, speed):
         density, sound = np.exp(rows[0]), rows[2]
     else:
         grid = np.arange(height.min() - AIR_M, height.max() + 2.0 * AIR_M, AIR_M)
-        told = np.array([us76(float(one)) for one in grid])
-        density, sound = np.interp(height, grid, told[:, 0]), np.interp(height, grid, told[:, 3])
+        air = np.array([us76(float(one)) for one in grid])
+        density, sound = np.interp(height, grid, air[:, 0]), np.interp(height, grid, air[:, 3])
     return speed / sound, 0.5 * air.density_factor * density * speed**2
 
 
@@ -165,7 +167,7 @@ def _start(height, v_e):
     return Phase.ORBIT if height > SPACE else Phase.COAST
 
 
-def _seen(params, t_s, shown, starts):
+def _by_motion(params, t_s, shown, starts):
     """What the motion shows: the burning motor (N,), from 1; 0: none, and {event: s}.
 
     shown : velocity relative to the Earth, height, push, dynamic pressure
@@ -210,15 +212,15 @@ def _phases(t_s, number, instants, starts):
     return out
 
 
-def _as_told(params, t_s):
+def _by_file(params, t_s):
     """The burning motor and the events of a flight whose file says so; arguments and result as of `_seen`."""
-    boost = _phases_told(params.told, t_s) == Phase.BOOST
+    boost = _phases_of_file(params.known, t_s) == Phase.BOOST
     number = 1 + np.searchsorted(np.array(params.separations, dtype=float), t_s, side="right")
-    instants = {name: at for name, at in params.told.instants.items() if at >= t_s[0]}
+    instants = {name: at for name, at in params.known.instants.items() if at >= t_s[0]}
     return np.where(boost, number, 0), instants
 
 
-def _phases_told(told, t_s):
+def _phases_of_file(known, t_s):
     """(N,) int8 Phase, of each row of a file until the next one."""
-    rows = np.clip(np.searchsorted(told.t_s, t_s + 1e-9, side="right") - 1, 0, len(told.t_s) - 1)
-    return told.phase[rows].astype(np.int8)
+    rows = np.clip(np.searchsorted(known.t_s, t_s + 1e-9, side="right") - 1, 0, len(known.t_s) - 1)
+    return known.phase[rows].astype(np.int8)

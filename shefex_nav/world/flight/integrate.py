@@ -20,9 +20,17 @@ from shefex_nav.world.flight import control as attitude_control
 from shefex_nav.world.flight import vehicle
 from shefex_nav.world.flight.attitude_program import RateLaw
 from shefex_nav.world.flight.dynamics import CONTROLLED, ON_RAIL, PROGRAMMED, STATE, Section, derivative
-from shefex_nav.world.flight.runge_kutta import MOVING, begin, bend, make_step, read, remainder, workspace
+from shefex_nav.world.flight.runge_kutta import (
+    MOVING,
+    begin,
+    dense_output,
+    make_step,
+    read,
+    remainder,
+    workspace,
+)
 from shefex_nav.world.flight.scene import prepare
-from shefex_nav.world.flight.surroundings import level, position_e, turned
+from shefex_nav.world.flight.surroundings import earth_rotation, level, position_e
 
 TOLERANCE = 1e-10  # m, m/s, rad, rad/s: largest estimated error of a component in a step
 LARGEST_STEP = 0.05  # s
@@ -69,7 +77,7 @@ def _write_samples(t_s, t_new, x, k, samples, section, work):
     bent = False
     while k < rows.shape[0] and t_start + k * dt < t_new - TIME_EPS:
         if not bent:
-            bend(h, work)
+            dense_output(h, work)
             bent = True
         t_k = max(t_start + k * dt, t_s)
         part = (t_k - t_s) / h if t_k - t_s > TIME_EPS else 0.0
@@ -87,7 +95,7 @@ def _write_samples(t_s, t_new, x, k, samples, section, work):
 @inner(error_model="numpy", forceinline=True)
 def _height(t_s, x, s):
     """Height of a state above the ellipsoid, m."""
-    ex, ey, ez = position_e(s, turned(s, t_s), x[0], x[1], x[2])
+    ex, ey, ez = position_e(s, earth_rotation(s, t_s), x[0], x[1], x[2])
     height, _, _ = level(s.a, s.e2, ex, ey, ez)
     return height
 
@@ -98,7 +106,7 @@ def _ended(t_s, x, height_before, mode, s, stop_height):
     if mode == PROGRAMMED:
         return T_END
     if mode == ON_RAIL:
-        ex, ey, ez = position_e(s, turned(s, t_s), x[0], x[1], x[2])
+        ex, ey, ez = position_e(s, earth_rotation(s, t_s), x[0], x[1], x[2])
         travel = (ex - s.rail_r_e[0]) * s.rail_direction_e[0] + (ey - s.rail_r_e[1]) * s.rail_direction_e[1]
         travel += (ez - s.rail_r_e[2]) * s.rail_direction_e[2]
         return EVENT if travel > s.rail_length else T_END

@@ -182,7 +182,7 @@ def _weighted(weights, slopes, total):
 
 
 @inner(error_model="numpy", forceinline=True)
-def bend(h, work):
+def dense_output(h, work):
     """Coefficients of the continuous extension of the step just made."""
     slopes, curve, change = work.slopes, work.curve, work.change
     _weighted(_D, slopes, curve[2])
