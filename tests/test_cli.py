@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -312,3 +313,15 @@ def test_version_is_told(command):
 
     result = command("--version")
     assert (result.code, result.out) == (0, f"shefex-nav {__version__}\n")
+
+
+def test_an_earlier_run_keeps_its_name(tmp_path, monkeypatch):
+    from shefex_nav.commands import run as run_command
+
+    monkeypatch.chdir(tmp_path)
+    names = [tmp_path / "logs" / f"one-seed1{n}.mcap" for n in ("", "-2", "-3")]
+    assert run_command._free_name("one", 1) == (names[0].relative_to(tmp_path), None)
+    for earlier, later in pairwise(names):
+        earlier.touch()
+        found = run_command._free_name("one", 1)
+        assert found == (later.relative_to(tmp_path), earlier.relative_to(tmp_path))

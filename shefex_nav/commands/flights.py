@@ -32,6 +32,15 @@ def warn(scenario, warnings):
         say(f"warning: {scenario.line_about(one.field, one.text)}")
 
 
+def warn_of_parts(path, overrides):
+    """A line for each part of a vehicle that no rocket has. path, overrides : of the scenario"""
+    from shefex_nav.report import programme
+    from shefex_nav.scenario import load
+
+    loaded = load.load(path, overrides)
+    warn(loaded, programme.of_parts(loaded))
+
+
 def say_missing_plugins(path, pins):
     """A line for each plug-in of a log or a campaign that cannot be loaded here, as its `plugins` say."""
     from shefex_nav import plugins

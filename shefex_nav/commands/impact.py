@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import about
+from shefex_nav.commands.flights import about, warn_of_parts
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
 from shefex_nav.commands.output_files import make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
@@ -81,6 +81,7 @@ def impact(
         place,
         aim_body,
     )
+    warn_of_parts(scenario, asked.overrides)
     with about(scenario):
         result = studying.study(asked, say)
     found = studying.outputs.summary(result)

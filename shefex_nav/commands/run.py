@@ -52,13 +52,15 @@ def run(
         raise typer.BadParameter(words, param_hint="--pace")
     loaded = load.load(scenario, overrides or ())
     _check_until(until, until_s, loaded.mission.start, thinning.earliest_end(loaded.mission.start))
-    path = out or _free_name(loaded.mission.name, seed)
+    path, earlier = (out, None) if out else _free_name(loaded.mission.name, seed)
     check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
     if viewer is not None:
         _show(viewer, path)
     from shefex_nav import runs
 
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
+    if earlier:
+        say(f"{earlier} is of an earlier run and stays as it is")
     with about(scenario, loaded), _kept(path):
         flown = runs.fly(
             loaded,
@@ -119,13 +121,13 @@ def _show(viewer, log):
 
 
 def _free_name(name, seed):
-    """First unused path logs/<name>-seed<seed>[-<n>].mcap; the folder is made if need be."""
-    path, n = Path("logs") / f"{name}-seed{seed}.mcap", 1
+    """First unused path logs/<name>-seed<seed>[-<n>].mcap, and the last used one or None."""
+    path, n, earlier = Path("logs") / f"{name}-seed{seed}.mcap", 1, None
     try:
         path.parent.mkdir(exist_ok=True)
     except OSError as error:
         raise typer.BadParameter(f"cannot make the folder {path.parent}: {error.strerror}") from None
     while path.exists():
         n += 1
-        path = path.with_name(f"{name}-seed{seed}-{n}.mcap")
-    return path
+        earlier, path = path, path.with_name(f"{name}-seed{seed}-{n}.mcap")
+    return path, earlier

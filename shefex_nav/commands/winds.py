@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import about
+from shefex_nav.commands.flights import about, warn_of_parts
 from shefex_nav.commands.impact import Ground, WishedOf, check_aim, height, place_of
 from shefex_nav.commands.options import Json, Overrides, OverwriteFigure, Scenario, Seed, Workers, quantity
 from shefex_nav.commands.output_files import check_picture
@@ -57,6 +57,7 @@ def winds(
     asked = study.Asked(
         scenario, tuple(overrides or ()), tried, far, height(ground), place, aim_body, seed, workers
     )
+    warn_of_parts(scenario, asked.overrides)
     with about(scenario):
         found = study.study(asked, lines(study.how_many(tried), say))
     if json:
