@@ -23,7 +23,7 @@ from shefex_nav.instruments.instrument import (
     StateBlock,
 )
 from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
-from shefex_nav.settings import Settings, declared
+from shefex_nav.settings import REQUIRED, Settings, declared
 
 TIMES = ("t_valid_s", "t_available_s")
 # names that mean something else: sections, topics, tables and figures, sensors and streams of the program
@@ -58,7 +58,15 @@ def problem(one):
         return f"its record must be a NamedTuple that begins with {' and '.join(TIMES)}"
     if one.aid is not None and one.use is None:
         return "one with an aid needs a class of settings in `use` (instrument.Use, for example)"
+    if one.use is not None and (needed := _required(one.use)):
+        words = f"give it a default, for navigation.{one.name} may be left out"
+        return f"setting {needed[0]} of {one.use.__name__}: {words}"
     return _problem_of_parts(one)
+
+
+def _required(cls):
+    """Names of settings without a default."""
+    return [key for key, (_, setting) in declared(cls).items() if setting.default is REQUIRED]
 
 
 def _problem_of_parts(one):

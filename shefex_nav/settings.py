@@ -72,7 +72,11 @@ def quantity(unit, example, help, default=REQUIRED, *, key=None, **limits):
     """
     others = [word for word in re.findall(r"[A-Za-z%]+", unit) if word not in SI]
     if others:
-        raise ValueError(f"unit '{unit}': '{others[0]}' is not SI; people may write it, programs count in SI")
+        is_ratio = others[0] in ("ratio", "share", "percent", "%")
+        meant = "; a ratio or a share has the unit ''" if is_ratio else ""
+        raise ValueError(
+            f"unit '{unit}': '{others[0]}' is not SI; people may write it, programs count in SI{meant}"
+        )
     return _field(Setting("quantity", help, default, unit, example, tuple(limits.items()), key))
 
 

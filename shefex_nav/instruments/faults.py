@@ -229,5 +229,10 @@ def _changed(change, fault, readings):
             found.append(change(fault, reading, last))
         else:
             found.append(reading)
-            last = reading if reading.t_valid_s < fault.start else last
+            last = reading if reading.t_valid_s < fault.start and _measures(reading) else last
     return [reading for reading in found if reading is not None]
+
+
+def _measures(reading):
+    """Whether a reading holds anything: what has no echo, no fix, no light is NaN."""
+    return all(np.isfinite(value).all() for value in reading if isinstance(value, float | np.ndarray))

@@ -42,6 +42,7 @@ from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
 from shefex_nav.records import Reason
 from shefex_nav.report import flight, local_level, programme, trust, while_pointing
 from shefex_nav.report.configured import configured
+from shefex_nav.report.instrument_use import instrument_use
 from shefex_nav.report.nees import nees
 from shefex_nav.report.pairing import pointing_error, same_times
 from shefex_nav.report.track import earth_fixed
@@ -297,6 +298,7 @@ def _navigation(data, height, entry):
         "while_pointing": while_pointing.errors(data.truth, errors),
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
+        "instruments": instrument_use(data.gates),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry])),
     }
 
@@ -354,9 +356,8 @@ def _nees_summary(data, errors, end_s):
     if since is None:
         return nothing
     t_s, squares, _ = normalised_errors(data, errors)
-    chosen = squares[
-        _seconds(t_s - data.mission.start_s) & (t_s >= since) & (t_s <= end_s) & np.isfinite(squares)
-    ]
+    inside = (t_s >= since) & (t_s <= end_s) & np.isfinite(squares)
+    chosen = squares[_seconds(t_s - data.mission.start_s) & inside]
     if not len(chosen):
         return nothing
     return {"mean": float(chosen.mean()), "dof": NEES_DOF, "samples": len(chosen)}

@@ -177,6 +177,10 @@ def _navigation_rows(navigation):
                 f"attitude x, y, z {axes} deg"
             ),
         )
+    for name, counts in navigation.get("instruments", {}).items():
+        words = f"{counts['used']} of {counts['readings']} readings used"
+        doubtful = 2 * counts["used"] < counts["readings"]
+        yield name.replace("_", " "), Text(words, style="bold yellow" if doubtful else "")
     yield from _integrity_rows(navigation["integrity"])
     if navigation.get("position_rms_ned_m"):
         yield from _level_rows(navigation)

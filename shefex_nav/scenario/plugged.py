@@ -80,8 +80,14 @@ def _problem(one, taken):
                     spec.read(setting.example)
                     spec.read(given)
             except (PydanticCustomError, TypeError, ValueError) as error:
-                return f"setting {key} of {cls.__name__}: its example or default: {error}"
+                words = f"its example or default: {error}{_without_unit(setting)}"
+                return f"setting {key} of {cls.__name__}: {words}"
     return ""
+
+
+def _without_unit(setting):
+    """What else a setting may be that has neither unit nor percentage."""
+    return "" if setting.unit else "; number() is for what has no unit, such as a factor"
 
 
 def _settings_of(one):

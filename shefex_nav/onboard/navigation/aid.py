@@ -43,3 +43,4 @@ class Aid(NamedTuple):
     unfit: Callable[[Any, Any], str] | None = None  # why a reading is not to be used; '' if it may
     renewal: Renewal | None = None  # None: it is never believed against the filter
     sees_attitude: bool = True  # but for errors that last
+    gate_probability: float | None = None  # that a healthy reading is rejected; None: of the scenario

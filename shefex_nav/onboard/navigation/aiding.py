@@ -137,6 +137,7 @@ def sensor(aid):
         reset_note="" if renewal is None else renewal.note,
         counted=partial(_counted, aid),
         unfit=partial(_unfit, aid),
+        gate_probability=aid.gate_probability,
     )
 
 

@@ -300,12 +300,13 @@ def contradicts(name, record):
 
     Its rejected fixes agree with each other, or one of them is far off: at a fix a second the next one comes
     too late. Those of the star tracker need not: where gyros are wrong, star fixes that are right do not
-    agree through them.
+    agree through them. Nor need readings of an instrument, which are not compared with each other unless they
+    may be believed against the filter.
     """
     if record.far and fix_of(name) in ALONE:
         return True
-    in_a_row = record.in_a_row if fix_of(name) is ATTITUDE else record.rejected
-    return in_a_row >= CONTRADICTIONS
+    alike_or_not = about(name) is None or fix_of(name) is ATTITUDE
+    return (record.in_a_row if alike_or_not else record.rejected) >= CONTRADICTIONS
 
 
 def contradicting(health):

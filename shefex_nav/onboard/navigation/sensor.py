@@ -86,6 +86,7 @@ class Sensor(NamedTuple):
     counted: Callable | None = None
     # (nav, t_s, x, fix) -> why it is not to be used where packed values x are, '' if it may; None: always
     unfit: Callable | None = None
+    gate_probability: float | None = None  # that a healthy one is rejected; None: of the scenario
 
 
 def never(nav, now, z, R, fix):
