@@ -7,7 +7,7 @@ from shefex_nav.report.nees import nees as normalised
 from shefex_nav.verify import nees
 from shefex_nav.verify.flown import BLOCKS, PHASES
 
-COLOURS = ("#d1622b", "#8c6d31", "#1f5fa8", "#5f9e3f")  # of the phases
+COLOURS = ("#d1622b", "#8c6d31", "#1f5fa8", "#5f9e3f", "#7b5aa6")  # of the phases
 
 
 def _tidy(axis, t_s, phase):
@@ -21,10 +21,11 @@ def _tidy(axis, t_s, phase):
         )
 
 
-def _phase_legend(figure, handles):
+def _phase_legend(figure, handles, phase):
+    """A legend of curves and of the phases that there are. phase : (m,) as of flown.Run"""
     from matplotlib.patches import Patch
 
-    handles = [*handles, *(Patch(color=c, label=p) for p, c in zip(PHASES, COLOURS, strict=True))]
+    handles = [*handles, *(Patch(color=COLOURS[p], label=PHASES[p]) for p in np.unique(phase[phase >= 0]))]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
 
 
@@ -49,7 +50,7 @@ def draw_nees(runs, path):
     axis.set_xlabel("time from lift-off [s]")
     figure.suptitle(f"Normalised squared error, mean of {len(runs)} runs", x=0.01, ha="left", fontsize=13)
     band = Patch(color="0.86", label="95 % of means at one epoch")
-    _phase_legend(figure, [Line2D([], [], color="#1f5fa8", label="measured"), band])
+    _phase_legend(figure, [Line2D([], [], color="#1f5fa8", label="measured"), band], phase)
     style.write(figure, path, 110)
 
 
@@ -88,5 +89,5 @@ def draw_bound(found, path, *, runs):
     handles, _ = axes[0, 0].get_legend_handles_labels()
     title = f"Errors of {runs} runs and the posterior Cramer-Rao bound"
     figure.suptitle(title, x=0.01, ha="left", fontsize=13)
-    _phase_legend(figure, handles)
+    _phase_legend(figure, handles, first.phase)
     style.write(figure, path, 110)

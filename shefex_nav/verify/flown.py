@@ -28,7 +28,7 @@ from shefex_nav.verify import linear
 from shefex_nav.world import imu
 
 BLOCKS = {"attitude": ATT, "velocity": VEL, "position": POS, "gyro_bias": BG, "accel_bias": BA}
-PHASES = ("boost", "coast before stars", "star window", "entry")
+PHASES = ("boost", "coast without stars", "star window", "entry", "descent")
 PAD = -1
 N_CORE = 15
 EPOCH_TICKS = 50  # between two epochs of the statistics
@@ -257,10 +257,16 @@ def reported(nav):
 
 
 def phases(t_s, trajectory, used_s):
-    """Phase at each time, given when star fixes were used. (m,), Trajectory, list -> (m,) int"""
+    """Phase at each time, given when star fixes were used; without any, the descent begins at the apogee.
+
+    (m,), Trajectory, list -> (m,) int
+    """
     k = np.clip(np.searchsorted(trajectory.t_s, t_s - SAME_S), 0, len(trajectory.t_s) - 1)
     first_s, last_s = (used_s[0], used_s[-1]) if used_s else (np.inf, np.inf)
     phase = np.where(t_s < first_s, 1, np.where(t_s <= last_s, 2, 3))
+    top = int(np.argmax(np.einsum("ni,ni->n", trajectory.r_i, trajectory.r_i)))
+    if not used_s and 0 < top < len(trajectory.t_s) - 1:
+        phase[t_s > trajectory.t_s[top]] = 4
     phase[trajectory.burning[k] > 0] = 0
     phase[t_s < 0.0] = PAD
     return phase

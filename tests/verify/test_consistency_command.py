@@ -68,7 +68,7 @@ def test_a_short_study_is_that_of_its_runs(tmp_path):
             assert one == by_hand[one["what"]]._asdict() | {"inside": by_hand[one["what"]].good}
     nees = {one["what"]: one for one in found["statistics"] if one["what"].startswith("NEES")}
     means = np.mean([consistency.averages(run)["velocity", 1] for run in runs]) / 3.0
-    assert nees["NEES velocity, coast before stars, one field"]["value"] == pytest.approx(means)
+    assert nees["NEES velocity, coast without stars, one field"]["value"] == pytest.approx(means)
     assert len(nees) == 5 and 0.0 < found["histories_apart"] < 0.05
 
 

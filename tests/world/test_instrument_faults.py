@@ -186,3 +186,14 @@ def test_a_healthy_instrument_says_what_it_says_anyway():
     assert said() is SAID
     other = replace(fault(WIND, "bias", 50.0, 60.0, speed=1.0), end=61.0)
     assert all(a is b for a, b in zip(said(other).readings, SAID.readings, strict=True))
+
+
+def test_a_stuck_instrument_repeats_what_it_has_measured():
+    """Its last reading before the fault has no echo: it holds the one before that."""
+    readings = list(SAID.readings)
+    readings[9] = readings[9]._replace(speed=np.nan)
+    stuck = faults.applied(WIND, None, (fault(WIND, "stuck", 0.95, 1.35),), Measured(readings))
+    assert [one.speed for one in stuck.readings[10:14]] == [8.0] * 4
+    readings[8] = readings[8]._replace(direction=np.array([1.0, np.nan, 0.0]))
+    stuck = faults.applied(WIND, None, (fault(WIND, "stuck", 0.95, 1.35),), Measured(readings))
+    assert [one.speed for one in stuck.readings[10:14]] == [7.0] * 4

@@ -8,9 +8,12 @@ from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG
 from shefex_nav.campaign.compare.quantities import NEARER
 from shefex_nav.campaign.parts import Bold, Command, Part
+from shefex_nav.report.metrics import NEES_DOF
+from shefex_nav.report.table import TOO_SURE
 from shefex_nav.scenario import differences
 
 MOST_DIFFERENCES = 10  # values, that are told
+FEW = 6  # pairs: of fewer, a difference in all of them may be chance (2 in 2^5)
 LOG_NAME = "{letter}{run}.mcap"
 
 
@@ -63,9 +66,9 @@ def _row(row, one):
     found = row.difference
     if found is None:
         return row.quantity.name, unit, *medians, "-", "-", "-", row.why
-    better = f"{found.better} of {found.n}"
+    better, log = f"{found.better} of {found.n}", "ln: " if row.quantity.better == NEARER else ""
     return (
-        row.quantity.name, unit, *medians, number(found.mean, sign=True), _interval(found), better,
+        row.quantity.name, unit, *medians, log + number(found.mean, sign=True), _interval(found), better,
         verdict(found, one),
     )  # fmt: skip
 
@@ -90,7 +93,8 @@ def verdict(found, one):
     if found.verdict == paired.NOT_JUDGED:
         return f"not judged: {found.why}"
     if found.verdict == paired.NOT_SEEN:
-        return "no difference seen"
+        undecided = found.low is not None and found.n < FEW
+        return f"open: {found.n} pairs are few" if undecided else "no difference seen"
     return Bold(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
 
 
@@ -103,6 +107,7 @@ def _lines(one):
     ]
     if any(row.quantity.better == NEARER for row in one.rows):
         lines.append("NEES: the difference is of |ln(NEES / 9)|, how far it is from what it should be.")
+        lines += _too_sure(one)
     lines += one.notes
     if one.different:
         told = differences.lines(one.different, most=MOST_DIFFERENCES)
@@ -111,6 +116,16 @@ def _lines(one):
         lines.append(f"The scenarios differ in {count} ({one.a.letter} -> {one.b.letter}):")
         lines += [*told, *([f"and {more} more"] if more else [])]
     return tuple(lines)
+
+
+def _too_sure(one):
+    """A line for each side whose errors are larger than its covariances say, whatever the other does."""
+    for row in one.rows:
+        for side, sample in ((one.a, row.a), (one.b, row.b)):
+            far = row.quantity.better == NEARER and sample is not None and sample.median > TOO_SURE * NEES_DOF
+            if far:
+                words = f"NEES {number(sample.median)}: its errors are larger than its covariances say"
+                yield Bold(f"{side.letter}, {words}")
 
 
 def _shares(one):
