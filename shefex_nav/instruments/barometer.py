@@ -100,7 +100,7 @@ def measure(settings, truth, rng):
 
     k = instrument.samples(settings.rate, truth.trajectory)
     said, t_s = barometer.measure(settings, truth, k, rng), truth.trajectory.t_s[k]
-    felt = instrument.readings(BarometerReading, settings, t_s, said.felt)
+    felt = instrument.readings(BarometerReading, settings, t_s, said.sensed)
     return instrument.sent(limited, settings, felt, said.errors)
 
 
