@@ -8,6 +8,7 @@ saturated: of a bright star the slopes are fitted. Gaps between leaves and the l
 are not brighter than the sky near them: the former are dropped, the latter are marked.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +22,14 @@ from shefex_nav.onboard.startracker.settings import Detection
 from shefex_nav.onboard.startracker.spot import Picture
 
 LARGEST_PX = 2048  # of the longer side; larger pictures are binned
-TILE_PX, EVERY = 24, 2  # of the background; pixels that are looked at for it
+TILE_PX, EVERY = 12, 2  # of the background; pixels that are looked at for it
 COUNTED = 512  # whole grey values of a tile that are counted, in the place of being sorted
 BLACK_DN, NOISE_DN, WHITE_DN = 20.0, 3.0, 255.0  # of the 8-bit frame
 APERTURE_PX = 1.0  # beyond the radius of an object, for its brightness
 RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
-RING_SIGMA, RING_SHARE = 5.0, 0.25  # a pixel is not sky beyond this noise; so many of them may be
+RING_SIGMA, RING_HEIGHT, RING_SHARE = 5.0, 0.1, 0.25  # a pixel is not sky beyond this noise; so many of them may be
 EDGE_SIGMA = 8.0  # of the noise: neighbouring tiles that differ by more have something before the sky
-EDGE_TILES = 6  # so far from such an edge there may be gaps in it
+EDGE_TILES = 12  # so far from such an edge there may be gaps in it
 ABOVE_SIGMA = 5.0  # of the noise, the peak of a star over the brightest tile there
 FINER, FULL_DN = 32, 65535  # grey values of the fit for one of the detection; a saturated pixel there
 FULL_SHARE = 0.97  # of the brightest pixel's height: what is above is saturated, as JPEG rings a little
@@ -36,6 +37,9 @@ BLOB_SHARE = 0.06  # of its radius, error of the place of a star that is mostly 
 CORE_PX = 1.5  # radius around the middle that has to stand out
 MOST_IN_LINE, LINE_PX, LINE_OF = 80, 2.0, 8  # brightest objects; so many within this of a line are a trail
 CROWDED, FAINT = 0, 1  # no sky around it; no more than the noise in its middle
+PROMINENT, AROUND_PX, EVERY_PX = 5.0, 42, 6
+LAG = 2
+MANY, REACH, COMPARABLE = 4, 0.06, 0.5
 FLAT_SIGMA = 0.3  # grey steps, noise of a picture without any: rounding hides it
 
 DETECTION = Detection(
@@ -51,6 +55,9 @@ DETECTION = Detection(
     saturation=255.0,
     run_length=None,
 )
+
+
+BINNED = replace(DETECTION, fewest_pixels=3, largest_peak=1.0)
 
 
 class Field(NamedTuple):
@@ -75,18 +82,22 @@ def find(grey):
     if binning > 1:
         grey = binned(grey, binning)
     flat, noise, sky = flatten(grey, step)
-    found, at_full, fitted_flux = detected(flat, grey, noise)
+    found, at_full, fitted_flux = detected(flat, grey, noise, DETECTION if binning == 1 else BINNED)
     radius_px = np.sqrt(found.n_pixels / np.pi)
     flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
     flux[at_full] = np.maximum(flux, fitted_flux)[at_full]
-    lonely = crowding(flat, found.xy_px, radius_px, RING_SIGMA * noise) < RING_SHARE
     # the tiles of the detection see no noise where rounding has left a picture without any
     core = aperture(flat, found.xy_px, np.full(len(flux), CORE_PX))
+    limit = np.maximum(RING_SIGMA * noise, RING_HEIGHT * core / (np.pi * CORE_PX**2))
+    lonely = crowding(flat, found.xy_px, radius_px, limit) < RING_SHARE
     clear = core > DETECTION.seed_sigma * np.sqrt(np.pi) * CORE_PX * noise
     order = np.argsort(-flux, kind="stable")
     good = lonely & clear & (flux > 0.0)
     order, others = order[good[order]], np.flatnonzero(~good)
-    in_sky = brighter_than_sky(grey, found.xy_px, sky, noise)[order]
+    in_sky = good & brighter_than_sky(grey, found.xy_px, sky, noise)
+    in_sky &= prominence(flat, found.xy_px, radius_px, max(FLAT_SIGMA * step, noise / 3.0)) > PROMINENT
+    in_sky &= ~among_others(found.xy_px, core, in_sky, REACH * np.sqrt(flat.size))
+    in_sky = in_sky[order]
     in_sky &= ~in_line(found.xy_px[order][:MOST_IN_LINE], len(order))
     xy_px = found.xy_px * binning + 0.5 * (binning - 1)
     return Field(
@@ -96,7 +107,7 @@ def find(grey):
     )  # fmt: skip
 
 
-def detected(flat, grey, noise):
+def detected(flat, grey, noise, settings):
     """Objects of a picture without its background: Detections, which are saturated, flux of the fit [grey].
 
     The scan sees 8 bits; the fit of the spots sees FINER steps, up to where the picture itself is saturated.
@@ -116,7 +127,7 @@ def detected(flat, grey, noise):
         blob = BLOB_SHARE**2 * table[:, PIXELS] / np.pi * at_full
         return xy_px, flux, P_px + blob[:, None, None] * np.eye(2)
 
-    found, _ = detect(DETECTION, CameraModel(), frame, centres)
+    found, _ = detect(settings, CameraModel(), frame, centres)
     at_full, flux = fitted
     turn = np.argsort(-flux, kind="mergesort")  # as `detect` sorts them
     return found, at_full[turn], flux[turn] * noise / (FINER * NOISE_DN)
@@ -164,7 +175,7 @@ def flatten(grey, step=None):
     is the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median
     over the tiles of the distance between the median and the quantile one sigma below.
     """
-    from scipy.ndimage import maximum_filter, median_filter, minimum_filter
+    from scipy.ndimage import maximum_filter, median_filter
 
     rows, columns = grey.shape
     n_r, n_c = max(rows // TILE_PX, 1), max(columns // TILE_PX, 1)
@@ -176,13 +187,39 @@ def flatten(grey, step=None):
     flat = subtract(
         grey, smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1)
     )
-    edge = (
-        maximum_filter(smooth, 3, mode="nearest") - minimum_filter(smooth, 3, mode="nearest")
-        > EDGE_SIGMA * noise
-    )
+    edge = bent(smooth) > EDGE_SIGMA * max(noise, grey_step(grey) if step is None else step)
     reach = 2 * EDGE_TILES + 1
     near = maximum_filter(edge, reach, mode="nearest")
     return flat, noise, np.where(near, maximum_filter(middle, reach, mode="nearest"), -np.inf)
+
+
+def bent(tiles):
+    """Largest second difference of each tile with those LAG away, along rows and columns: no slope has any."""
+    wide = np.pad(tiles, LAG, mode="edge")
+    inner = wide[LAG:-LAG, LAG:-LAG]
+    rows = np.abs(wide[: -2 * LAG, LAG:-LAG] - 2.0 * inner + wide[2 * LAG :, LAG:-LAG])
+    columns = np.abs(wide[LAG:-LAG, : -2 * LAG] - 2.0 * inner + wide[LAG:-LAG, 2 * LAG :])
+    return np.maximum(rows, columns)
+
+
+@kernel
+def among_others(xy_px, height, trusted, reach_px):
+    """Which trusted objects are among many that are none and no fainter. -> (n,) bool."""
+    n = xy_px.shape[0]
+    among = np.zeros(n, dtype=np.bool_)
+    for k in range(n):
+        if not trusted[k]:
+            continue
+        own, others = 0, 0
+        for m in range(n):
+            near = (xy_px[m, 0] - xy_px[k, 0]) ** 2 + (xy_px[m, 1] - xy_px[k, 1]) ** 2 < reach_px**2
+            if near and height[m] > COMPARABLE * height[k]:
+                if trusted[m]:
+                    own += 1
+                else:
+                    others += 1
+        among[k] = others >= MANY and others > 2 * own
+    return among
 
 
 def brighter_than_sky(grey, xy_px, sky, noise):
@@ -353,6 +390,43 @@ def crowding(flat, xy_px, radius_px, limit):
                 d2 = (c - x) ** 2 + (r - y) ** 2
                 if inner * inner <= d2 <= outer * outer:
                     total += 1
-                    other += abs(flat[r, c]) > limit
+                    other += abs(flat[r, c]) > limit[k]
         share[k] = other / max(total, 1)
     return share
+
+
+@kernel
+def prominence(flat, xy_px, radius_px, floor):
+    """Mean of the nine pixels in the middle of each object, less that of its surroundings, over their scatter. -> (n,)"""
+    rows, columns = flat.shape
+    out = np.zeros(xy_px.shape[0])
+    means = np.empty((2 * AROUND_PX // EVERY_PX + 1) ** 2)
+    for k in range(xy_px.shape[0]):
+        column, row, m = int(xy_px[k, 0] + 0.5), int(xy_px[k, 1] + 0.5), 0
+        far2 = (radius_px[k] + 3.0) ** 2
+        for i in range(-AROUND_PX, AROUND_PX + 1, EVERY_PX):
+            for j in range(-AROUND_PX, AROUND_PX + 1, EVERY_PX):
+                if i * i + j * j < far2:
+                    continue
+                r, c = row + i, column + j
+                if r < 1 or c < 1 or r > rows - 2 or c > columns - 2:
+                    continue
+                means[m] = _nine(flat, r, c)
+                m += 1
+        if m < 20 or row < 1 or column < 1 or row > rows - 2 or column > columns - 2:
+            continue
+        middle = np.median(means[:m])
+        for i in range(m):
+            means[i] = abs(means[i] - middle)
+        scatter = np.partition(means[:m], int(0.9 * m))[int(0.9 * m)] / 1.645
+        out[k] = (_nine(flat, row, column) - middle) / max(scatter, floor)
+    return out
+
+
+@inner
+def _nine(flat, row, column):
+    total = 0.0
+    for r in range(row - 1, row + 2):
+        for c in range(column - 1, column + 2):
+            total += flat[r, c]
+    return total / 9.0

@@ -203,7 +203,7 @@ def _focal_range(size_px, camera, fov_deg, is_turned=False):
                 f"the picture {size_px[0]} x {size_px[1]}"
             )
         return camera.focal_length_px / CAMERA_TOLERANCE, camera.focal_length_px * CAMERA_TOLERANCE
-    narrow, wide = FOV_DEG
+    narrow, wide = FOV_DEG[0] / 1.02, FOV_DEG[1] * 1.02
     if fov_deg is not None:
         if not (np.isscalar(fov_deg) and isfinite(fov_deg) and NARROWEST_DEG <= fov_deg <= wide):
             raise ValueError(f"fov_deg: expected {NARROWEST_DEG} to {wide} degrees, got {fov_deg!r}")
