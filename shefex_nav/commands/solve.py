@@ -33,8 +33,8 @@ Camera = Annotated[
 Fov = Annotated[
     str | None,
     typer.Option(
-        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg', a number alone is degrees; 2 to 70 deg, "
-        "not told 5 to 70. Of a picture that EXIF turns on its side, of either side."
+        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg' (a number alone is degrees); 2 to 70 "
+        "deg, not told 5 to 70. Of a picture that EXIF turns on its side, of either side."
     ),
 ]
 Mirrored = Annotated[

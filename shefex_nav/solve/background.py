@@ -88,8 +88,8 @@ def tile_quantiles(grey, edges_r, edges_c):
                     count[int(values[m] - darkest)] += 1
                 middle[i, j], low[i, j] = darkest + _at(count, middle_rank), darkest + _at(count, low_rank)
             else:
-                middle[i, j] = _nth(values, middle_rank, n)
-                low[i, j] = _nth(values, low_rank, middle_rank + 1)  # the lower half comes first now
+                middle[i, j] = nth(values, middle_rank, n)
+                low[i, j] = nth(values, low_rank, middle_rank + 1)  # the lower half comes first now
     return middle, low
 
 
@@ -104,7 +104,7 @@ def _at(count, rank):
 
 
 @inner
-def _nth(values, k, n):
+def nth(values, k, n):
     """Number k, counted from 0, of the first n values in ascending order; those before it become no larger.
 
     Hoare's selection: only the side of the pivot that holds it is looked at again.

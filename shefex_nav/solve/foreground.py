@@ -7,6 +7,7 @@ certain: `field` puts what is doubted behind the rest.
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.solve.background import nth
 
 RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
 ABOVE_SIGMA = 5.0  # of the noise, the peak of a star over the brightest tile near an edge
@@ -74,11 +75,10 @@ def prominence(flat, xy_px, radius_px, floor):
                     m += 1
         if m < LEAST_AROUND:
             continue
-        middle = np.median(means[:m])
+        middle = nth(means, m // 2, m)
         for i in range(m):
             means[i] = abs(means[i] - middle)
-        far = int(QUANTILE * m)
-        scatter = np.partition(means[:m], far)[far] / OF_SIGMA
+        scatter = nth(means, int(QUANTILE * m), m) / OF_SIGMA
         found[k] = (_nine(flat, row, column) - middle) / max(scatter, floor)
     return found
 
