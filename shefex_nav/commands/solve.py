@@ -33,8 +33,8 @@ Camera = Annotated[
 Fov = Annotated[
     str | None,
     typer.Option(
-        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'; 2 to 70 deg, not told 5 to 70. Of a "
-        "picture that EXIF turns on its side, of either side."
+        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg' (a number alone is degrees); 2 to 70 "
+        "deg, not told 5 to 70. Of a picture that EXIF turns on its side, of either side."
     ),
 ]
 Mirrored = Annotated[
@@ -241,10 +241,12 @@ def field_of_view(text):
     low, high = NARROWEST_DEG, FOV_DEG[1]
     parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
     if parts is None or parts[2] not in DEGREES:
-        raise typer.BadParameter(f"expected an angle such as '11.4 deg', got {text!r}", param_hint="--fov")
+        words = f"expected an angle such as '11.4 deg', or a number of degrees, got {text!r}"
+        raise typer.BadParameter(words, param_hint="--fov")
     fov_deg = float(parts[1]) * DEGREES[parts[2]]
     if not low <= fov_deg <= high:
-        raise typer.BadParameter(f"expected {low} to {high} deg, got {text!r}", param_hint="--fov")
+        words = f"expected {low:g} to {high:g} deg, got {text!r}, which is {fov_deg:.3g} deg"
+        raise typer.BadParameter(words, param_hint="--fov")
     return fov_deg
 
 

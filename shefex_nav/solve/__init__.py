@@ -1,6 +1,7 @@
 """Attitudes from what a camera saw: lists of centroids, pictures of the night sky.
 
-picture, header, field, deep     a picture; what its file tells of it; its objects
+picture, header, deep            a picture; what its file tells of it
+background, field, foreground    its background and noise; its objects; which of them are no stars
 patterns, triangles, search      attitudes, scales and laws of lenses that it may have
 lens, proof                      the camera, adjusted; the odds of the result
 naming, adjust, names            all its stars, and the attitude with covariance that they make together

@@ -23,6 +23,7 @@ from shefex_nav.solve.orientation import AS_STORED, ON_ITS_SIDE
 from shefex_nav.solve.solution import failed
 
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it
+EDGE = 1.02  # factor beyond both: proposals scatter, and no lens has quite the focal length of a pinhole
 NARROWEST_DEG = 2.0  # that may be told
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
 CAMERA_TOLERANCE = 1.02  # of the focal length of a given camera
@@ -203,7 +204,7 @@ def _focal_range(size_px, camera, fov_deg, is_turned=False):
                 f"the picture {size_px[0]} x {size_px[1]}"
             )
         return camera.focal_length_px / CAMERA_TOLERANCE, camera.focal_length_px * CAMERA_TOLERANCE
-    narrow, wide = FOV_DEG
+    narrow, wide = FOV_DEG[0] / EDGE, FOV_DEG[1] * EDGE
     if fov_deg is not None:
         if not (np.isscalar(fov_deg) and isfinite(fov_deg) and NARROWEST_DEG <= fov_deg <= wide):
             raise ValueError(f"fov_deg: expected {NARROWEST_DEG} to {wide} degrees, got {fov_deg!r}")

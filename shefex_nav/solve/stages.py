@@ -7,7 +7,7 @@ residuals. matplotlib is imported when they are drawn.
 
 import numpy as np
 
-from shefex_nav.solve import field
+from shefex_nav.solve import background, field
 from shefex_nav.solve.names import name_of
 from shefex_nav.solve.overlay import stretched
 
@@ -35,7 +35,8 @@ def _background(figure, grey, record, solution):
     """What was taken for sky."""
     binning = record.field.binning
     small = field.binned(grey, binning) if binning > 1 else grey
-    flat, noise, sky = field.flatten(np.ascontiguousarray(small, dtype=np.float32), field.grey_step(grey))
+    step = background.grey_step(grey)
+    flat, noise, sky = background.flatten(np.ascontiguousarray(small, dtype=np.float32), step)
     left, right = figure.subplots(1, 2)
     extent = (-0.5, grey.shape[1] - 0.5, grey.shape[0] - 0.5, -0.5)
     shown = left.imshow(small - flat, cmap="viridis", extent=extent)
@@ -63,7 +64,11 @@ def _objects(figure, grey, record, solution):
     for xy_px, colour, words in (
         (found.xy_px[found.in_sky & ~found.saturated], GREEN, "used"),
         (found.xy_px[found.in_sky & found.saturated], BLUE, "used, saturated in the middle"),
-        (found.xy_px[~found.in_sky], ORANGE, "doubted: bead of a trail, or a gap in a foreground"),
+        (
+            found.xy_px[~found.in_sky],
+            ORANGE,
+            "doubted: bead of a trail, gap in a foreground, block of a JPEG",
+        ),
         (found.refused_px[found.refused_for == field.CROWDED], RED, "refused: no sky around it"),
         (
             found.refused_px[found.refused_for == field.FAINT],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shefex_nav.solve import field
+from shefex_nav.solve import background
 
 
 @pytest.mark.parametrize("spread", [3.0, 200.0, 1e4])
@@ -13,7 +13,7 @@ def test_quantiles_are_those_of_sorted_values(spread, whole):
     grey = np.random.default_rng(1).normal(0.0, spread, (70, 111))
     grey = (np.rint(grey) if whole else grey).astype(np.float32)
     rows, columns = np.array([0, 24, 47, 70]), np.array([0, 25, 60, 111])
-    middle, low = field.tile_quantiles(grey, rows, columns)
+    middle, low = background.tile_quantiles(grey, rows, columns)
     for i in range(3):
         for j in range(3):
             tile = np.sort(grey[rows[i] : rows[i + 1] : 2, columns[j] : columns[j + 1] : 2].ravel())

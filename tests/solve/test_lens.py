@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm, rotvec_from_quat
 from shefex_nav.solve import lens, proof, steps
 
@@ -99,3 +100,36 @@ def test_lenses_that_fold_are_none():
     for share, is_one in ((0.7, True), (1.3, False)):
         k1 = -share * 4.0 / 27.0 / corner**2  # the largest value is 2 / (3 sqrt(-3 k1)): at 1.0 the corner
         assert lens.is_lens(lens.Lens(turn, 900.0, (k1, 0.0, 0.0, 0.0, 0.0)), SIZE) == is_one
+
+
+def test_the_compiled_steps_see_the_lens_that_the_module_sees():
+    """Pixels, their slopes and who is near whom: `steps` for the adjustment, `lens` for everybody else."""
+    rng = np.random.default_rng(8)
+    turn = dcm_from_rotvec(rng.normal(size=3))
+    at = lens.Lens(turn, 900.0, (-0.2, 0.1, 0.003, -0.002, -0.03))
+    u_i = rng.normal(size=(4000, 3))  # all directions, also behind the camera
+    u_i /= np.linalg.norm(u_i, axis=1, keepdims=True)
+    ideal, seen, inside = np.empty((4000, 2)), np.empty((4000, 2)), np.empty(4000, dtype=np.bool_)
+    k = np.array(at.k)
+    steps.project(at.C_ci, at.focal_px, k, u_i, tuple(map(float, SIZE)), ideal, seen, inside)
+    seen_px, ideal_px = lens.project(at, u_i, SIZE)
+    np.testing.assert_allclose(seen, seen_px, rtol=1e-9)
+    np.testing.assert_allclose(ideal, ideal_px, rtol=1e-9)
+    np.testing.assert_array_equal(inside, ((seen_px > -1.0) & (seen_px < SIZE)).all(axis=1))
+    assert 100 < inside.sum() < 1000 and np.isnan(seen_px[:, 0]).sum() > 1500
+    # derivatives by the turn of the camera: the lens's slopes times those of X/Z and Y/Z
+    few = np.ascontiguousarray(ideal[inside][:50])
+    J, bent = steps.jacobians(at.focal_px, k, few), lens.slopes(at.k, few)
+    by_x, by_y = np.array([turn_slopes(x, y) for x, y in few]).transpose(1, 0, 2)
+    for row in range(2):
+        slope = -at.focal_px * (bent[:, row, :1] * by_x + bent[:, row, 1:] * by_y)
+        np.testing.assert_allclose(J[:, row, :3], slope, rtol=1e-9, atol=1e-9)
+    # the wide gates hold several stars
+    xy_px = rng.uniform(0.0, SIZE, (300, 2))
+    stars = np.ascontiguousarray(seen_px[inside])
+    for gate_px in (2.0, 10.0, 60.0):
+        star = np.empty(300, dtype=np.int64)
+        known = steps.match(stars, np.ones(len(stars), dtype=np.bool_), xy_px, gate_px, star)
+        np.testing.assert_array_equal(star, lens.match(stars, xy_px, gate_px))
+        assert known == (star >= 0).sum()
+    assert known > 50

@@ -90,9 +90,10 @@ def test_hostile_files_end_with_2(tmp_path, name, content, says):
 @pytest.mark.parametrize(
     "options, says",
     [
-        (["--fov", "wide"], "--fov"),
-        (["--fov", "11.4 parsec"], "--fov"),
-        (["--fov", "90 deg"], "--fov"),
+        (["--fov", "wide"], "--fov: expected an angle such as '11.4 deg', or a number of degrees"),
+        (["--fov", "11.4 parsec"], "--fov: expected an angle"),
+        (["--fov", "90 deg"], "--fov: expected 2 to 70 deg"),
+        (["--fov", "0.25"], "'0.25', which is 0.25 deg"),
         (["--epoch", "20"], "--epoch"),
         (["--epoch", "0001-01-01T00:00+10:00"], "--epoch: expected UTC in ISO 8601"),
         (["--overlay", "drawing.jpg"], "--overlay"),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment.stars import aberrate
-from shefex_nav.solve import field, image, picture, search, told
+from shefex_nav.solve import background, image, picture, search, told
 from shefex_nav.solve import lens as lenses
 from shefex_nav.solve.calibration import hot_pixels, noise, spots
 from shefex_nav.solve.calibration.lens_fit import Sights
@@ -131,14 +131,16 @@ def look(name, values, taken, given, *, velocity_i=None):
     sights = Sights(lens.C_ci, u_i, found.xy_px[known], found.P_px[known])
     radius = np.sqrt(found.n_pixels[known] / np.pi) * found.binning + hot_pixels.NEAR_PX
     size_px = grey.shape[::-1]
-    flat, sigma, _ = field.flatten(grey)
+    flat, sigma, _ = background.flatten(grey)
     bright_stars = found.xy_px[known][~found.saturated[known]]
     covered = _covered(found, lens, size_px, year)
     no_levels = _no_levels(name, values)
     levels = [] if no_levels else noise.levels(grey, covered)
     if levels:  # finer than by quantiles, which are whole grey values
         finer = float(np.sqrt(np.median([one.variance for one in levels])))
-        sigma = max(finer, noise.LEAST_DN * field.grey_step(grey))  # none is left where the sky is one value
+        sigma = max(
+            finer, noise.LEAST_DN * background.grey_step(grey)
+        )  # none is left where the sky is one value
     widths = spots.widths(grey, flat, bright_stars, sigma)
     return Seen(
         name, size_px, sights, lens, widths, levels, no_levels, hot_pixels.bright(flat, sigma),
