@@ -9,18 +9,18 @@ from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX, CENTROID_
 from shefex_nav.papers.picture import legend_below, tidy
 from shefex_nav.report import intervals
 
-KINDS = (
+PUBLISHED = (
     "global_shutter",
     "rolling_compensated",  # with c_z
     "rolling_implicit",  # with c~_z, as equation (22) is printed
     "rolling_uncompensated",
-    "ours_global",
-    "ours_rolling",
 )
+BOX = {kind: f"{kind}, box" for kind in PUBLISHED}  # the same with the spot as a box
+KINDS = (*PUBLISHED, *BOX.values(), "ours_global", "ours_rolling")
 COLUMNS = (
     "rate_deg_s", "kind", "is_star", "x", "y", "electrons",  # of all
     "seen", "snr", "inside", "along", "across", "least_along", "least_across", "nes", "said_along",
-    "said_across", "apart", "sample",
+    "said_across", "recognised", "apart", "sample",
 )  # fmt: skip
 VARIANT = "rolling_implicit"  # of equation (22): beside the other one, not counted a second time
 TABLE = {VARIANT: "rolling_compensated"}  # whose published column a kind is held against
@@ -41,10 +41,19 @@ SMALL_PX, ALMOST_ALL, LARGEST_PX = 2.0, 0.95, 20.0  # of figure 13; 'almost all'
 RESAMPLES = 1000
 READINGS = {  # of what is a star's cluster; the paper does not say which one is compared with which star
     "stars apart": "those of stars with no other streak within 5 px",
+    "recognised": "those that the identification names",  # which is how the paper's chain knows the star
+    "recognised and apart": "those that the identification names, no other streak within 5 px",
     "within 2 px": "those within 2 px of a star",  # below which its figure 13 has almost all
     "one star each": "those within 2 px of a star with no other streak within 5 px",
 }
-EXPLAINS = "stars apart"
+BOXED = ", box"  # the same with the spot as a box
+EXPLAINS = {  # in this order; words of the run
+    "stars apart": f"of clusters {READINGS['stars apart']} alone",
+    f"recognised and apart{BOXED}": (
+        "with a spot that is even over r_psf pixels, as (26) counts, and of clusters of recognised stars with "
+        "no other streak within 5 px alone"
+    ),
+}
 MEAN_RESOLVES_PX, SKEWNESS_RESOLVES = 0.05, 0.25
 
 
@@ -63,11 +72,11 @@ def conclude(results):
     """Tables 3 to 5, and ours."""
     rows = np.concatenate([result["rows"] for result in results])
     out = []
-    for kind in KINDS[:4]:
+    for kind in PUBLISHED:
         for rate in RATES:
             out += _published_rows(kind, rate, rows)
     out += _shape_rows(rows)
-    for kind in KINDS[4:]:
+    for kind in KINDS[-2:]:
         for rate in RATES:
             out += _own_rows(kind, rate, chosen(rows, kind, rate))
     return out or [_info(f"clusters; a row needs {LEAST}", "all kinds and rates", len(rows))]
@@ -78,17 +87,17 @@ def _published_rows(kind, rate, rows):
     mine = chosen(rows, kind, rate)
     if len(mine) < LEAST or len(np.unique(column(mine, "sample"))) < 2:
         return []
+    boxed = chosen(rows, BOX[kind], rate)
     r, table = RATES.index(rate), TABLE.get(kind, kind)
     words = f"{kind.replace('_', ' ')}, {rate:g} deg/s"
     condition, out = f"{words}, {len(mine)} clusters", []
     for axis, name in enumerate(("horizontal", "vertical")):
-        errors, sample = mine[:, COLUMNS.index("x") + axis], column(mine, "sample")
-
-        def measured(which, why="", name=name, errors=errors, sample=sample):
-            return _moment_rows(name, condition, (errors[which], sample[which]), table, r, why)
-
-        found = measured(np.ones(len(mine), dtype=bool), WHY.get(kind, ""))
-        others = {reading: measured(which) for reading, which in readings(kind, mine).items()}
+        values = mine[:, COLUMNS.index("x") + axis], column(mine, "sample")
+        found = _moment_rows(name, condition, values, table, r, WHY.get(kind, ""))
+        others = {
+            reading: _moment_rows(name, condition, values, table, r, "")
+            for reading, values in selections(kind, mine, boxed, axis).items()
+        }
         found = [_read(one, {key: rows_of[k] for key, rows_of in others.items()})
                  for k, one in enumerate(found)]  # fmt: skip
         out += found if kind != VARIANT else [row.variant(one) for one in found]
@@ -100,17 +109,30 @@ def _published_rows(kind, rate, rows):
 
 
 def _read(one, others):
-    """A row, explained where EXPLAINS reaches the paper, or with what each reading gives.
+    """A row, explained where one of EXPLAINS reaches the paper, or with what each reading gives.
 
-    The other readings leave out clusters by the error that is judged: they show, and explain nothing.
+    'within 2 px' and 'one star each' leave out clusters by the error that is judged: they show, and explain
+    nothing. The other readings do not look at the error.
     """
-    if EXPLAINS in others:
-        run = f"impa-centroids/{EXPLAINS}"
-        one = row.explained(one, others[EXPLAINS], run, f"of clusters {READINGS[EXPLAINS]} alone")
+    for reading, words in EXPLAINS.items():
+        if reading in others:
+            one = row.explained(one, others[reading], f"impa-centroids/{reading}", words)
     if one.verdict == row.Verdict.OPEN and others:
-        given = ", ".join(f"{READINGS[reading]} {other.measured:.3g}" for reading, other in others.items())
-        one = one._replace(why=f"published {one.published:.3g}, here {one.measured:.3g}; of clusters {given}")
+        given = ", ".join(f"{reading} {other.measured:.3g}" for reading, other in others.items())
+        one = one._replace(why=f"published {one.published:.3g}, here {one.measured:.3g}; of clusters: {given}")
     return one
+
+
+def selections(kind, mine, boxed, axis):
+    """Errors along an axis and their samples, (n,) each, of each reading with both spots: dict."""
+    out = {}
+    for one, suffix in ((mine, ""), (boxed, BOXED)):
+        x, sample = one[:, COLUMNS.index("x") + axis], column(one, "sample")
+        if suffix and len(np.unique(sample)) >= LEAST:
+            out[f"all{suffix}"] = x, sample
+        for reading, which in readings(kind, one).items():
+            out[f"{reading}{suffix}"] = x[which], sample[which]
+    return out
 
 
 def readings(kind, mine):
@@ -118,7 +140,9 @@ def readings(kind, mine):
 
     Without compensation the errors themselves say nothing of which star a cluster is.
     """
-    of = {"stars apart": column(mine, "apart") == 1.0}
+    known = column(mine, "recognised") == 1.0
+    of = {"stars apart": column(mine, "apart") == 1.0, "recognised": known}
+    of["recognised and apart"] = of["stars apart"] & known
     if kind != "rolling_uncompensated":
         x = COLUMNS.index("x")
         of["within 2 px"] = np.hypot(*mine[:, x : x + 2].T) < SMALL_PX
