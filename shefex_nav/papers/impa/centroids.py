@@ -16,7 +16,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_m
 from shefex_nav.onboard.startracker import best_attitude
 from shefex_nav.papers.experiment import Experiment
 from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, spot, trackers
-from shefex_nav.papers.impa.centroid_tables import BOX, COLUMNS, KINDS, PUBLISHED
+from shefex_nav.papers.impa.centroid_tables import BOX, COLUMNS, JOINT, KINDS, PUBLISHED, with_spot
 from shefex_nav.papers.impa.methods import chain, multipole
 from shefex_nav.papers.impa.methods import clusters as cluster
 from shefex_nav.papers.impa.methods.compensate import FORMS
@@ -109,16 +109,23 @@ def published_rows(kinds, case, frames, stars, times):
     return rows, set(star[star >= 0])
 
 
+def pictures(shutter, case, rng, **how):
+    """The two frames of a case; how: as `flight.frame` has them."""
+    return [flight.frame(shutter, case, number, rng, **how) for number in (0, 1)]
+
+
 def frames_of(shutter, case, seed, with_own=True):
     """Rows of one case and shutter: (m, len(COLUMNS))."""
-    noise, gyro_rng, box_noise = (np.random.default_rng(s) for s in seed.spawn(3))
-    frames = [flight.frame(shutter, case, number, noise) for number in (0, 1)]
+    noise, gyro_rng, *others = (np.random.default_rng(s) for s in seed.spawn(4))
     stars, times = truth(shutter, case, 1), field.times(shutter)
     kinds = PUBLISHED[:1] if shutter == "global_shutter" else PUBLISHED[1:]
+    frames = pictures(shutter, case, noise)
     rows, seen = published_rows(kinds, case, frames, stars, times)
     box = spot.box(float(IMPA["camera"]["psf_diameter_px"]))
-    boxed = [flight.frame(shutter, case, number, box_noise, psf=box) for number in (0, 1)]
-    rows += published_rows([BOX[kind] for kind in kinds], case, boxed, stars, times)[0]
+    spots = {BOX: {"psf": box}, JOINT: {"sigma_px": flight.JOINT.sigma_px}}
+    for (name, how), rng in zip(spots.items(), others, strict=True):
+        named = [with_spot(kind, name) for kind in kinds]
+        rows += published_rows(named, case, pictures(shutter, case, rng, **how), stars, times)[0]
     if with_own:
         rows += own_rows(shutter, case, frames[1], stars, seen, gyro_rng)
     return rows

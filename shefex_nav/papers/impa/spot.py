@@ -1,9 +1,9 @@
 """The spot of a star as a box, which is how the model of the IMPA paper counts (section 4.2).
 
-Equation (26) has a streak of the length l cover r_psf l pixels, with the light the same in all of them: that is
-a spot of r_psf pixels square. A Gaussian has its third of a streak's light in the middle line too
-(`field.PSF_SIGMA_PX`), but soft edges: a faint star's streak is then narrower and shorter than a bright one's,
-and a threshold cuts it where the noise decides. With a box the edges stand still.
+Equation (26) has a streak of the length l cover r_psf l pixels, with the same light in all of them: that is a
+square spot of r_psf pixels. A Gaussian has its third of a streak's light in the middle line too
+(`field.PSF_SIGMA_PX`), but soft edges: the streak of a faint star is then narrower and shorter than that of a
+bright one, and the threshold cuts it where the noise decides. The edges of a box stand still.
 """
 
 from functools import lru_cache

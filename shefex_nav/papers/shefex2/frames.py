@@ -58,9 +58,7 @@ def frame_of(rng, n_stars):
 
 
 def measure_scan(samples, seed):
-    """For each frame and number of objects: seconds of the two scans and of the steps before them, and whether
-    the tables agree: (samples, len(OBJECTS), 4).
-    """
+    """Of each frame and number of objects, as `_timed`: (samples, len(OBJECTS), 4)."""
     rng = np.random.default_rng(seed)
     out = np.empty((samples, len(OBJECTS), 4))
     for k in range(samples + 1):  # the first one compiles
