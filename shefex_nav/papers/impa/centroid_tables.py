@@ -124,11 +124,13 @@ def _read(one, others):
     """A row, explained where one of EXPLAINS reaches the paper, or with what each of SHOWN gives.
 
     'within 2 px' leaves out clusters by the error that is judged: it shows, and explains nothing. The others
-    do not look at the error.
+    do not look at the error. A spread goes continuously with the width of the spot: it may lie between.
     """
     for reading, words in EXPLAINS.items():
         if reading in others:
-            one = row.explained(one, others[reading], f"impa-centroids/{reading}", words)
+            passes = one.quantity.startswith("std") and reading.endswith((BOX, JOINT))
+            run = f"impa-centroids/{reading}"
+            one = row.explained(one, others[reading], run, words, passes=passes)
     if one.verdict == row.Verdict.OPEN and others:
         given = "; ".join(f"{reading} {other.measured:.3g}" for reading, other in others.items())
         one = one._replace(
