@@ -74,6 +74,16 @@ def test_the_recognised_clusters_are_the_catalogue_stars_in_any_order():
     assert max(named[0]) < n
 
 
+def test_errors_of_stars_seen_alike_at_all_speeds_have_the_kurtosis_of_table_5():
+    """Not compensated, a star is off by its speed times the time of its row: even over the rows."""
+    rows = np.linspace(-1.0, 1.0, 2001)
+    off = np.outer(rows, field.directions()[:, 0]).ravel()
+    kurtosis = (off**4).mean() / (off**2).mean() ** 2
+    published = IMPA_KURTOSIS["rolling_uncompensated"]
+    assert kurtosis == pytest.approx(published["horizontal"][0], abs=0.02)
+    assert kurtosis == pytest.approx(published["vertical"][0], abs=0.06)
+
+
 def test_ours_meet_every_direction_and_attitude():
     for cycle in (field.N_DIRECTIONS, field.N_ATTITUDES, len(field.RATES)):
         assert gcd(centroids.OWN_EVERY, cycle) == 1
