@@ -30,6 +30,7 @@ EXPERIMENTS = {
     "impa-attitude": ("impa.experiments", "IMPA tables 6, 7, 10, 11: attitude errors"),
     "impa-assumptions": ("impa.assumptions", "IMPA tables 8, 12: what hangs on what it does not say"),
     "impa-readings": ("impa.readings", "IMPA (32), (41), border, pole order: as printed and as read by us"),
+    "impa-pitch": ("impa.pitch", "IMPA tables 7, 11: the mean of pitch, reading by reading"),
     "impa-frames": ("impa.frames", "IMPA: what the frames look like, and what is found in them"),
     "impa-images": ("impa.experiments", "IMPA tables 8, 9, 12, 13: success against the number of images"),
     "as-flown": ("flown.experiments", "The papers' systems in flight beside the default chain, in one table"),

@@ -27,6 +27,7 @@ class StillCamera(NamedTuple):
     background_electrons: float  # per pixel and exposure
     zero_magnitude_electrons: float  # of the exposure of a row, from a star of magnitude 0
     times: RowTimes | None = None  # needed when the camera turns
+    psf: render.Psf | None = None  # of another spot than the Gaussian of sigma_psf_px
 
 
 def random_attitude(rng):
@@ -65,7 +66,8 @@ def still(camera, u_i, light, q_ic, rng, *, omega_c=None, hits=NO_HITS):
     if omega_c is not None and camera.times is None:
         raise ValueError("a camera that turns needs the times of its rows (StillCamera.times)")
     hole, electronics, background = camera.pinhole, camera.electronics, camera.background_electrons
-    psf, C_ic = render.gaussian_psf(camera.sigma_psf_px), dcm_from_quat(q_ic)
+    psf = render.gaussian_psf(camera.sigma_psf_px) if camera.psf is None else camera.psf
+    C_ic = dcm_from_quat(q_ic)
     if omega_c is None:
         path, cone = motion.at_rest(np.ascontiguousarray(C_ic.T)), 0.0
     else:

@@ -199,3 +199,34 @@ def test_frames_show_the_stars_where_and_as_bright_as_they_are():
     assert 1.48 * np.median(np.abs(offsets)) < bright_fields.SIGMA_PX
     assert np.std(magnitudes) == pytest.approx(0.25, rel=0.25)
     assert np.percentile(np.abs(magnitudes), 90) < 0.7
+
+
+def test_four_stars_in_all_images_are_explained_by_the_circle_or_by_nothing():
+    """Fifty of 10 000 square fields show fewer; the circle around them shows four always, or does not."""
+    table = np.full((10000, 5), 9.0)
+    table[:50, 0] = 3.0
+    square, circle = bright._four_rows(table)
+    assert square.verdict == Verdict.EXPLAINED and square.run == "bright-brightest/circle around the field"
+    assert square.measured == 0.995 and circle.measured == 1.0 and circle.verdict == Verdict.NONE
+    table[:20, 4] = 3.0
+    assert bright._four_rows(table)[0].verdict == Verdict.OPEN
+
+
+def test_the_circle_goes_through_the_corners_of_the_field():
+    stars = bright_fields.pairs()[0].stars
+    q_ic = bright.random_attitude(np.random.default_rng(1))
+    rows, _ = bright_fields.in_view(stars, q_ic, False)
+    cosine = stars.u_i @ bright.dcm_from_quat(q_ic)[:, 2]
+    assert (cosine[rows] > bright.COS_AROUND).all()
+    assert bright.COS_AROUND == pytest.approx(np.cos(np.radians(10.0 * np.sqrt(2.0))))
+
+
+def test_pairs_are_those_of_any_1604_stars():
+    """In the mean a pair is left as often as neither of its stars is among the four that are left out."""
+    row = bright._pair_row()
+    stars = bright_fields.on_board("V", merge_px=0.0)
+    n = len(stars.hip)
+    every = len(bright.catalogue.pair_table(stars, np.radians(20.0)).cosine)
+    assert n == 1608
+    assert row.measured == pytest.approx(every * (1604 * 1603) / (n * (n - 1)), rel=2e-4)
+    assert row.verdict == Verdict.REPRODUCED and row.ci95[0] < 44234 < row.ci95[1]

@@ -59,6 +59,9 @@ def test_catalogue_rows():
     assert row(rows, "stars", "size is given").measured == 2023
     filled = row(rows, "pairs", "V <= 5.75")
     assert filled.verdict == Verdict.EXPLAINED and filled.run == "shefex-catalogue/pool to V 5.5"
+    (written,) = [row for row in rows if "as the text says" in row.condition and row.published]
+    assert written.verdict == Verdict.EXPLAINED and written.run == "shefex-catalogue/pool to V 5.75"
+    assert filled.measured < written.published < written.measured
     assert row(rows, "stars", "size is given").verdict == Verdict.INPUT
     few = row(rows, "fewer than four", "uniform")
     assert few.measured == pytest.approx((results[0]["uniform"] < 4).mean())  # both chunks are the same

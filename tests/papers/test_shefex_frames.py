@@ -5,6 +5,7 @@ import pytest
 
 from shefex_nav.papers.bright import centroids
 from shefex_nav.papers.shefex2 import end_to_end, frames
+from shefex_nav.papers.verdict import Verdict
 
 
 def test_scatter_is_one_minus_r_squared():
@@ -29,10 +30,27 @@ def test_tables_that_differ_are_told_apart():
     assert not frames.same_objects(table, table[1:])
 
 
-def test_both_scans_find_the_twelve_objects():
+def test_both_scans_find_the_objects():
     seconds = frames.measure_scan(3, np.random.SeedSequence(3))
-    assert (seconds[:, 3] == 1.0).all()
-    assert (seconds[:, :3] > 0.0).all()
+    assert seconds.shape == (3, 2, 4)
+    assert (seconds[..., 3] == 1.0).all()
+    assert (seconds[..., :3] > 0.0).all()
+
+
+def test_the_ratio_of_the_scans_is_explained_by_more_objects_or_by_nothing():
+    """11.1 is published: 8 with fewer and 12 with more objects have it between them, 8 and 9 have not."""
+    rng = np.random.default_rng(6)
+
+    def judged(fewer, more):
+        seconds = np.ones((30, 2, 4))
+        seconds[:, 0, 1], seconds[:, 1, 1] = rng.normal([fewer, more], 0.05, (30, 2)).T
+        rows = frames.conclude_scan([seconds])
+        return [row for row in rows if row.quantity == frames.RATIO_WORDS and row.verdict != Verdict.NONE]
+
+    (one,) = judged(8.0, 12.0)
+    assert one.verdict == Verdict.EXPLAINED and one.run == "shefex-scan/20 objects"
+    assert judged(8.0, 9.0)[0].verdict == Verdict.OPEN
+    assert judged(11.1, 15.0)[0].verdict == Verdict.REPRODUCED
 
 
 def test_centroids_follow_the_star():

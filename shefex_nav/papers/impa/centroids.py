@@ -11,20 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry.pinhole import pixels
+from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.onboard.startracker import best_attitude
 from shefex_nav.papers.experiment import Experiment
-from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, trackers
-from shefex_nav.papers.impa.centroid_tables import COLUMNS, KINDS
-from shefex_nav.papers.impa.methods import chain
+from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, spot, trackers
+from shefex_nav.papers.impa.centroid_tables import BOX, COLUMNS, JOINT, KINDS, PUBLISHED, with_spot
+from shefex_nav.papers.impa.methods import chain, multipole
 from shefex_nav.papers.impa.methods import clusters as cluster
 from shefex_nav.papers.impa.methods.compensate import FORMS
+from shefex_nav.papers.impa.published import IMPA
 
 SAME_PX = 5.0  # a cluster further from every star is none, or a piece of a broken streak
 BLEND_PX = 5.0  # between two streaks: the spots of both, three sigma each, are not parted by a gap
 INSTANTS = np.linspace(-0.5, 0.5, 9)  # of an exposure: a streak of 51 px has one every 6
 SAMPLES = 520  # each direction and attitude as evenly as can be, at five rates with two shutters
+OWN_EVERY = 3  # samples; no divisor of 26 directions or 200 attitudes, so that it meets them all
 
 
 class Truth(NamedTuple):
@@ -74,6 +76,7 @@ def published_errors(times, first, second, stars):
     -------
     star : (m,) row of Truth of each fused cluster, -1 for none
     errors : (3, m, 2) px; compensated as in FORMS, and not compensated
+    is_recognised : (m,) bool
     """
     settings = trackers.DETECT.run_length
     one, two = (cluster.find(trackers.DETECT, trackers.MODEL, image) for image in (first, second))
@@ -81,27 +84,61 @@ def published_errors(times, first, second, stars):
     moved = [chain.compensated(settings, times, two, rows, shift_px, form) for form in FORMS]
     places = [*(streaks.xy_px for streaks in moved), two.xy_px[rows]]
     star = nearest(places[0], stars.xy_px)
-    return star, np.array(places) - stars.xy_px[star]
+    return star, np.array(places) - stars.xy_px[star], recognised(times, two.energy_dn[rows], moved[0])
 
 
-def frames_of(shutter, case, seed):
-    """Rows of one case and shutter: (m, len(COLUMNS))."""
-    noise, gyro_rng = (np.random.default_rng(s) for s in seed.spawn(2))
-    first, second = (flight.frame(shutter, case, number, noise) for number in (0, 1))
-    stars, times, camera = truth(shutter, case, 1), field.times(shutter), field.camera(shutter)
-    star, errors = published_errors(times, first, second, stars)
+def recognised(times, energy_dn, streaks):
+    """Which streaks the paper's identification names, believed as published. (m,) -> (m,) bool"""
+    flux_dn, order = chain.brightest_first(times, energy_dn, streaks)
+    u_c = unit_vectors(trackers.MODEL.pinhole, streaks.xy_px[order])
+    found = multipole.match(trackers.IDENTIFY, trackers.MODEL, field.pairs(False), u_c, flux_dn[order])
+    out = np.zeros(len(flux_dn), dtype=bool)
+    out[order] = found.star >= 0
+    return out
+
+
+def published_rows(kinds, case, frames, stars, times):
+    """Rows of the paper's chain: list of (len(COLUMNS),). kinds: of errors as `published_errors` has them."""
+    star, errors, is_recognised = published_errors(times, *frames, stars)
     rows = []
-    kinds = ("global_shutter",) if shutter == "global_shutter" else KINDS[1:4]
     for kind, error in zip(kinds, errors, strict=False):
-        for s, e in zip(star, error, strict=True):
-            rows.append(_row(case, kind, s, e, stars.light[s]))
-            rows[-1][COLUMNS.index("apart")] = stars.apart[s]
+        for s, e, known in zip(star, error, is_recognised, strict=True):
+            row = _row(case, kind, s, e, stars.light[s])
+            row[COLUMNS.index("apart")], row[COLUMNS.index("recognised")] = stars.apart[s], known
+            rows.append(row)
+    return rows, set(star[star >= 0])
+
+
+def pictures(shutter, case, rng, **how):
+    """The two frames of a case; how: as `flight.frame` has them."""
+    return [flight.frame(shutter, case, number, rng, **how) for number in (0, 1)]
+
+
+def frames_of(shutter, case, seed, with_own=True):
+    """Rows of one case and shutter: (m, len(COLUMNS))."""
+    noise, gyro_rng, *others = (np.random.default_rng(s) for s in seed.spawn(4))
+    stars, times = truth(shutter, case, 1), field.times(shutter)
+    kinds = PUBLISHED[:1] if shutter == "global_shutter" else PUBLISHED[1:]
+    frames = pictures(shutter, case, noise)
+    rows, seen = published_rows(kinds, case, frames, stars, times)
+    box = spot.box(float(IMPA["camera"]["psf_diameter_px"]))
+    spots = {BOX: {"psf": box}, JOINT: {"sigma_px": flight.JOINT.sigma_px}}
+    for (name, how), rng in zip(spots.items(), others, strict=True):
+        named = [with_spot(kind, name) for kind in kinds]
+        rows += published_rows(named, case, pictures(shutter, case, rng, **how), stars, times)[0]
+    if with_own:
+        rows += own_rows(shutter, case, frames[1], stars, seen, gyro_rng)
+    return rows
+
+
+def own_rows(shutter, case, image_dn, stars, seen, gyro_rng):
+    """Rows of ours. seen: rows of Truth that the published threshold detects."""
+    times, camera, rows = field.times(shutter), field.camera(shutter), []
     omega_c, P_omega_c = field.gyro(case, gyro_rng)
-    found = trackers.streaks_of(second, omega_c, P_omega_c, times)
+    found = trackers.streaks_of(image_dn, omega_c, P_omega_c, times)
     motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
     rate = trackers.objects.rate_of(field.CAMERA, motion, found)
     P_px = best_attitude.with_rate(trackers.own(), found, found.P_px, rate)
-    seen = set(star[star >= 0])
     kind = "ours_" + shutter.split("_")[0]
     for k, s in enumerate(nearest(found.xy_px, stars.xy_px)):
         error = found.xy_px[k] - stars.xy_px[s]
@@ -121,7 +158,7 @@ def _row(case, kind, star, error, light, P_px=None, best=None, seen=True):
         turned = bound.along_across(error[None], np.array([best.heading]))[0]
         C = trackers.turn2(best.heading)
         least, said = C.T @ best.P_px @ C, C.T @ P_px @ C
-        row[6:-2] = (
+        row[6:-3] = (
             seen, best.snr, best.inside, *turned, least[0, 0], least[1, 1],
             error @ np.linalg.solve(P_px, error), said[0, 0], said[1, 1],
         )  # fmt: skip
@@ -135,14 +172,15 @@ def measure(samples, seed, first):
         for rate, one in zip(field.RATES, own.spawn(len(field.RATES)), strict=True):
             case = field.pair(rate, number)
             for shutter, frames_seed in zip(field.SHUTTERS, one.spawn(2), strict=True):
-                found = np.array(frames_of(shutter, case, frames_seed)).reshape(-1, len(COLUMNS))
+                found = frames_of(shutter, case, frames_seed, number % OWN_EVERY == 0)
+                found = np.array(found).reshape(-1, len(COLUMNS))
                 found[:, COLUMNS.index("sample")] = number
                 rows.append(found)
     return {"rows": np.concatenate(rows)}
 
 
 # what makes the results or says what a stored number means
-KEPT = (*experiments.KEPT, "impa.centroids", "impa.centroid_tables", "impa.bound")
+KEPT = (*experiments.KEPT, "impa.centroids", "impa.centroid_tables", "impa.bound", "impa.spot")
 
 EXPERIMENTS = {
     "impa-centroids": Experiment(

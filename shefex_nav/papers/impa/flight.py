@@ -34,9 +34,9 @@ JOINT = Assumed(0.7, True, False)  # the spot is fitted to table 8, success with
 NEAR = np.cos(0.5 * field.FIELD + np.radians(3.0))  # of the boresight: stars that are drawn
 
 
-def frame(shutter, case, number, rng, sigma_px=field.PSF_SIGMA_PX):
-    """Frame `number` (0, 1, ...) of a simulation: (rows, columns) uint16."""
-    camera = field.camera(shutter)._replace(sigma_psf_px=sigma_px)
+def frame(shutter, case, number, rng, sigma_px=field.PSF_SIGMA_PX, psf=None):
+    """Frame `number` (0, 1, ...) of a simulation: (rows, columns) uint16. psf: of another spot, `spot`."""
+    camera = field.camera(shutter)._replace(sigma_psf_px=sigma_px, psf=psf)
     q_ic = field.attitude_at(case, number)
     u_i, light = near_stars(camera, q_ic)
     return still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]

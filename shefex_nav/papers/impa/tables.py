@@ -27,6 +27,11 @@ OWN_GOALS = {"best_case": 0.98, "worst_case": 0.95}  # of ours at 5 deg/s within
 
 WITHIN_TWO_SIGMA, NORMAL = 0.9545, 0.03  # of a normal distribution; what counts as such
 
+PITCH = (
+    "the paper's mean grows with the rate; impa-pitch scans what equations (3), (7), (11), (22), the border "
+    "and the choice of the frame make of it"
+)
+
 N_AT_RATE, N_AT_REST = PAIRS_OF_ALL, N_ATTITUDES  # simulations of the paper in each cell
 
 
@@ -235,6 +240,7 @@ def _moment_rows(name, condition, errors, case, shutter, r):
         if name == "IMPA":
             mean, half = ATTITUDE_MEAN_ARCSEC[case][shutter][words][r], 1.96 * value / np.sqrt(flown)
             how = {"rounding": 0.005, "of_paper": (mean - half, mean + half), "resolves": STD_MARGIN * value}
+            how["why"] = PITCH if (words, shutter) == ("pitch", "rolling_shutter") else ""
             given = mean, float(own.mean()), intervals.mean(own), n
             out.append(rows.figure(f"{name}: mean of {words} [arcsec]", condition, *given, **how))
     return out

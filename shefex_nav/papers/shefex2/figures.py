@@ -150,7 +150,7 @@ def _residuals(axis, frames):
 
 def draw_scan(figure, results, rows):
     """Distribution of the times of both scans."""
-    sequential, maximum, _, _ = 1e3 * np.concatenate(results).T
+    sequential, maximum, _, _ = 1e3 * np.concatenate(results)[:, 0].T  # of the fewer objects
     figure.set_size_inches(7.0, 4.5)
     axis = figure.subplots()
     bins = np.geomspace(0.5 * sequential.min(), 2.0 * maximum.max(), 60)
@@ -160,7 +160,7 @@ def draw_scan(figure, results, rows):
     axis.set_xlabel("time of a frame [ms]")
     axis.set_ylabel("frames")
     ratios = [row for row in rows if row.published is not None]
-    words = ", ".join(f"{row.measured:.1f} {row.condition.split(', ')[-1]}" for row in ratios)
+    words = ", ".join(f"{row.measured:.1f} with {row.condition.split(', ')[0]}" for row in ratios)
     axis.set_title(f"ratio {words}; published {ratios[0].published:.1f}", loc="left", fontsize=10)
     axis.legend(frameon=False)
     tidy(axis)

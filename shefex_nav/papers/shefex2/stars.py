@@ -111,7 +111,13 @@ def _count_rows(built):
             passes=True,
         ),
         variant(from_shallow),
-        count("pairs", as_written, n_pairs, pairs[thinned], uneven),
+        explained(
+            count("pairs", as_written, n_pairs, pairs[thinned], uneven),
+            count("pairs", "", n_pairs, pairs["combined"]),
+            "shefex-catalogue/pool to V 5.75",
+            "with a pool to V 5.75 in both hemispheres",
+            passes=True,
+        ),
         Row("pairs", "uniform", None, pairs["uniform"]),
         *_faint_rows(built),
     ]

@@ -80,11 +80,7 @@ def detections(settings, times, clusters, rows, shift_px, reading=AS_READ):
     Detections
     """
     streaks = compensated(settings, times, clusters, rows, shift_px)
-    flux_dn = clusters.energy_dn[rows]
-    if reading.magnitude == READ:
-        flux_dn = flux_dn * times.exposure_s / streaks.seen_s
-    order = np.argsort(-flux_dn, kind="stable")
-    order = order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
+    flux_dn, order = brightest_first(times, clusters.energy_dn[rows], streaks, reading)
     n_pixels = np.diff(clusters.begin)[rows]
     return Detections(
         streaks.xy_px[order],
@@ -93,6 +89,18 @@ def detections(settings, times, clusters, rows, shift_px, reading=AS_READ):
         clusters.n_saturated[rows][order],
         streaks.P_px[order],
     )
+
+
+def brightest_first(times, energy_dn, streaks, reading=AS_READ):
+    """Light of streaks, and which of them are objects, brightest first: flux_dn (m,), rows (n,) of them.
+
+    energy_dn : (m,) of their clusters; the others as in `detections`
+    """
+    flux_dn = energy_dn
+    if reading.magnitude == READ:
+        flux_dn = flux_dn * times.exposure_s / streaks.seen_s
+    order = np.argsort(-flux_dn, kind="stable")
+    return flux_dn, order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
 
 
 def compensated(settings, times, clusters, rows, shift_px, form="explicit"):
