@@ -6,17 +6,20 @@
 
 A mutant is the package with one change in one file (`mutant_places`): a sign, a comparison, a number, a
 statement left out. It is killed if a test that runs the line fails with it. A seeded sample is drawn from
-each part alike. Kernels are Python functions here (NUMBA_DISABLE_JIT=1): compiled anew for each mutant, they
-would take minutes. So tests which take over 8 s in that mode, most of those that fly, have no say in `run`;
-what survives may be killed by them. `--flights` takes up the survivors with the tests of FLIGHTS, compiled.
+each part alike. Where the change is in a kernel, or in a constant that one reads, kernels are Python
+functions (NUMBA_DISABLE_JIT=1): compiled anew for each mutant, they would take minutes. Elsewhere the
+compiled ones serve. Tests which take over 8 s in a mode have no say in it; what survives may be killed by
+them. `--flights` takes up the survivors with the tests of FLIGHTS, compiled.
 
-DIR keeps the copy of the package that is changed, lines.json and a line a mutant in mutants.jsonl: `run` goes
-on where it was stopped. Survivors that a reader found equivalent do not count, if `mutants_same.json` beside
-this file says why: {"FILE CHANGE": "argument"}. `show` prints the score of each part with its 95 % interval,
-and the survivors.
+DIR keeps the copy of the package that is changed, which `lines` and `run` bring up to date, the tables of
+lines of both modes (a test file that has changed is mapped again; where lines of the package have moved,
+delete the tables) and a line a mutant in mutants.jsonl: `run` goes on where it was stopped. Survivors that a
+reader found equivalent do not count, if `mutants_same.json` beside this file says why: {"FILE CHANGE":
+"argument"}. `show` prints the score of each part with its 95 % interval, and the survivors.
 """
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -61,6 +64,7 @@ FLIGHTS = {
                   "tests/test_protection_levels.py"),
     "verdict": ("tests/onboard/test_tracker_rendered.py", "tests/test_blinded_statistic.py"),
 }  # fmt: skip
+MODES = {"compiled": {}, "python": {"NUMBA_DISABLE_JIT": "1"}}  # of kernels: variables of the environment
 LONGEST_S = 8  # of a test in the table of lines
 MOST_S = 120.0  # of all tests of one mutant, by the table; the fastest first
 FLIGHT_S = 900.0  # of the flights of one mutant
@@ -68,14 +72,13 @@ KILLED, SURVIVED, UNSEEN = "killed", "survived", "unseen"
 
 
 def copied(work):
-    """The copy of the package and its tests that mutants are made in."""
-    tree = work / "tree"
-    if not tree.exists():
-        for name in ("shefex_nav", "tests", "scenarios", "benchmarks", "docs", "notebooks"):
-            shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-        for file in ROOT.glob("*.*"):
-            if file.is_file():
-                shutil.copy(file, tree)
+    """The copy of the package and its tests that mutants are made in, brought up to date."""
+    tree, leave = work / "tree", shutil.ignore_patterns("__pycache__")
+    for name in ("shefex_nav", "tests", "scenarios", "benchmarks", "docs", "notebooks"):
+        shutil.copytree(ROOT / name, tree / name, ignore=leave, dirs_exist_ok=True)
+    for file in ROOT.glob("*.*"):
+        if file.is_file():
+            shutil.copy(file, tree)
     return tree
 
 
@@ -101,33 +104,53 @@ def tested(tree, arguments, timeout_s, **environment):
     return process.returncode, said
 
 
-def lines(work):
-    """Write lines.json: {file: {line: [test, ...]}} and the seconds of each test, kernels being Python."""
-    tree, out = copied(work), work / "lines.json"
-    for pattern in TESTS:
-        for test in sorted((tree / "tests").glob(pattern)):
-            name, part = test.relative_to(tree).as_posix(), work / "lines" / f"{test.stem}.json"
-            if part.exists():
-                continue
-            part.parent.mkdir(exist_ok=True)
-            print(name, flush=True)
-            environment = {
-                "NUMBA_DISABLE_JIT": "1", "MUTANT_LINES": str(part), "MUTANT_LONGEST_S": str(LONGEST_S)
-            }  # fmt: skip
-            code, said = tested(tree, ["-p", "mutant_lines", name], FLIGHT_S, **environment)
-            if code is None:  # too many slow tests: they have no say
-                part.write_text(json.dumps({"seconds": {}, "lines": {}}))
-            elif not part.exists():
-                sys.exit(said)
+def lines(work, mode):
+    """Write the table of a mode: {file: {line: [test, ...]}} and the seconds of each test."""
+    tree, kept = copied(work), work / f"lines_{mode}"
+    kept.mkdir(exist_ok=True)
     seconds, found = {}, {}
-    for part in sorted((work / "lines").glob("*.json")):
-        told = json.loads(part.read_text())
+    for test in sorted({test for pattern in TESTS for test in (tree / "tests").glob(pattern)}):
+        name, part = test.relative_to(tree).as_posix(), kept / f"{test.stem}.json"
+        digest = hashlib.sha256(test.read_bytes()).hexdigest()
+        told = json.loads(part.read_text()) if part.exists() else {}
+        if told.get("digest") != digest:
+            print(mode, name, flush=True)
+            told = {**_mapped(tree, name, mode, part), "digest": digest}
+            part.write_text(json.dumps(told))
         seconds.update(told["seconds"])
         for file, of in told["lines"].items():
             for line, tests in of.items():
                 found.setdefault(file, {}).setdefault(line, []).extend(tests)
-    out.write_text(json.dumps({"seconds": seconds, "lines": found}))
-    print(f"{len(seconds)} tests, {out}")
+    (work / f"lines_{mode}.json").write_text(json.dumps({"seconds": seconds, "lines": found}))
+    print(f"{mode}: {len(seconds)} tests")
+
+
+def _mapped(tree, name, mode, part):
+    """What the tests of a file run: as `mutant_lines` writes it."""
+    part.unlink(missing_ok=True)
+    environment = {**MODES[mode], "MUTANT_LINES": str(part), "MUTANT_LONGEST_S": str(LONGEST_S)}
+    code, said = tested(tree, ["-p", "mutant_lines", name], FLIGHT_S, **environment)
+    if code is None:  # too many slow tests: they have no say
+        return {"seconds": {}, "lines": {}}
+    if not part.exists():
+        sys.exit(said)
+    return json.loads(part.read_text())
+
+
+def compiled_names():
+    """Names that the kernels of the package use, constants among them: set of str."""
+    sources = (file.read_text(encoding="utf-8") for file in (ROOT / "shefex_nav").rglob("*.py"))
+    return {name for text in sources for _, _, names in mutant_places.kernels(text) for name in names}
+
+
+def mode_of(text, line, in_kernels):
+    """The mode in which a mutant is judged: str of MODES.
+
+    text, line : its source and its line;  in_kernels : as `compiled_names`
+    """
+    if any(first <= line <= last for first, last, _ in mutant_places.kernels(text)):
+        return "python"
+    return "python" if mutant_places.constant(text, line) in in_kernels else "compiled"
 
 
 def sample(each, seed, wanted):
@@ -157,13 +180,14 @@ def fast(table, file, first, last):
     return chosen
 
 
-def judged(work, table, mutant, flights):
+def judged(tree, tables, in_kernels, mutant, flights):
     """What becomes of a mutant: its line in mutants.jsonl."""
     part, name, line, (first, last), begin, end, new, what = mutant
-    tree, begun = copied(work), time.perf_counter()
-    file = tree / name
-    good = (ROOT / name).read_bytes()
-    row = {"part": part, "file": name, "line": line, "begin": begin, "what": what}
+    file, begun = tree / name, time.perf_counter()
+    good = file.read_bytes()
+    mode = mode_of(good.decode(), line, in_kernels)
+    table = tables[mode]
+    row = {"part": part, "file": name, "line": line, "begin": begin, "what": what, "mode": mode}
     bad = good[:begin] + new.encode() + good[end:]
     compile(bad, name, "exec")
     file.write_bytes(bad)
@@ -172,7 +196,7 @@ def judged(work, table, mutant, flights):
             code, said = tested(tree, ["-x", *FLIGHTS[part]], FLIGHT_S)
         elif chosen := fast(table, name, first, last):
             most_s = 60.0 + 5.0 * sum(table["seconds"][test] for test in chosen)
-            code, said = tested(tree, ["-x", *chosen], most_s, NUMBA_DISABLE_JIT="1")
+            code, said = tested(tree, ["-x", *chosen], most_s, **MODES[mode])
         else:
             return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}
     finally:
@@ -196,7 +220,8 @@ def run(work, options):
     """Judge the mutants of a sample that have no verdict yet."""
     if options.flights:
         _check_flights(work, options.part or PARTS)
-    table, known = json.loads((work / "lines.json").read_text()), told(work)
+    tree, in_kernels, known = copied(work), compiled_names(), told(work)
+    tables = {mode: json.loads((work / f"lines_{mode}.json").read_text()) for mode in MODES}
     mutants = sample(options.each, options.seed, options.part or PARTS)
     for k, mutant in enumerate(mutants):
         before = known.get((mutant[1], mutant[4], mutant[7]))
@@ -206,13 +231,14 @@ def run(work, options):
             continue
         if options.flights and before is None:
             continue
-        row = judged(work, table, mutant, options.flights)
+        row = judged(tree, tables, in_kernels, mutant, options.flights)
         if options.flights:
             row["flown"] = True
         with (work / "mutants.jsonl").open("a") as out:
             out.write(json.dumps(row) + "\n")
         print(
-            f"{k + 1}/{len(mutants)} {row['file']}:{row['line']} {row['what']}: {row['verdict']} {row['by']}",
+            f"{k + 1}/{len(mutants)} {row['file']}:{row['line']} {row['what']}: {row['verdict']} {row['by']} "
+            f"{row['s']} s",
             flush=True,
         )
 
@@ -249,13 +275,16 @@ def main():
     parser.add_argument("--each", type=int, default=100, help="mutants of each part")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--part", choices=PARTS, action="append")
+    parser.add_argument("--mode", choices=MODES, action="append", help="of the tables of lines: both")
     parser.add_argument("--flights", action="store_true", help="survivors, with flights")
     options = parser.parse_args()
     work = options.work.resolve()
     work.mkdir(parents=True, exist_ok=True)
-    {"lines": lambda: lines(work), "run": lambda: run(work, options), "show": lambda: show(work)}[
-        options.what
-    ]()
+    {
+        "lines": lambda: [lines(work, mode) for mode in options.mode or MODES],
+        "run": lambda: run(work, options),
+        "show": lambda: show(work),
+    }[options.what]()
 
 
 if __name__ == "__main__":
