@@ -228,7 +228,8 @@ def test_clock_noise_is_that_of_integrated_white_noise():
     white, walk, T = 0.7, 0.3, 2.5
     F, Q = np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([white, walk])
     big = linalg.expm(np.block([[-F, Q], [np.zeros((2, 2)), F.T]]) * T)
-    np.testing.assert_allclose(gps_errors.clock_noise(white, walk, T), big[2:, 2:].T @ big[:2, 2:], rtol=1e-12)
+    got = gps_errors.clock_noise(white, walk, T)
+    np.testing.assert_allclose(got, big[2:, 2:].T @ big[:2, 2:], rtol=1e-12)
 
 
 @pytest.mark.parametrize("white, walk", [(0.0, 0.0), (0.4, 0.0), (0.0, 0.2), (0.4, 0.2)])
