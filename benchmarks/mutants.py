@@ -104,19 +104,19 @@ def tested(tree, arguments, timeout_s, **environment):
     return process.returncode, said
 
 
-def lines(work, mode):
+def lines(work, mode, patterns):
     """Write the table of a mode: {file: {line: [test, ...]}} and the seconds of each test."""
     tree, kept = copied(work), work / f"lines_{mode}"
     kept.mkdir(exist_ok=True)
-    seconds, found = {}, {}
-    for test in sorted({test for pattern in TESTS for test in (tree / "tests").glob(pattern)}):
+    for test in sorted({test for pattern in patterns for test in (tree / "tests").glob(pattern)}):
         name, part = test.relative_to(tree).as_posix(), kept / f"{test.stem}.json"
         digest = hashlib.sha256(test.read_bytes()).hexdigest()
-        told = json.loads(part.read_text()) if part.exists() else {}
-        if told.get("digest") != digest:
+        if not part.exists() or json.loads(part.read_text()).get("digest") != digest:
             print(mode, name, flush=True)
-            told = {**_mapped(tree, name, mode, part), "digest": digest}
-            part.write_text(json.dumps(told))
+            part.write_text(json.dumps({**_mapped(tree, name, mode, part), "digest": digest}))
+    seconds, found = {}, {}
+    for part in sorted(kept.glob("*.json")):
+        told = json.loads(part.read_text())
         seconds.update(told["seconds"])
         for file, of in told["lines"].items():
             for line, tests in of.items():
@@ -275,13 +275,14 @@ def main():
     parser.add_argument("--each", type=int, default=100, help="mutants of each part")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--part", choices=PARTS, action="append")
+    parser.add_argument("--tests", action="append", help="of which lines are mapped: glob pattern in tests/")
     parser.add_argument("--mode", choices=MODES, action="append", help="of the tables of lines: both")
     parser.add_argument("--flights", action="store_true", help="survivors, with flights")
     options = parser.parse_args()
     work = options.work.resolve()
     work.mkdir(parents=True, exist_ok=True)
     {
-        "lines": lambda: [lines(work, mode) for mode in options.mode or MODES],
+        "lines": lambda: [lines(work, mode, options.tests or TESTS) for mode in options.mode or MODES],
         "run": lambda: run(work, options),
         "show": lambda: show(work),
     }[options.what]()
