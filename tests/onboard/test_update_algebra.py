@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain import plain
 from scipy import linalg
 from unpacked import CORE, FALLING
 
@@ -96,7 +97,7 @@ def test_a_part_of_a_correction_leaves_no_less_than_the_covariance_of_that_gain(
     scale = np.ones(CORE.n)
     scale[ATT] = s
     dx, updated = K @ z, joseph(P, H, R, K)
-    got, least = eskf.partly.py_func(dx, P, updated, s), joseph(P, H, R, scale[:, None] * K)
+    got, least = plain(eskf.partly)(dx, P, updated, s), joseph(P, H, R, scale[:, None] * K)
     np.testing.assert_allclose(dx, scale * (K @ z), rtol=1e-12)
     if np.all(s * (1.0 - s) == 0.0):
         np.testing.assert_allclose(got, least, rtol=1e-7, atol=1e-12)
