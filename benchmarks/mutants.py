@@ -55,6 +55,7 @@ TESTS = (
     "world/test_gps*.py",
     "world/test_instrument_faults.py",
     "onboard/test_*.py",
+    "scenario/test_told.py",
 )
 FLIGHTS = {
     "faults": ("tests/test_faulty_gps.py", "tests/test_faulty_imu.py", "tests/test_faulty_star_tracker.py"),

@@ -150,7 +150,7 @@ def test_what_is_told_is_k_sigma_and_the_worse_kind():
 
 
 def test_means_of_innovations_by_their_recursion():
-    """m <- (1 - a) m + a w, v <- (1 - a)^2 v + a^2; suspected beyond both bounds; over by the short window."""
+    """m <- (1 - a) m + a w, v <- (1 - a)^2 v + a^2; suspected beyond both; over by the short window."""
     rng = np.random.default_rng(9)
     A = rng.standard_normal((3, 3))
     S, limit = A @ A.T + np.eye(3), 30.0
