@@ -19,9 +19,11 @@ reader found equivalent do not count, if `mutants_same.json` beside this file sa
 """
 
 import argparse
+import compileall
 import hashlib
 import json
 import os
+import py_compile
 import random
 import shutil
 import signal
@@ -80,18 +82,27 @@ def copied(work):
     for file in ROOT.glob("*.*"):
         if file.is_file():
             shutil.copy(file, tree)
+    # bytecode that is checked by the hash of its source: a mutant may be as long and as old as the original
+    mode = py_compile.PycInvalidationMode.CHECKED_HASH
+    compileall.compile_dir(tree / "shefex_nav", quiet=1, invalidation_mode=mode)
     return tree
+
+
+def _environment(tree, **more):
+    """Variables of a process that runs the copy's tests."""
+    paths = os.pathsep.join([str(tree), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return {**os.environ, "PYTHONPATH": paths, **more}
+
+
+WORDS = ["-q", "-n", "0", "-p", "no:cacheprovider"]
 
 
 def tested(tree, arguments, timeout_s, **environment):
     """Exit code of pytest in the copy, None if it was stopped for its time; and what it printed."""
-    paths = os.pathsep.join([str(tree), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
-    own = {**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", **environment}
-    words = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *arguments]
     with subprocess.Popen(
-        words,
+        [sys.executable, "-m", "pytest", *WORDS, *arguments],
         cwd=tree,
-        env=own,
+        env=_environment(tree, **environment),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -103,6 +114,26 @@ def tested(tree, arguments, timeout_s, **environment):
             os.killpg(process.pid, signal.SIGKILL)
             return None, process.communicate()[0]
     return process.returncode, said
+
+
+SERVERS = {}  # mode -> process of mutant_server.py
+
+
+def tested_fast(tree, arguments, timeout_s, mode):
+    """As `tested`, in a fork of a process that has imported what no mutant changes."""
+    if mode not in SERVERS:
+        SERVERS[mode] = subprocess.Popen(
+            [sys.executable, str(HERE / "mutant_server.py")],
+            cwd=tree,
+            env=_environment(tree, **MODES[mode]),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+    server = SERVERS[mode]
+    server.stdin.write(json.dumps([[*WORDS, *arguments], timeout_s]) + "\n")
+    server.stdin.flush()
+    return json.loads(server.stdout.readline())
 
 
 def lines(work, mode, patterns):
@@ -197,7 +228,7 @@ def judged(tree, tables, in_kernels, mutant, flights):
             code, said = tested(tree, ["-x", *FLIGHTS[part]], FLIGHT_S)
         elif chosen := fast(table, name, first, last):
             most_s = 60.0 + 5.0 * sum(table["seconds"][test] for test in chosen)
-            code, said = tested(tree, ["-x", *chosen], most_s, **MODES[mode])
+            code, said = tested_fast(tree, ["-x", *chosen], most_s, mode)
         else:
             return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}
     finally:
