@@ -1,14 +1,17 @@
 """For `mutants.py`: runs pytest again and again, each time in a fork of a process that has imported what no
 mutant changes, which is most of the time that a fast test takes.
 
-In: a line of JSON on stdin each time, the arguments of pytest and a time limit [s]. Out: a line of JSON with
-the exit code, null if it was stopped for its time, and what it printed. The working directory is the copy of
+In: a line of JSON on stdin each time, the arguments of pytest and a limit of processor time [s], as a busy
+machine is no mutant's doing. Out: a line of JSON with the exit code, null if it was stopped for its time, and
+what it printed. The working directory is the copy of
 the project that has the mutant.
 """
 
 import importlib
 import json
+import math
 import os
+import resource
 import signal
 import sys
 import tempfile
@@ -24,15 +27,17 @@ PACKAGES = (
     "scipy.optimize", "scipy.spatial.transform", "numba", "_pytest.assertion.rewrite", "_pytest.doctest",
     "_pytest.unittest", "pydantic",
 )  # fmt: skip
+IDLE = 40.0  # times the limit of processor time: one that only waits is stopped, too
 BROKEN = 70  # exit code where pytest itself failed: no code of its own
 
 
-def tested(arguments, timeout_s):
+def tested(arguments, most_s):
     """Run pytest in a fork. -> exit code or None, what it printed"""
     with tempfile.TemporaryFile("w+") as out:
         child = os.fork()
         if not child:
             os.setsid()
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(most_s), math.ceil(most_s)))
             os.dup2(out.fileno(), 1)
             os.dup2(out.fileno(), 2)
             code = BROKEN
@@ -41,7 +46,7 @@ def tested(arguments, timeout_s):
                 sys.stdout.flush()
             finally:
                 os._exit(code)
-        code = _waited(child, timeout_s)
+        code = _waited(child, IDLE * most_s)
         out.seek(0)
         return code, out.read()
 
@@ -52,7 +57,8 @@ def _waited(child, timeout_s):
     while time.monotonic() - begun < timeout_s:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
-            return os.waitstatus_to_exitcode(status)
+            code = os.waitstatus_to_exitcode(status)
+            return code if code >= 0 else None
         time.sleep(0.02)
     os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)

@@ -69,7 +69,7 @@ FLIGHTS = {
 }  # fmt: skip
 MODES = {"compiled": {}, "python": {"NUMBA_DISABLE_JIT": "1"}}  # of kernels: variables of the environment
 LONGEST_S = 8  # of a test in the table of lines
-MOST_S = 120.0  # of all tests of one mutant, by the table; the fastest first
+MOST_S = 40.0  # of all tests of one mutant, by the table; the fastest first
 FLIGHT_S = 900.0  # of the flights of one mutant
 KILLED, SURVIVED, UNSEEN = "killed", "survived", "unseen"
 
@@ -227,7 +227,7 @@ def judged(tree, tables, in_kernels, mutant, flights):
         if flights:
             code, said = tested(tree, ["-x", *FLIGHTS[part]], FLIGHT_S)
         elif chosen := fast(table, name, first, last):
-            most_s = 60.0 + 5.0 * sum(table["seconds"][test] for test in chosen)
+            most_s = 20.0 + 3.0 * sum(table["seconds"][test] for test in chosen)
             code, said = tested_fast(tree, ["-x", *chosen], most_s, mode)
         else:
             return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}

@@ -315,6 +315,8 @@ def leans(monkeypatch, places, without, known=None, noise_px=0.2):
 
     def odds_without(stars, scene, prior, view, fit):
         asked.append(int(np.flatnonzero(view.det < 0)[0]))
+        J = jacobians(view, scene)[view.det >= 0, :, : fit.n_par]  # the information of the others
+        assert fit.log_det == pytest.approx(np.linalg.slogdet(np.einsum("sia,sib->ab", J, J))[1], rel=1e-5)
         assert fit.log_det == pytest.approx(2.0 * np.log(np.diag(fit.L)[: fit.n_par]).sum())
         return without
 

@@ -246,6 +246,20 @@ def test_the_noise_of_a_sensor_rises_at_once_and_falls_slowly():
     assert nav.noise.of_sensor("gps_position") == 16.0
 
 
+def test_a_sensor_that_is_right_is_left_alone_and_a_small_factor_is_said():
+    """A remark from 1.15 on, what there is no factor of is not taken back."""
+    nav = filter_of()
+    nav.noise.by_noise["gps_position"].append(0.5)
+    adaptation._blame(nav, "gps_position", found(1.0, sensor=False), 1.0)
+    assert not nav.noise.sensors and not nav.watch.said and nav.noise.by_noise["gps_position"]
+    adaptation._blame(nav, "gps_position", found(1.3), 1.0)  # 1.14 in standard deviation
+    assert nav.noise.of_sensor("gps_position") == 1.0
+    adaptation._blame(nav, "gps_position", found(1.4), 1.0)
+    assert nav.noise.of_sensor("gps_position") == pytest.approx(np.sqrt(1.4))
+    assert not nav.watch.said[-1].healthy and "about 1.2 times" in nav.watch.said[-1].reason
+    assert not nav.noise.by_noise["gps_position"]
+
+
 def learn(nav, **estimate):
     """What follows from an estimate of the share of process noise."""
     given = {"count": 40, "share": 0.5, "growth": 1.0, "sigma": 0.1, **estimate}
@@ -272,6 +286,7 @@ def seen(nav, name="gps_velocity", fate=Fate.USED, rows=3, k=1):
         ({"growth": 1e4}, 4.0),
         ({"growth": 2.25, "count": 29}, 1.0),  # too few
         ({"growth": 2.25, "share": 0.09}, 1.0),  # hardly any process noise in them
+        ({"growth": 2.25, "share": 0.11, "count": 30}, 1.5),
         ({"growth": 1.19}, 1.0),  # within two sigma
         ({"growth": 1.21}, 1.1),
     ],

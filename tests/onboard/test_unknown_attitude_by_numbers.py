@@ -234,6 +234,22 @@ def test_a_long_vector_tells_its_angle_as_a_whole(deg):
     assert not more[ATT].any() and not more[9:].any()
 
 
+def test_ties_along_the_axis_tell_nothing_of_the_vector_across():
+    """A velocity along the axis that goes with the angle is none that the angle has turned."""
+    P, z, H, R, _ = heading(1.0)
+    more, tie = unknown.bent(P, z, H, R, Q), 5.0 * UNKNOWN2 * C[:, 2]
+    P[VEL, 8] += tie
+    P[8, VEL] += tie
+    P[VEL, VEL] += 25.0 * UNKNOWN2 * np.outer(C[:, 2], C[:, 2])
+    np.testing.assert_allclose(unknown.bent(P, z, H, R, Q), more, atol=1e-9)
+    P, z, H, R, _ = heading(1.0)
+    P[POS, 8] = P[8, POS] = 2.0 * P[VEL, 8]  # of a position that was gained likewise, seen or not
+    P[POS, POS] += 4.0 * P[VEL, VEL]
+    got = unknown.bent(P, z, H, R, Q)
+    np.testing.assert_allclose(got[POS], 2.0 * got[VEL], atol=1e-9)
+    np.testing.assert_allclose(got[VEL], more[VEL], atol=1e-6)
+
+
 def test_a_vector_must_be_five_times_as_long_as_it_is_uncertain():
     for noise, tells in ((11.9, True), (12.1, False)):
         P, z, H, R, _ = heading(1.0, noise=noise)
