@@ -69,7 +69,7 @@ FLIGHTS = {
 }  # fmt: skip
 MODES = {"compiled": {}, "python": {"NUMBA_DISABLE_JIT": "1"}}  # of kernels: variables of the environment
 LONGEST_S = 8  # of a test in the table of lines
-MOST_S = 40.0  # of all tests of one mutant, by the table; the fastest first
+MOST_S = 10.0  # of all tests of one mutant, by the table; the fastest first
 FLIGHT_S = 900.0  # of the flights of one mutant
 KILLED, SURVIVED, UNSEEN = "killed", "survived", "unseen"
 
