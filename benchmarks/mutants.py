@@ -71,7 +71,7 @@ MODES = {"compiled": {}, "python": {"NUMBA_DISABLE_JIT": "1"}}  # of kernels: va
 LONGEST_S = 8  # of a test in the table of lines
 MOST_S = 10.0  # of all tests of one mutant, by the table; the fastest first
 FLIGHT_S = 900.0  # of the flights of one mutant
-KILLED, SURVIVED, UNSEEN = "killed", "survived", "unseen"
+KILLED, SURVIVED, UNSEEN, STOPPED = "killed", "survived", "unseen", "stopped"  # the last one for its time
 
 
 def copied(work):
@@ -251,7 +251,7 @@ def judged(tree, tables, in_kernels, mutant, flights):
         sys.exit(f"{name}:{line} {what}: pytest ended with code {code}\n{said}")
     failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
     by = "time" if code is None else failed[0].split(" - ")[0] if failed else ""
-    verdict = SURVIVED if code == 0 else KILLED
+    verdict = STOPPED if code is None else SURVIVED if code == 0 else KILLED
     return {**row, "verdict": verdict, "by": by, "s": round(time.perf_counter() - begun, 1)}
 
 
