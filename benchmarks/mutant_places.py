@@ -29,6 +29,30 @@ def of(text):
     return sorted(set(finder.found))
 
 
+def kernels(text):
+    """Kernels of a source: what is compiled. -> list of (first line, last line, names that they use)"""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef) and any(map(_marks, node.decorator_list)):
+            names = {getattr(one, "id", getattr(one, "attr", None)) for one in ast.walk(node)}
+            found.append((node.lineno, node.end_lineno, names))
+    return found
+
+
+def _marks(decorator):
+    """Whether a decorator is `kernel` or `inner` of `shefex_nav.compiled`, with options or without."""
+    name = decorator.func if isinstance(decorator, ast.Call) else decorator
+    return isinstance(name, ast.Name) and name.id in ("kernel", "inner")
+
+
+def constant(text, line):
+    """Name that a line outside functions gives to a constant, '' if it gives none."""
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.Assign) and node.lineno <= line <= node.end_lineno:
+            return getattr(node.targets[0], "id", "")
+    return ""
+
+
 class _Finder(ast.NodeVisitor):
     """Collects mutants. What is not run is left alone: annotations, docstrings, decorators."""
 

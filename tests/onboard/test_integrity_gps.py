@@ -52,6 +52,16 @@ def test_a_frozen_velocity_leaves_the_position():
     assert set(verdicts(*coarse, acceleration=2.0)[1]) == {"gps_velocity"}
 
 
+def test_a_velocity_that_stays_may_be_said_again():
+    """Free of force at 7 km/s: what counts is the change of velocity, not the velocity; sigma 1 m/s."""
+    memory = integrity_gps.memory()
+    for t_s, change, frozen in ((0.0, 0.0, False), (1.0, 1.0, False), (2.0, 3.0, True)):
+        v_e = np.array([7000.0 + change, 0.0, 0.0])
+        there = here(t_s, 7000.0 * t_s * np.array([1.0, 0.0, 0.0]), v_e)
+        reasons, _ = integrity_gps.repeated(memory, fix(t_s, [7000.0 * t_s, 0, 0], [7000, 0, 0]), there)
+        assert (set(reasons) == {"gps_velocity"}) == frozen
+
+
 def test_a_coarse_receiver_at_rest_may_repeat_itself():
     """It is used, but a hundred times the same says less than six times something new: sum of 1/k."""
     memory, information = integrity_gps.memory(), 0.0

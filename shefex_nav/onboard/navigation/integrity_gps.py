@@ -255,8 +255,8 @@ def _follow(mean, variance, suspected, z, S, limit, lasting):
         after[k] = (1.0 - a) * mean[k] + a * w
         variance_after[k] = (1.0 - a) ** 2 * variance[k] + a**2
         norm2, bound = (after[k] ** 2).sum(), limit * (variance_after[k] + lasting)
-        if not suspected:  # most of the window must have been seen
-            found |= norm2 > max(bound, LEAST**2) and variance_after[k] < 1.5 * a / (2.0 - a)
+        if not suspected:  # the mean of few is short: |w| (1 - (1 - a)^n) of n alike
+            found |= norm2 > max(bound, LEAST**2)
         elif k == 0:
             found = norm2 > max(CALM * bound, OVER**2)
     return after, variance_after, found

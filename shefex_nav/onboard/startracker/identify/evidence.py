@@ -255,7 +255,7 @@ def turn(C, phi):
     for c in range(3):
         x, y, z = C[0, c], C[1, c], C[2, c]
         C[0, c] = x + phi[1] * z - phi[2] * y
-        C[1, c] = y + phi[2] * x - phi[0] * z
+        # the second row follows from the other two, below
         C[2, c] = z + phi[0] * y - phi[1] * x
     norm = np.sqrt(C[2, 0] ** 2 + C[2, 1] ** 2 + C[2, 2] ** 2)
     for c in range(3):

@@ -1,0 +1,217 @@
+"""Wrong constants of a receiver: what a unit of each shows, how the response travels, when one is named."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from plain import plain
+from scipy import stats
+
+from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.onboard.navigation import integrity_constants as told
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
+
+N = 15
+RATE = 7.292115e-5
+Q = rotation.quat_from_rotvec(np.array([0.4, -0.7, 1.1]))
+C = rotation.dcm_from_quat(Q)
+R_I, V_I = np.array([6.5e6, 1e6, -2e6]), np.array([300.0, 1500.0, 900.0])
+
+
+def packed(r=R_I, v=V_I, q=Q):
+    x = np.zeros(30)
+    x[X_R], x[X_V], x[X_Q] = r, v, q
+    return x
+
+
+def rows(block):
+    H = np.zeros((3, N))
+    H[:, block] = rotation.dcm_from_rotvec(np.array([0.1, 0.9, 0.2]))
+    return H
+
+
+def test_a_position_of_another_instant_is_off_by_the_velocity_over_ground():
+    """A fix measured c seconds before its time, where the Earth has turned since; an arm as it stands."""
+    c, H = 1e-3, rows(POS)
+    turned = rotation.dcm_from_rotvec(np.array([0.0, 0.0, RATE * c])) @ (R_I - V_I * c)
+    got = plain(told._of_position)(H, packed(), RATE)
+    np.testing.assert_allclose(got[:, 0] * c, H[:, POS] @ (turned - R_I), rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(got[:, 1:], H[:, POS] @ C, rtol=1e-12)
+
+
+def test_a_velocity_of_another_instant_is_off_by_the_acceleration():
+    a_i, omega_b, H = np.array([3.0, -50.0, 7.0]), np.array([6.0, -0.2, 0.4]), rows(VEL)
+    got = plain(told._of_velocity)(H, packed(), a_i, omega_b)
+    np.testing.assert_allclose(got[:, 0], -H[:, VEL] @ a_i, rtol=1e-12)
+    for k in range(3):
+        arm = np.eye(3)[k]
+        np.testing.assert_allclose(got[:, 1 + k], H[:, VEL] @ C @ np.cross(omega_b, arm), atol=1e-12)
+
+
+def test_a_response_travels_as_an_error_of_the_state():
+    """Position by velocity, velocity by the attitude's error times specific force, which is not gravity."""
+    B, dt = np.random.default_rng(1).standard_normal((N, 4)), 0.8
+    C_0, f_i = rotation.dcm_from_rotvec(np.array([0.3, 0.2, -0.5])), np.array([20.0, -5.0, 8.0])
+    gravity = -wgs84.GM / np.linalg.norm(R_I) ** 3 * R_I
+    v_after, before = V_I + dt * (f_i + gravity), B.copy()
+    a_i = plain(told._carried)(B, V_I, C_0, R_I, v_after, C, dt)
+    np.testing.assert_allclose(a_i, f_i + gravity, rtol=1e-9)
+    turn_i = C_0 @ before[ATT]
+    for k in range(4):
+        a = np.cross(turn_i[:, k], f_i)
+        np.testing.assert_allclose(B[VEL, k], before[VEL, k] + a * dt, rtol=1e-6)
+        np.testing.assert_allclose(
+            B[POS, k], before[POS, k] + before[VEL, k] * dt + 0.5 * a * dt**2, rtol=1e-6
+        )
+    np.testing.assert_allclose(B[ATT], C.T @ turn_i, rtol=1e-12)  # the same turn, in the axes of now
+
+
+def test_the_value_that_explains_most():
+    rng = np.random.default_rng(2)
+    A = rng.standard_normal((6, 3))
+    J, y = A.T @ A, rng.standard_normal(3)
+    value, explained = plain(told._best)(J, y)
+    np.testing.assert_allclose(value, np.linalg.solve(J, y), rtol=1e-9)
+    assert explained == pytest.approx(y @ np.linalg.inv(J) @ y)
+    for bad in (np.diag([1.0, 1.0, 1e-9]), np.diag([1.0, 1.0, 0.0]), np.full((3, 3), np.nan)):
+        value, explained = plain(told._best)(bad, y)
+        assert not value.any() and explained == 0.0
+    assert plain(told._best)(np.diag([1.0, 1.0, 1e-7]), y)[1] > 1e5
+    assert plain(told._best)(np.zeros((1, 1)), np.ones(1))[1] == 0.0
+    assert plain(told._best)(np.full((1, 1), 1e-12), np.ones(1))[1] == pytest.approx(1e12)
+
+
+def measured(what, judges, learns, B, sums, dt_s=np.nan, seed=3):
+    """A measurement taken in. -> what `_take` says, and its h, z, S, P, H"""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((N, N))
+    P, z = A @ A.T, rng.standard_normal(3)
+    H = rows(POS if what == told.POSITION else VEL)
+    S, omega_b = H @ P @ H.T + np.diag([1.0, 2.0, 3.0]), np.array([0.5, 0.1, -0.2])
+    shown = np.zeros((3, 4))
+    seen = told.Seen(packed(), P, z, H, S, omega_b, RATE, dt_s)
+    got = plain(told._take)(B, sums, seen, what, judges, learns)
+    if what == told.POSITION:
+        shown = plain(told._of_position)(H, packed(), RATE)
+    elif what == told.VELOCITY:
+        shown = plain(told._of_velocity)(H, packed(), sums.a_i, omega_b)
+    return got, shown, z, S, P, H
+
+
+def new_sums():
+    return told.Sums(np.zeros((4, 4)), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("what", [told.POSITION, told.VELOCITY, told.NOTHING])
+@pytest.mark.parametrize("judges, learns", [(True, True), (True, False), (False, True)])
+def test_the_information_on_constants_adds_up_over_innovations(what, judges, learns):
+    """h = s - H B, J = sum h^T S^-1 h, y = sum h^T S^-1 z; a fix that is used moves B by K h."""
+    B, sums = np.random.default_rng(5).standard_normal((N, 4)), new_sums()
+    before = B.copy()
+    (beyond, time, by_time, arm, by_arm), shown, z, S, P, H = measured(what, judges, learns, B, sums)
+    h, inverse = shown - H @ before, np.linalg.inv(S)
+    np.testing.assert_allclose(sums.J, judges * h.T @ inverse @ h, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(sums.y, judges * h.T @ inverse @ z, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(B - before, learns * P @ H.T @ inverse @ h, rtol=1e-6, atol=1e-8)
+    assert beyond == pytest.approx(judges * (z @ inverse @ z - 3.0))
+    if judges:
+        J, y = sums.J, sums.y
+        assert time[0] == pytest.approx(y[0] / J[0, 0]) and by_time == pytest.approx(y[0] ** 2 / J[0, 0])
+        value, explained = plain(told._best)(J[1:, 1:].copy(), y[1:].copy())
+        np.testing.assert_allclose(arm, value, rtol=1e-7)
+        assert by_arm == pytest.approx(explained)
+    else:
+        assert by_time == by_arm == 0.0
+    np.testing.assert_array_equal(sums.v_i, V_I)
+    np.testing.assert_allclose(sums.C_ib, C)
+
+
+def test_between_measurements_the_response_is_carried_on():
+    B, sums = np.ones((N, 4)), new_sums()
+    measured(told.NOTHING, False, False, B, sums)
+    assert np.array_equal(B, np.ones((N, 4)))  # the first
+    sums.v_i[:] = V_I - 5.0
+    wanted = B.copy()
+    a_i = plain(told._carried)(wanted, V_I - 5.0, C, R_I, V_I, C, 0.5)
+    measured(told.NOTHING, False, False, B, sums, dt_s=0.5)
+    np.testing.assert_allclose(B, wanted, rtol=1e-9)
+    np.testing.assert_allclose(sums.a_i, a_i, rtol=1e-9)
+
+
+LIMITS = {1: stats.chi2.isf(1e-10, 1), 3: stats.chi2.isf(1e-10, 3)}
+
+
+def judged(time=(0.01, 0.0), arm=(1.0, 0.0), beyond=0.0, count=9, before=None):
+    """Words of a memory that has seen `count` innovations of GPS. time, arm : value, squares explained"""
+    one = told.Constants()
+    one.count, one.beyond, one.wrong = count, beyond, before
+    one._judge((np.array([time[0]]), time[1], np.array([0.6 * arm[0], 0.0, -0.8 * arm[0]]), arm[1]))
+    return one.found, one.wrong
+
+
+def test_a_constant_is_named_if_it_explains_far_more_than_chance():
+    """Beyond the quantile of 1e-10, and most of what is more than chance in all innovations."""
+    words = "time of its fixes wrong: measured about 10 ms before it"
+    assert judged(time=(0.01, 1.01 * LIMITS[1])) == (words, told.TIME)
+    assert judged(time=(-0.01, 1.01 * LIMITS[1]))[0].endswith("about 10 ms after it")
+    assert judged(time=(0.01, 0.99 * LIMITS[1])) == ("", None)
+    assert judged(arm=(2.5, 1.01 * LIMITS[3])) == ("lever arm wrong: by about 2.5 m", told.ARM)
+    assert judged(arm=(2.5, 0.99 * LIMITS[3])) == ("", None)
+    for share, found in ((0.71, True), (0.69, False)):
+        assert bool(judged(time=(0.01, 100.0), beyond=100.0 / share)[0]) == found
+
+
+def test_small_errors_and_few_innovations_are_no_matter():
+    for value, found in ((2.1e-3, True), (1.9e-3, False), (-2.1e-3, True)):
+        assert bool(judged(time=(value, 99.0))[0]) == found
+    for value, found in ((0.21, True), (0.19, False)):
+        assert bool(judged(arm=(value, 99.0))[0]) == found
+    assert judged(time=(0.01, 99.0), count=5)[0] and judged(time=(0.01, 99.0), count=4) == ("", None)
+
+
+def test_the_one_that_explains_more_is_named_and_stays_while_anything_speaks_for_it():
+    time, arm = (0.01, LIMITS[1] + 20.0), (2.0, LIMITS[3] + 21.0)
+    assert judged(time, arm)[1] == told.ARM
+    assert judged(time, (2.0, LIMITS[3] + 19.0))[1] == told.TIME
+    assert judged(time, arm, before=told.TIME)[1] == told.TIME
+    assert judged((0.01, 0.26 * LIMITS[1]), (0.0, 0.0), before=told.TIME)[1] == told.TIME
+    assert judged((0.01, 0.24 * LIMITS[1]), (0.0, 0.0), before=told.TIME) == ("", None)
+    assert judged((0.0, 0.0), (1.0, 0.26 * LIMITS[3]), before=told.ARM)[1] == told.ARM
+
+
+def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0):
+    nav = SimpleNamespace(watch=SimpleNamespace(imu_blind=blind), earth=SimpleNamespace(rate=RATE))
+    now = SimpleNamespace(x=packed(), P=np.eye(N), felt_packed=np.arange(6.0), t_s=t_s)
+    H = rows(VEL if "velocity" in name else POS)
+    one.take(nav, now, name, np.full(3, z), H, 2.0 * np.eye(3), fate)
+
+
+def test_what_is_taken_in_and_what_ends_it():
+    """GPS fixes judge, used or not, unless they wait or the IMU is blind; a reset ends it."""
+    one = told.Constants()
+    take(one, z=2.0)
+    assert (one.count, one.seen_s, one.closed) == (1, 1.0, False) and one.beyond == pytest.approx(6.0 - 3.0)
+    take(one, fate=Fate.REJECTED, t_s=2.0)
+    take(one, "gps_velocity", t_s=3.0)
+    assert one.count == 3 and one.seen_s == 3.0 and one.beyond == pytest.approx(3.0 - 3.0 - 3.0)
+    for given in ({"fate": Fate.HELD}, {"blind": True}, {"name": "star_tracker"}, {"name": "gps_range"}):
+        take(one, t_s=4.0, **given)
+    assert one.count == 3 and one.seen_s == 4.0
+    before = one.B.copy()
+    take(one, fate=Fate.RESET, t_s=5.0)
+    assert one.closed and one.count == 4
+    take(one, t_s=6.0)
+    assert one.seen_s == 5.0 and one.count == 4
+    learns = told.Constants()
+    take(learns, fate=Fate.REJECTED)
+    assert not learns.B.any()
+    take(learns)
+    assert learns.B.any() and before.shape == (N, 4)
+
+
+def test_a_velocity_sees_the_turn_of_the_body():
+    one = told.Constants()
+    take(one, "gps_velocity")
+    omega = rotation.skew(np.arange(3.0))
+    np.testing.assert_allclose(one.sums.J[1:, 1:], omega.T @ omega / 2.0, atol=1e-9)
