@@ -171,7 +171,7 @@ def test_an_alarm_is_over_when_all_that_still_speak_are_calm(nav):
         fed(nav, 5.0 + k, np.zeros(3))
     assert "gps" in nav.watch.alarms  # the position spoke last at 1.5 s, not 15 s ago, and said too little
     fed(nav, 16.6, np.zeros(3))
-    assert not nav.watch.alarms and nav.watch.said[-1].healthy
+    assert not nav.watch.alarms and nav.watch.pending[-1].healthy
     nav.watch.alarms["gps"] = 16.6
     fed(nav, 21.5, np.zeros(3))
     assert nav.watch.alarms

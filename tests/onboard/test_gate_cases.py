@@ -151,7 +151,7 @@ def test_a_position_insists_if_the_gate_has_widened_over_it():
         assert not gate._insists("gps_position", before, evidence(X), False)
 
 
-NOW = SimpleNamespace(t_s=41.0, x=np.zeros(16), P=ONE, vibration=0.0, felt_packed=np.arange(6.0), k=0)
+NOW = SimpleNamespace(t_s=41.0, x=np.zeros(16), P=ONE, vibration=0.0, sensed_packed=np.arange(6.0), k=0)
 
 
 def doubted(nav, name, verdict, nis=0.0, z=3.0 * X):
@@ -169,20 +169,20 @@ def test_what_is_doubted_with_a_sensor_that_is_believed_at_last(learnt):
     """Stars: gyros and all that was learnt; velocities likewise; a position was wrong by itself."""
     nav = filter_of()
     assert doubted(nav, "star_tracker", RESET).doubts == ("by_stars", False)
-    assert ("attitude", 3.0) in nav.watch.said and ("doubt", 3.0) in nav.watch.said
+    assert ("attitude", 3.0) in nav.watch.pending and ("doubt", 3.0) in nav.watch.pending
     assert doubted(filter_of(), "star_tracker", RESET._replace(admitted=1.0)).doubts == ("by_stars", True)
     nav = filter_of()
     assert doubted(nav, "gps_velocity", RESET).doubts[0] == "by_velocity"
-    assert nav.watch.said[0] == ("doubt",)
-    assert nav.watch.said[1][:2] == ("velocity", "gps_velocity") and nav.watch.said[1][3] == 7.0
+    assert nav.watch.pending[0] == ("doubt",)
+    assert nav.watch.pending[1][:2] == ("velocity", "gps_velocity") and nav.watch.pending[1][3] == 7.0
     assert doubted(filter_of(), "gps_range_rate", RESET).doubts[0] == "by_velocity"
     nav = filter_of()
-    assert doubted(nav, "gps_position", RESET) is RESET and nav.watch.said[0][0] == "position"
+    assert doubted(nav, "gps_position", RESET) is RESET and nav.watch.pending[0][0] == "position"
     nav = filter_of()
     doubted(nav, "gps_position", RESET._replace(admitted=2.0))
-    assert not nav.watch.said
+    assert not nav.watch.pending
     nav, grown = filter_of(), RESET._replace(admitted=Grown(np.ones(15)))
-    assert doubted(nav, "gps_velocity", grown) is grown and not nav.watch.said  # the model is at fault
+    assert doubted(nav, "gps_velocity", grown) is grown and not nav.watch.pending  # the model is at fault
 
 
 def test_a_fix_that_insists_is_remembered_as_a_step(learnt):
@@ -194,7 +194,7 @@ def test_a_fix_that_insists_is_remembered_as_a_step(learnt):
     assert nav.watch.moved is None
     nav = filter_of()
     doubted(nav, "gps_velocity", USED._replace(insisted=True))
-    assert nav.watch.moved is None and nav.watch.said[0][0] == "velocity"
+    assert nav.watch.moved is None and nav.watch.pending[0][0] == "velocity"
 
 
 def test_a_confirmed_fix_that_is_hardly_likely_teaches_with_doubt(learnt):
@@ -211,16 +211,16 @@ def test_a_confirmed_fix_that_is_hardly_likely_teaches_with_doubt(learnt):
 @pytest.mark.parametrize("nis, in_doubt", [(0.0, False), (99.0, True)])
 def test_the_log_is_told_what_becomes_of_a_sensor(nis, in_doubt):
     nav = filter_of({"gps_velocity": HEALTHY._replace(rejected=3 if in_doubt else 2)})
-    gate._tell(nav, 5.0, "gps_velocity", Fate.REJECTED, "")
-    told = [one for one in nav.watch.said if one[0] == "tell"]
+    gate._report(nav, 5.0, "gps_velocity", Fate.REJECTED, "")
+    told = [one for one in nav.watch.pending if one[0] == "tell"]
     assert told == ([("tell", 5.0, "gps_velocity", "contradicts the accelerometers")] if in_doubt else [])
     nav = filter_of()
     for fate, said in ((Fate.USED, "believed"), (Fate.RESET, "tell"), (Fate.DOUBTED, "tell")):
-        gate._tell(nav, 5.0, "gps_velocity", fate, "why")
-        assert nav.watch.said[-1][0] == said
-    nav.watch.said.clear()
-    gate._tell(filter_of({"star_tracker": HEALTHY}), 5.0, "star_tracker", Fate.HELD, "")
-    assert not nav.watch.said
+        gate._report(nav, 5.0, "gps_velocity", fate, "why")
+        assert nav.watch.pending[-1][0] == said
+    nav.watch.pending.clear()
+    gate._report(filter_of({"star_tracker": HEALTHY}), 5.0, "star_tracker", Fate.HELD, "")
+    assert not nav.watch.pending
 
 
 def test_the_attitude_is_that_of_a_fix_or_of_the_frame_of_single_stars():
@@ -241,7 +241,7 @@ def test_the_attitude_is_that_of_a_fix_or_of_the_frame_of_single_stars():
 def gyros(nav, now=NOW, fate=Fate.USED, found=None):
     asked = []
     nav.watch.gyros.compare = lambda *a: asked.append(a) or found
-    nav.watch.gyros_wrong = lambda *a: nav.watch.said.append(("wrong", *a))
+    nav.watch.gyros_wrong = lambda *a: nav.watch.pending.append(("wrong", *a))
     return gate._gyros_wrong(nav, now, 3.0 * X, ONE, fate), asked
 
 
@@ -256,13 +256,13 @@ def test_gyros_are_compared_with_the_stars_but_in_vibration_or_at_a_reset():
         (filter_of(), {"now": shaken}),
         (filter_of(), {"fate": Fate.RESET}),
     ):
-        assert gyros(nav, **given) == (None, []) and nav.watch.said == [("forget",)]
+        assert gyros(nav, **given) == (None, []) and nav.watch.pending == [("forget",)]
     nav = filter_of()
     nav.watch.gyros.checked_s = NOW.t_s
     gyros(nav)
-    assert nav.watch.said[0][0] == "confirmed"
+    assert nav.watch.pending[0][0] == "confirmed"
     nav = filter_of()
-    assert gyros(nav, found="wrong")[0] == "wrong" and nav.watch.said == [("wrong", 42.0, "wrong")]
+    assert gyros(nav, found="wrong")[0] == "wrong" and nav.watch.pending == [("wrong", 42.0, "wrong")]
 
 
 def followed(nav, z, fate=Fate.USED, number=1):
@@ -293,12 +293,12 @@ def test_gyros_that_are_found_wrong_explain_what_they_can_have_done(counted, lea
         (np.nan, 4.4, True),
         (np.nan, 4.6, False),
     ):
-        nav.watch.gyros.checked_s, nav.watch.said[:] = checked_s, []
+        nav.watch.gyros.checked_s, nav.watch.pending[:] = checked_s, []
         measurement = SimpleNamespace(sensor="star_tracker")
         got = gate._find_again(nav, NOW, verdict, found, measurement, angle * Y)
         assert got.fate == Fate.RESET and got.note == "gyro x gyro z wrong: bias to be found again"
         assert got.doubts == ("by_stars", explained or counted)
-        assert nav.watch.said == ([] if explained or counted else [("doubt", angle)])
+        assert nav.watch.pending == ([] if explained or counted else [("doubt", angle)])
         np.testing.assert_allclose(got.admitted["attitude"], angle)
         np.testing.assert_array_equal(got.admitted["gyro_bias"], np.ones(3))
     assert nav.health["star_tracker"].rejected == 0 and nav.watch.disputed == 0.0  # 4.5 rad explain 0.5

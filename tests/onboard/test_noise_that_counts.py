@@ -53,7 +53,7 @@ def alike(size, count=10):
 def count(nav, factor):
     """Let noise of the IMU count by an alarm; what was said and remembered of it is cleared."""
     adaptation.widen(nav, SimpleNamespace(P=P), factor, USED, "")
-    nav.watch.said.clear()
+    nav.watch.pending.clear()
 
 
 def test_neighbours_are_told_from_white_ones():
@@ -75,7 +75,7 @@ def test_noise_of_the_imu_counts_from_an_alarm_on(step, counts):
         assert before[name] == getattr(MODEL, name)
         assert after[name] == pytest.approx(counts * getattr(MODEL, name))
     assert nav.watch.gyros.noise[0] == pytest.approx((counts * MODEL.gyro_random_walk) ** 2)
-    assert nav.noise.share.skip == 10 and not nav.watch.said[0].healthy
+    assert nav.noise.share.skip == 10 and not nav.watch.pending[0].healthy
     again = adaptation.widen(nav, SimpleNamespace(P=P), 1.5, USED, "")
     assert nav.noise.imu == min(1.5 * counts, 16.0)  # factors multiply, up to the largest
     assert (again is USED) == (counts == 16.0)
@@ -233,7 +233,7 @@ def test_the_noise_of_a_sensor_rises_at_once_and_falls_slowly():
     nav = filter_of()
     adaptation._blame(nav, "gps_position", found(4.0), 0.75)
     assert nav.noise.of_sensor("gps_position") == pytest.approx(np.sqrt(1.0 + 3.0 / 0.75))
-    word = nav.watch.said[-1]
+    word = nav.watch.pending[-1]
     assert (word.t_s, word.source, word.healthy) == (NOW_S, "gps_position noise", False)
     adaptation._blame(nav, "gps_position", found(0.9, sensor=False), 1.0)  # not so much less
     assert nav.noise.of_sensor("gps_position") == pytest.approx(np.sqrt(5.0))
@@ -241,7 +241,7 @@ def test_the_noise_of_a_sensor_rises_at_once_and_falls_slowly():
     assert nav.noise.of_sensor("gps_position") == pytest.approx(0.7 * np.sqrt(5.0))
     for _ in range(3):
         adaptation._blame(nav, "gps_position", found(0.1, sensor=False), 1.0)
-    assert nav.noise.of_sensor("gps_position") == 1.0 and nav.watch.said[-1].healthy
+    assert nav.noise.of_sensor("gps_position") == 1.0 and nav.watch.pending[-1].healthy
     adaptation._blame(nav, "gps_position", found(1e6), 1.0)
     assert nav.noise.of_sensor("gps_position") == 16.0
 
@@ -251,12 +251,12 @@ def test_a_sensor_that_is_right_is_left_alone_and_a_small_factor_is_said():
     nav = filter_of()
     nav.noise.by_noise["gps_position"].append(0.5)
     adaptation._blame(nav, "gps_position", found(1.0, sensor=False), 1.0)
-    assert not nav.noise.sensors and not nav.watch.said and nav.noise.by_noise["gps_position"]
+    assert not nav.noise.sensors and not nav.watch.pending and nav.noise.by_noise["gps_position"]
     adaptation._blame(nav, "gps_position", found(1.3), 1.0)  # 1.14 in standard deviation
     assert nav.noise.of_sensor("gps_position") == 1.0
     adaptation._blame(nav, "gps_position", found(1.4), 1.0)
     assert nav.noise.of_sensor("gps_position") == pytest.approx(np.sqrt(1.4))
-    assert not nav.watch.said[-1].healthy and "about 1.2 times" in nav.watch.said[-1].reason
+    assert not nav.watch.pending[-1].healthy and "about 1.2 times" in nav.watch.pending[-1].reason
     assert not nav.noise.by_noise["gps_position"]
 
 
@@ -321,7 +321,7 @@ def test_a_factor_near_one_is_none():
     learn(nav, growth=0.6)
     seen(nav)
     assert nav.noise.imu == 1.0 and nav.noise.share is None and not nav.noise.confirmed
-    assert nav.watch.said[-1].healthy
+    assert nav.watch.pending[-1].healthy
 
 
 @pytest.mark.parametrize(
@@ -364,5 +364,5 @@ def test_readings_at_rest_only_raise_the_noise():
 def test_each_remark_is_made_once():
     nav = filter_of()
     for words in ("a", "a", "", "a"):
-        adaptation._say(nav, words)
-    assert [(one.reason, one.healthy) for one in nav.watch.said] == [("a", False), ("", True), ("a", False)]
+        adaptation._report(nav, words)
+    assert [(one.reason, one.healthy) for one in nav.watch.pending] == [("a", False), ("", True), ("a", False)]

@@ -90,7 +90,7 @@ def measured(what, judges, learns, B, sums, dt_s=np.nan, seed=3):
     H = rows(POS if what == told.POSITION else VEL)
     S, omega_b = H @ P @ H.T + np.diag([1.0, 2.0, 3.0]), np.array([0.5, 0.1, -0.2])
     shown = np.zeros((3, 4))
-    seen = told.Seen(packed(), P, z, H, S, omega_b, RATE, dt_s)
+    seen = told.Shown(packed(), P, z, H, S, omega_b, RATE, dt_s)
     got = plain(told._take)(B, sums, seen, what, judges, learns)
     if what == told.POSITION:
         shown = plain(told._of_position)(H, packed(), RATE)
@@ -182,7 +182,7 @@ def test_the_one_that_explains_more_is_named_and_stays_while_anything_speaks_for
 
 def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0):
     nav = SimpleNamespace(watch=SimpleNamespace(imu_blind=blind), earth=SimpleNamespace(rate=RATE))
-    now = SimpleNamespace(x=packed(), P=np.eye(N), felt_packed=np.arange(6.0), t_s=t_s)
+    now = SimpleNamespace(x=packed(), P=np.eye(N), sensed_packed=np.arange(6.0), t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
     one.take(nav, now, name, np.full(3, z), H, 2.0 * np.eye(3), fate)
 

@@ -228,7 +228,7 @@ def test_a_long_vector_tells_its_angle_as_a_whole(deg):
     """What is added is d turned by the angle less its linear part h u x d; the rest is linear."""
     h = np.radians(deg)
     P, z, H, R, d_b = heading(h)
-    more = unknown.bent(P, z, H, R, Q)
+    more = unknown.second_order(P, z, H, R, Q)
     linear = h * C @ np.cross(UNIT[2], d_b)
     np.testing.assert_allclose(z - H @ more, linear, atol=1e-6 * np.abs(linear).max())
     assert not more[ATT].any() and not more[9:].any()
@@ -237,15 +237,15 @@ def test_a_long_vector_tells_its_angle_as_a_whole(deg):
 def test_ties_along_the_axis_tell_nothing_of_the_vector_across():
     """A velocity along the axis that goes with the angle is none that the angle has turned."""
     P, z, H, R, _ = heading(1.0)
-    more, tie = unknown.bent(P, z, H, R, Q), 5.0 * UNKNOWN2 * C[:, 2]
+    more, tie = unknown.second_order(P, z, H, R, Q), 5.0 * UNKNOWN2 * C[:, 2]
     P[VEL, 8] += tie
     P[8, VEL] += tie
     P[VEL, VEL] += 25.0 * UNKNOWN2 * np.outer(C[:, 2], C[:, 2])
-    np.testing.assert_allclose(unknown.bent(P, z, H, R, Q), more, atol=1e-9)
+    np.testing.assert_allclose(unknown.second_order(P, z, H, R, Q), more, atol=1e-9)
     P, z, H, R, _ = heading(1.0)
     P[POS, 8] = P[8, POS] = 2.0 * P[VEL, 8]  # of a position that was gained likewise, seen or not
     P[POS, POS] += 4.0 * P[VEL, VEL]
-    got = unknown.bent(P, z, H, R, Q)
+    got = unknown.second_order(P, z, H, R, Q)
     np.testing.assert_allclose(got[POS], 2.0 * got[VEL], atol=1e-9)
     np.testing.assert_allclose(got[VEL], more[VEL], atol=1e-6)
 
@@ -253,12 +253,12 @@ def test_ties_along_the_axis_tell_nothing_of_the_vector_across():
 def test_a_vector_must_be_five_times_as_long_as_it_is_uncertain():
     for noise, tells in ((11.9, True), (12.1, False)):
         P, z, H, R, _ = heading(1.0, noise=noise)
-        assert (unknown.bent(P, z, H, R, Q) is not None) == tells
+        assert (unknown.second_order(P, z, H, R, Q) is not None) == tells
     for sigma, tells in ((0.21, True), (0.19, False)):
         P, z, H, R, _ = heading(0.2, variance=sigma**2, noise=0.01)
-        assert (unknown.bent(P, z, H, R, Q) is not None) == tells
+        assert (unknown.second_order(P, z, H, R, Q) is not None) == tells
     P, z, H, R, _ = heading(1.0, length=0.0)
-    assert unknown.bent(P, z, H, R, Q) is None
+    assert unknown.second_order(P, z, H, R, Q) is None
 
 
 def test_what_is_not_linear_of_a_lever_arm():

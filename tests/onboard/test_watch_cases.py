@@ -163,7 +163,7 @@ def test_what_is_left_to_say_of_a_sensor_that_is_used():
 def test_the_same_kind_of_reason_is_told_once():
     one = watch()
     for words in ("frozen: of T+1 s", "frozen: of T+2 s", "stale: of T+2 s", "", ""):
-        one.tell(1.0, "gps", words)
+        one.report(1.0, "gps", words)
     assert [said.reason for said in one.changes()] == ["frozen: of T+1 s", "stale: of T+2 s", ""]
     assert one.changes() == [] and one.reasons["gps"] == ""
 
@@ -251,7 +251,7 @@ def context():
     )
     sun = np.array([0.6, -0.64, 0.48])
     sky = star_context.Sky(sun, np.array([-1e4, 2e4, 1.8e4]))
-    return nav, frame, sky, star_context.whole(nav, frame, sky)
+    return nav, frame, sky, star_context.full_context(nav, frame, sky)
 
 
 def test_the_star_tracker_is_told_attitude_and_velocity_of_the_instant(context):
@@ -279,10 +279,10 @@ def test_the_star_tracker_is_told_attitude_and_velocity_of_the_instant(context):
 
 def test_a_chain_without_prediction_is_told_the_angles_alone(context):
     nav, frame, sky, told = context
-    brief = star_context.brief(nav, frame, sky)
+    brief = star_context.brief_context(nav, frame, sky)
     np.testing.assert_allclose(brief[0], told[0], rtol=1e-12)
     np.testing.assert_allclose(brief[1:4], told[1:4], rtol=1e-12)
     assert told.omega_c is not None
     late = SimpleNamespace(**{**vars(frame), "t_start_s": 5.0, "t_valid_s": 5.0})
-    unknown = star_context.whole(nav, late, sky)
+    unknown = star_context.full_context(nav, late, sky)
     assert unknown.omega_c is None and unknown.P_omega_c is None

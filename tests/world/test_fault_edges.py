@@ -79,7 +79,7 @@ def test_scale_multiplies_and_bias_adds_whatever_the_sign(sensor):
     for kind, error in (("scale", {"factor": 0.1}), ("bias", {key: 0.2})):
         increments = np.full((2, 41, 3), -1.0)
         wrong = (imu_fault(f"{sensor}_{kind}", 0.025, 0.05, axis="x", **error),)
-        faults.imu_felt(wrong, t_s, *increments)
+        faults.imu_sensed(wrong, t_s, *increments)
         expected = np.full((2, 41, 3), -1.0)
         expected[int(sensor != "gyro"), 11:21, 0] = -1.1 if kind == "scale" else -1.0 + 0.2 / RATE_HZ
         np.testing.assert_allclose(increments, expected, rtol=1e-12)
