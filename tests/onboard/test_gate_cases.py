@@ -27,16 +27,16 @@ def evidence(z, **fix):
 
 
 def watch(**values):
-    """A watch that notes what it is told, as its `said`, by name and arguments."""
+    """A watch that notes what it is told, as its `pending`, by name and arguments."""
     said = []
 
     def note(name):
         return lambda *given: said.append((name, *given))
 
     told = SimpleNamespace(
-        said=said, unread=False, moved=None, disputed=0.0, drift=integrity_gps.QUIET, drift_limit=30.0,
-        far=False, replaced=False, velocity_believed=note("velocity"), position_believed=note("position"),
-        attitude_was_wrong=note("attitude"), believed=note("believed"), tell=note("tell"),
+        pending=said, unread=False, moved=None, disputed=0.0, drift=integrity_gps.QUIET, drift_limit=30.0,
+        far=False, replaced=False, accept_velocity=note("velocity"), accept_position=note("position"),
+        attitude_was_wrong=note("attitude"), accept=note("accept"), report=note("report"),
         learnt=SimpleNamespace(pushed=lambda t_s, x: 7.0, confirmed=note("confirmed")),
         gyros=SimpleNamespace(doubt=note("doubt"), forget=note("forget"), checked_s=np.nan),
     )  # fmt: skip
@@ -92,7 +92,7 @@ def test_refused_groups_are_named():
 
 def test_a_result_counts_the_rows_that_were_used():
     nav = filter_of()
-    nav.sensors = {"gps_range": SimpleNamespace(rows=1, labels=None)}
+    nav.sensors = {"gps_range": SimpleNamespace(rows=1, labels=None, gate_probability=None)}
     S, z = np.diag([4.0, 9.0, 1.0]), np.array([2.0, 99.0, 3.0])
     measurement = SimpleNamespace(sensor="gps_range", fix=SimpleNamespace(t_valid_s=41.0))
     verdict = USED._replace(rows=np.array([True, False, True]), note="said")
@@ -212,10 +212,10 @@ def test_a_confirmed_fix_that_is_hardly_likely_teaches_with_doubt(learnt):
 def test_the_log_is_told_what_becomes_of_a_sensor(nis, in_doubt):
     nav = filter_of({"gps_velocity": HEALTHY._replace(rejected=3 if in_doubt else 2)})
     gate._report(nav, 5.0, "gps_velocity", Fate.REJECTED, "")
-    told = [one for one in nav.watch.pending if one[0] == "tell"]
-    assert told == ([("tell", 5.0, "gps_velocity", "contradicts the accelerometers")] if in_doubt else [])
+    told = [one for one in nav.watch.pending if one[0] == "report"]
+    assert told == ([("report", 5.0, "gps_velocity", "contradicts the accelerometers")] if in_doubt else [])
     nav = filter_of()
-    for fate, said in ((Fate.USED, "believed"), (Fate.RESET, "tell"), (Fate.DOUBTED, "tell")):
+    for fate, said in ((Fate.USED, "accept"), (Fate.RESET, "report"), (Fate.DOUBTED, "report")):
         gate._report(nav, 5.0, "gps_velocity", fate, "why")
         assert nav.watch.pending[-1][0] == said
     nav.watch.pending.clear()

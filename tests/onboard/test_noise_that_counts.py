@@ -33,7 +33,7 @@ def filter_of(moved=None, **health):
         constants=SimpleNamespace(model=error_model.record(PARAMS)),
         history=SimpleNamespace(ends_s=[0.0, NOW_S], P=P, newest=1, oldest=0, number=lambda k: k),
         watch=SimpleNamespace(
-            said=[], moved=moved, imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
+            pending=[], moved=moved, imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
         ),
         bank=SimpleNamespace(begin_anew=lambda: anew.append(True), anew=anew),
     )  # fmt: skip
@@ -365,4 +365,8 @@ def test_each_remark_is_made_once():
     nav = filter_of()
     for words in ("a", "a", "", "a"):
         adaptation._report(nav, words)
-    assert [(one.reason, one.healthy) for one in nav.watch.pending] == [("a", False), ("", True), ("a", False)]
+    assert [(one.reason, one.healthy) for one in nav.watch.pending] == [
+        ("a", False),
+        ("", True),
+        ("a", False),
+    ]

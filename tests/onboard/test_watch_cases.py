@@ -105,31 +105,31 @@ def test_a_step_back_is_one_of_the_same_size():
 
 def test_a_velocity_that_is_believed_is_a_step_until_one_back():
     one, z = watch(), np.array([3.0, 0.0, 0.0])
-    one.velocity_believed("gps_velocity", z, 5.0)
+    one.accept_velocity("gps_velocity", z, 5.0)
     assert one.step is None  # not far off
     one.far = True
-    one.velocity_believed("gps_range_rate", z, 5.0)
+    one.accept_velocity("gps_range_rate", z, 5.0)
     assert one.step is None
-    one.velocity_believed("gps_velocity", z, 5.0)
+    one.accept_velocity("gps_velocity", z, 5.0)
     assert np.array_equal(one.step, z) and one.pushed == 5.0
-    one.velocity_believed("gps_velocity", -z, 6.0)
+    one.accept_velocity("gps_velocity", -z, 6.0)
     assert one.step is None and one.pushed == 6.0
     one.unread = True
-    one.velocity_believed("gps_velocity", z, 5.0)
+    one.accept_velocity("gps_velocity", z, 5.0)
     assert one.step is None
 
 
 def test_a_position_that_is_believed_is_remembered_until_it_is_back():
     one, z = watch(), np.array([30.0, 0.0, 0.0])
-    one.position_believed(z)
+    one.accept_position(z)
     assert one.moved is None
     one.far = True
-    one.position_believed(z)
+    one.accept_position(z)
     assert np.array_equal(one.moved, z)
-    one.position_believed(-z)
+    one.accept_position(-z)
     assert one.moved is None
     one.unread = True
-    one.position_believed(z)
+    one.accept_position(z)
     assert one.moved is None
 
 
@@ -150,14 +150,14 @@ def test_what_is_left_to_say_of_a_sensor_that_is_used():
     one = watch()
     one.moved, one.step, one.disputed = np.array([3.0, 4.0, 0.0]), np.array([0.0, 1.2, 0.5]), np.radians(2.0)
     for name, words in (("gps_position", "5 m"), ("gps_velocity", "1.3 m/s"), ("star_tracker", "2 deg")):
-        one.believed(1.0, name)
-        assert one.said[-1].source == name and one.said[-1].reason.endswith(f"wrong by {words}")
-    one.believed(1.0, "barometer")
-    assert len(one.said) == 3
+        one.accept(1.0, name)
+        assert one.pending[-1].source == name and one.pending[-1].reason.endswith(f"wrong by {words}")
+    one.accept(1.0, "barometer")
+    assert len(one.pending) == 3
     one.moved = one.step, one.disputed = None, 0.0
     one.moved = None
-    one.believed(2.0, "gps_position")
-    assert one.said[-1].healthy
+    one.accept(2.0, "gps_position")
+    assert one.pending[-1].healthy
 
 
 def test_the_same_kind_of_reason_is_told_once():
@@ -183,13 +183,15 @@ def test_gyros_that_were_wrong_are_trusted_for_a_second_after_stars():
     one.gyros.failed, one.gyros.wrong = ("gyro y",), ("gyro y",)
     one.gyros_wrong(5.0, found)
     assert (
-        one.distrusted and one.said[-1].reason.endswith("by 0.573 deg/s") and one.said[-1].source == "gyro y"
+        one.distrusted
+        and one.pending[-1].reason.endswith("by 0.573 deg/s")
+        and one.pending[-1].source == "gyro y"
     )
     one.gyros.wrong, one.gyros.checked_s = (), 6.0
     for t_s, trusted in ((6.5, True), (7.0, True), (7.01, False)):
         one.screened(t_s, 0)
         assert one.distrusted != trusted and one.imu_blind != trusted
-        assert one.said[-1].healthy == trusted
+        assert one.pending[-1].healthy == trusted
     ends_s = 6.5 + 0.1 * np.arange(10)
     one.screened(6.4, 0)
     assert one.steady(ends_s) == 1 + 6  # the first at which the check is too old, 7.1 s
