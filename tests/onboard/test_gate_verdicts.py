@@ -27,8 +27,8 @@ def sensor(rows=0, alone=None, agree=True, admits=None, **rule):
         return trial(evidence(z, t_s=fix.t_valid_s), agree, **given)
 
     return SimpleNamespace(
-        rows=rows, alone=None if alone is None else (lambda nav, S: alone), trial=tried, admits=admits, gate_probability=None,
-        reset_note="reset", labels=None, asked=asked,
+        rows=rows, alone=None if alone is None else (lambda nav, S: alone), trial=tried, admits=admits,
+        gate_probability=None, reset_note="reset", labels=None, asked=asked,
     )  # fmt: skip
 
 
