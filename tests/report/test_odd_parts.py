@@ -133,10 +133,10 @@ def test_motors_and_apogee_are_in_the_figures_of_a_vehicle():
     looked = vehicle.look(load.load("rexus_like"))
     found = vehicle.summary(looked)
     (motor,) = found["motors"]
-    t_s, thrust = looked.seen.t_s, looked.seen.thrust
+    t_s, thrust = looked.profile.t_s, looked.profile.thrust
     burning = thrust > 0.0
     assert motor["burn_time_s"] == pytest.approx(t_s[burning][-1] - t_s[burning][0], abs=0.15)
     in_air = float((0.5 * (thrust[1:] + thrust[:-1]) * (t_s[1:] - t_s[:-1])).sum())
     assert 0.9 * motor["total_impulse_n_s"] < in_air < motor["total_impulse_n_s"]  # less the air's pressure
-    assert found["apogee_km"] == pytest.approx(looked.seen.height.max() / 1e3, abs=0.01)
-    assert found["apogee_s"] == pytest.approx(t_s[looked.seen.height.argmax()], abs=0.1)
+    assert found["apogee_km"] == pytest.approx(looked.profile.height.max() / 1e3, abs=0.01)
+    assert found["apogee_s"] == pytest.approx(t_s[looked.profile.height.argmax()], abs=0.1)

@@ -58,7 +58,7 @@ def test_centre_of_mass_and_margin_follow_from_the_table(rexus):
 
 def test_a_rocket_swings_with_the_frequency_that_is_told(swinging):
     """Without spin the resonance is the pitch frequency but for 1 - I_x/I_t: half turns are counted."""
-    seen, trajectory = swinging.seen, swinging.flight.trajectory
+    seen, trajectory = swinging.profile, swinging.flight.trajectory
     part = (trajectory.t_s > 0.8) & (trajectory.t_s < 4.0)
     rate, t_s = trajectory.omega_ib_b[part], trajectory.t_s[part]
     rate = rate[:, 1] if np.ptp(rate[:, 1]) > np.ptp(rate[:, 2]) else rate[:, 2]
