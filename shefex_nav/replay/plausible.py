@@ -251,18 +251,18 @@ def _axes(scenario, data, fixes):
 
 def _against_truth(data, axes, g, slack):
     """The specific force against that of the truth, second by second: its acceleration less gravity."""
-    felt_b, true_b = _specific_forces(data, g)
-    if not len(felt_b):
+    sensed_b, true_b = _specific_forces(data, g)
+    if not len(sensed_b):
         return []
-    tilt = _tilt(felt_b, true_b)
+    tilt = _tilt(sensed_b, true_b)
     if tilt <= slack:
         return []
-    in_file = dataset.file_axes(felt_b, axes)
+    in_file = dataset.file_axes(sensed_b, axes)
     fitting = [one for one in _right_handed() if _tilt(dataset.body_axes(in_file, one), true_b) <= slack]
     fits = " or ".join(f"[{', '.join(one)}]" for one in fitting) or "no other axes"
     words = (
         f"in axes [{', '.join(axes)}] the specific force points {np.degrees(tilt):.0f} deg from where the "
-        f"truth has it (median of {len(felt_b)} s); it fits in {fits}"
+        f"truth has it (median of {len(sensed_b)} s); it fits in {fits}"
     )
     if tilt > max(TILTED, slack):
         raise DataError(f"data.axes: {words}: check these and the angles of the truth")
@@ -291,7 +291,7 @@ def _specific_forces(data, g):
     imu, truth = data.imu, data.truth
     begin_s, end_s = max(imu.t_s[0], truth.t_s[0]), min(imu.t_s[-1], truth.t_s[-1])
     n = min(int((end_s - begin_s) / SECOND_S), MOST_SECONDS)
-    gained, felt_b, true_b = np.cumsum(imu.dv_b, axis=0), [], []
+    gained, sensed_b, true_b = np.cumsum(imu.dv_b, axis=0), [], []
     for first_s in np.linspace(begin_s, end_s - SECOND_S, n) if n > 0 else ():
         ends_s = np.array([first_s, first_s + SECOND_S])
         sensed = np.diff([np.interp(ends_s, imu.t_s, column) for column in gained.T], axis=1)[:, 0] / SECOND_S
@@ -303,9 +303,9 @@ def _specific_forces(data, g):
         true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=1)[:, 0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
         steady = np.trace(C_first.T @ C_last) > 1.0 + 2.0 * np.cos(MOST_TURN)
         if steady and min(np.linalg.norm(sensed), np.linalg.norm(true)) > 0.5 * g:
-            felt_b.append(sensed)
+            sensed_b.append(sensed)
             true_b.append(true)
-    return np.array(felt_b).reshape(-1, 3), np.array(true_b).reshape(-1, 3)
+    return np.array(sensed_b).reshape(-1, 3), np.array(true_b).reshape(-1, 3)
 
 
 def _against_climb(data, axes, fixes, g, slack):

@@ -7,7 +7,7 @@ place is left out.
 
 import numpy as np
 
-from shefex_nav.solve.field import flatten
+from shefex_nav.solve.background import flatten
 from shefex_nav.solve.names import name_of
 
 WIDTH_PX = (

@@ -230,7 +230,7 @@ def _worth_trying(nav, arrival, fix, index, results):
 
 
 def _inertial_state(nav, index):
-    """integrity_gps.Whereabouts of a tick."""
+    """integrity_gps.InertialState of a tick."""
     history, t_s = nav.history, nav.history.ends_s[index]
     sums = nav.watch.path.until(history.oldest + index)
     return integrity_gps.inertial_state(t_s, history.arrays, history.place(index), sums, nav.earth)

@@ -111,7 +111,7 @@ class InertialState(NamedTuple):
 
 
 def inertial_state(t_s, memory, place, sums, earth):
-    """Whereabouts at the end of a tick.
+    """InertialState at the end of a tick.
 
     memory, place : prediction.Memory and where the tick stands in it;  sums : Sums until its end
     earth : EarthRotation
@@ -169,7 +169,7 @@ def repeated(earlier, fix, here):
     ----------
     earlier : `memory`, which takes the fix in if it is new
     fix : GpsFix or GpsRanges
-    here : Whereabouts at that instant
+    here : InertialState at that instant
 
     Returns
     -------

@@ -30,7 +30,7 @@ from shefex_nav.world.flight.devices import yo_yo_acceleration
 from shefex_nav.world.flight.surroundings import (
     air,
     coarse_gravity,
-    earth_rotation,
+    earth_angle,
     level,
     position_e,
     times,
@@ -218,7 +218,7 @@ def _at_imu(x, s, lx, ly, lz, ax, ay, az):
 @inner(error_model="numpy", forceinline=True)
 def _around(t_s, x, s, tables, fine):
     """Gravitation in frame i, three numbers, m/s^2, and Around."""
-    turn = earth_rotation(s, t_s)
+    turn = earth_angle(s, t_s)
     ex, ey, ez = position_e(s, turn, x[0], x[1], x[2])
     gx, gy, gz = coarse_gravity(s, ex, ey, ez)
     gx, gy, gz = to_inertial(s, turn, gx, gy, gz)

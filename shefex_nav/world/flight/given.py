@@ -144,8 +144,8 @@ def _in_the_air(air, height, speed):
         density, sound = np.exp(rows[0]), rows[2]
     else:
         grid = np.arange(height.min() - AIR_M, height.max() + 2.0 * AIR_M, AIR_M)
-        air = np.array([us76(float(one)) for one in grid])
-        density, sound = np.interp(height, grid, air[:, 0]), np.interp(height, grid, air[:, 3])
+        standard = np.array([us76(float(one)) for one in grid])
+        density, sound = (np.interp(height, grid, standard[:, k]) for k in (0, 3))
     return speed / sound, 0.5 * air.density_factor * density * speed**2
 
 
@@ -213,7 +213,7 @@ def _phases(t_s, number, instants, starts):
 
 
 def _by_file(params, t_s):
-    """The burning motor and the events of a flight whose file says so; arguments and result as of `_seen`."""
+    """The burning motor and the events of a flight whose file says so; arguments and result as of `_by_motion`."""
     boost = _phases_of_file(params.known, t_s) == Phase.BOOST
     number = 1 + np.searchsorted(np.array(params.separations, dtype=float), t_s, side="right")
     instants = {name: at for name, at in params.known.instants.items() if at >= t_s[0]}

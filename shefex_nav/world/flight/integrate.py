@@ -30,7 +30,7 @@ from shefex_nav.world.flight.runge_kutta import (
     workspace,
 )
 from shefex_nav.world.flight.scene import prepare
-from shefex_nav.world.flight.surroundings import earth_rotation, level, position_e
+from shefex_nav.world.flight.surroundings import earth_angle, level, position_e
 
 TOLERANCE = 1e-10  # m, m/s, rad, rad/s: largest estimated error of a component in a step
 LARGEST_STEP = 0.05  # s
@@ -95,7 +95,7 @@ def _write_samples(t_s, t_new, x, k, samples, section, work):
 @inner(error_model="numpy", forceinline=True)
 def _height(t_s, x, s):
     """Height of a state above the ellipsoid, m."""
-    ex, ey, ez = position_e(s, earth_rotation(s, t_s), x[0], x[1], x[2])
+    ex, ey, ez = position_e(s, earth_angle(s, t_s), x[0], x[1], x[2])
     height, _, _ = level(s.a, s.e2, ex, ey, ez)
     return height
 
@@ -106,7 +106,7 @@ def _ended(t_s, x, height_before, mode, s, stop_height):
     if mode == PROGRAMMED:
         return T_END
     if mode == ON_RAIL:
-        ex, ey, ez = position_e(s, earth_rotation(s, t_s), x[0], x[1], x[2])
+        ex, ey, ez = position_e(s, earth_angle(s, t_s), x[0], x[1], x[2])
         travel = (ex - s.rail_r_e[0]) * s.rail_direction_e[0] + (ey - s.rail_r_e[1]) * s.rail_direction_e[1]
         travel += (ez - s.rail_r_e[2]) * s.rail_direction_e[2]
         return EVENT if travel > s.rail_length else T_END

@@ -194,7 +194,7 @@ def dense_output(h, work):
 
 @inner(error_model="numpy", forceinline=True)
 def read(x, part, work):
-    """Write the state part of the way through the step from x into work.y, after `bend`."""
+    """Write the state part of the way through the step from x into work.y, after `dense_output`."""
     y, change, curve, rest = work.y, work.change, work.curve, 1.0 - part
     for j in range(STATE):
         beyond = curve[0, j] + part * (curve[1, j] + rest * curve[2, j])

@@ -102,7 +102,7 @@ def transposed_times(C, x, y, z):
 
 
 @inner(forceinline=True)
-def earth_rotation(s, t_s):
+def earth_angle(s, t_s):
     """Cosine and sine of the Earth rotation angle at a mission time. s: of the Scene, or an EarthRotation."""
     angle = s.angle_0 + s.rate * t_s
     return np.cos(angle), np.sin(angle)
@@ -164,7 +164,7 @@ def coarse_gravity(s, x, y, z):
 @inner
 def fine_gravity_i(gravity, s, t_s, x, y, z):
     """What the closed form lacks of a GravityModel at an inertial position: three numbers, m/s^2, frame i."""
-    turn = earth_rotation(s, t_s)
+    turn = earth_angle(s, t_s)
     x, y, z = position_e(s, turn, x, y, z)
     g = gravity_e(gravity, np.array([x, y, z]))
     gx, gy, gz = coarse_gravity(s, x, y, z)
