@@ -79,7 +79,7 @@ def test_mean_goes_as_the_truth_does_where_the_trajectory_is_far_from_a_flight(n
 def kept(sensor, fix, state, then, z, H, R):
     """Seen as the first pass kept it, linear about `then`; x: the trajectory."""
     star = fix if sensor == "star_tracker" else None
-    return relinear.UsedMeasurement(pack(then), z, H, R, None, (), star, pack(state))
+    return relinear.Seen(pack(then), z, H, R, None, (), star, pack(state))
 
 
 @pytest.mark.parametrize("sensor", ["gps_position", "gps_velocity", "star_tracker"])
@@ -142,7 +142,7 @@ def test_what_was_forgotten_is_anything_about_what_the_filter_held(nav, sigma):
     e[block] = [1e-3, -2e-3, 0.5e-3]
     P_forgotten = np.eye(order.n)
     nothing = np.empty(0), np.empty((0, order.n)), np.empty((0, 0))
-    seen = relinear.UsedMeasurement(corrected(x, e, order.nominal), *nothing, P_forgotten, (block,), None, x)
+    seen = relinear.Seen(corrected(x, e, order.nominal), *nothing, P_forgotten, (block,), None, x)
     mean = sigma * rng.standard_normal(order.n)
     after = relinear.follow(nav, relinear.Filtered(mean, P), x, seen)
     others = np.delete(np.arange(order.n), np.arange(block.start, block.stop))
@@ -156,7 +156,7 @@ def test_noise_that_was_added_is_added(nav, sigma):
     order = nav.layout
     x, more = pack(FLIGHT[1][0]), np.diag(np.arange(order.n) * 1e-3)
     nothing = np.empty(0), np.empty((0, order.n)), np.empty((0, 0))
-    seen = relinear.UsedMeasurement(x, *nothing, more, (), None, x)
+    seen = relinear.Seen(x, *nothing, more, (), None, x)
     after = relinear.follow(nav, relinear.Filtered(sigma, np.diag(sigma**2)), x, seen)
     assert np.allclose(after.P, np.diag(sigma**2) + more, rtol=1e-14)
     assert np.allclose(after.mean, sigma, rtol=1e-12)

@@ -85,8 +85,9 @@ def conclude(results):
     rows = np.concatenate([result["rows"] for result in results])
     out = []
     for kind in PUBLISHED:
-        for rate in RATES:
-            out += _published_rows(kind, rate, rows)
+        both = [one for rate in RATES for one in _published_rows(kind, rate, rows)]
+        found = _explained(both)
+        out += found if kind != VARIANT else [row.variant(one) for one in found]
     out += _shape_rows(rows)
     for kind in OWN:
         for rate in RATES:
@@ -95,7 +96,10 @@ def conclude(results):
 
 
 def _published_rows(kind, rate, rows):
-    """Mean, standard deviation, skewness and kurtosis of one kind and rate; and what belongs to no star."""
+    """Mean, standard deviation, skewness and kurtosis of one kind and rate; and what belongs to no star.
+
+    list of (Row, {reading of SHOWN: Row with it})
+    """
     mine = chosen(rows, kind, rate)
     if len(mine) < LEAST or len(np.unique(column(mine, "sample"))) < 2:
         return []
@@ -110,27 +114,38 @@ def _published_rows(kind, rate, rows):
             reading: _moment_rows(name, condition, values, table, r, "")
             for reading, values in selections(kind, spots, axis).items()
         }
-        found = [_read(one, {key: rows_of[k] for key, rows_of in others.items()})
-                 for k, one in enumerate(found)]  # fmt: skip
-        out += found if kind != VARIANT else [row.variant(one) for one in found]
+        out += [(one, {key: found_by[k] for key, found_by in others.items()}) for k, one in enumerate(found)]
     for reading, which in readings(kind, mine).items():
-        out.append(row.share(f"clusters, {READINGS[reading]}", condition, which.sum(), len(which)))
+        what = f"clusters, {READINGS[reading]}"
+        out.append((row.share(what, condition, which.sum(), len(which)), {}))
     at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
-    out.append(row.share("clusters at no star", condition, at.sum() - len(mine), at.sum()))
+    out.append((row.share("clusters at no star", condition, at.sum() - len(mine), at.sum()), {}))
     return out
 
 
-def _read(one, others):
-    """A row, explained where one of EXPLAINS reaches the paper, or with what each of SHOWN gives.
+def _explained(both):
+    """Rows of one kind at all rates. One reading has to do for all: that of EXPLAINS which reaches most.
+
+    both : as of `_published_rows`
 
     'within 2 px' leaves out clusters by the error that is judged: it shows, and explains nothing. The others
-    do not look at the error. A spread goes continuously with the width of the spot: it may lie between.
+    do not look at the error.
     """
-    for reading, words in EXPLAINS.items():
-        if reading in others:
-            passes = one.quantity.startswith("std") and reading.endswith((BOX, JOINT))
-            run = f"impa-centroids/{reading}"
-            one = row.explained(one, others[reading], run, words, passes=passes)
+
+    def by(reading):
+        run, words = f"impa-centroids/{reading}", EXPLAINS[reading]
+        return [row.explained(one, of[reading], run, words) if reading in of else one for one, of in both]
+
+    def reached(reading):
+        return sum(one.verdict == row.Verdict.EXPLAINED for one in by(reading))
+
+    return [
+        _with_readings(one, of) for one, (_, of) in zip(by(max(EXPLAINS, key=reached)), both, strict=True)
+    ]
+
+
+def _with_readings(one, others):
+    """A row that is open, with what each of SHOWN gives; else the row as it is."""
     if one.verdict == row.Verdict.OPEN and others:
         given = "; ".join(f"{reading} {other.measured:.3g}" for reading, other in others.items())
         one = one._replace(

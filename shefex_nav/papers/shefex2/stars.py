@@ -111,13 +111,7 @@ def _count_rows(built):
             passes=True,
         ),
         variant(from_shallow),
-        explained(
-            count("pairs", as_written, n_pairs, pairs[thinned], uneven),
-            count("pairs", "", n_pairs, pairs["combined"]),
-            "shefex-catalogue/pool to V 5.75",
-            "with a pool to V 5.75 in both hemispheres",
-            passes=True,
-        ),
+        count("pairs", as_written, n_pairs, pairs[thinned], uneven),
         Row("pairs", "uniform", None, pairs["uniform"]),
         *_faint_rows(built),
     ]

@@ -213,7 +213,7 @@ def _phases(t_s, number, instants, starts):
 
 
 def _by_file(params, t_s):
-    """The burning motor and the events of a flight whose file says so; arguments and result as of `_by_motion`."""
+    """The burning motor and the events of a flight whose file says so; as `_by_motion`."""
     boost = _phases_of_file(params.known, t_s) == Phase.BOOST
     number = 1 + np.searchsorted(np.array(params.separations, dtype=float), t_s, side="right")
     instants = {name: at for name, at in params.known.instants.items() if at >= t_s[0]}
