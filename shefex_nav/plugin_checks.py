@@ -179,10 +179,10 @@ def _checked_block(words, size, block):
     return block._replace(drives=partial(_drives, words, size, block.drives))
 
 
-def _drives(words, size, drives, felt):
+def _drives(words, size, drives, sensed):
     """As Block.drives."""
-    words = f"{words}: drives, T{felt.t_s:+.2f} s"
-    return _numbers(words, _called(words, drives, felt), (6, size))
+    words = f"{words}: drives, T{sensed.t_s:+.2f} s"
+    return _numbers(words, _called(words, drives, sensed), (6, size))
 
 
 def _numbers(words, value, shape):

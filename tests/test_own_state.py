@@ -113,8 +113,8 @@ def test_what_is_known_at_the_start_has_to_be_said(tmp_path, code):
     loaded = load(str(scenario(tmp_path, "[gyro_drift]")), trust=True)
     (block,) = prepare.build_world(loaded, 1).computer.nav.own_blocks
     assert np.allclose(np.sqrt(np.diag(block.P)), np.radians(1e-3))
-    felt = ImuMean(7.0, np.zeros(3), np.zeros(3))
-    np.testing.assert_array_equal(block.drives(felt), np.vstack([7.0 * np.eye(3), np.zeros((3, 3))]))
+    sensed = ImuMean(7.0, np.zeros(3), np.zeros(3))
+    np.testing.assert_array_equal(block.drives(sensed), np.vstack([7.0 * np.eye(3), np.zeros((3, 3))]))
 
 
 def test_its_section_is_checked_as_any_other(tmp_path, code):

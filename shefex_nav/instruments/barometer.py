@@ -29,7 +29,7 @@ class Port(Settings):
 
 
 class Day(Settings):
-    """The air of the day against the model of the air; felt by the barometer, not by the flight."""
+    """The air of the day against the model of the air; sensed by the barometer, not by the flight."""
 
     pressure: float = quantity(
         "Pa", "8 hPa", "at sea level, 1 sigma", "8 hPa", non_negative=True, at_most="100 hPa"
@@ -100,8 +100,8 @@ def measure(settings, truth, rng):
 
     k = instrument.samples(settings.rate, truth.trajectory)
     said, t_s = barometer.measure(settings, truth, k, rng), truth.trajectory.t_s[k]
-    felt = instrument.readings(BarometerReading, settings, t_s, said.sensed)
-    return instrument.sent(limited, settings, felt, said.errors)
+    sensed = instrument.readings(BarometerReading, settings, t_s, said.sensed)
+    return instrument.sent(limited, settings, sensed, said.errors)
 
 
 def equation(settings, truth):

@@ -109,9 +109,9 @@ SENT = (
     FaultKind(LateReading, late),
 )
 FELT = {  # name -> docstring of its settings, what a value of it is, what it does
-    "bias": ("A constant is added to what is felt.", "that is added", bias),
-    "drift": ("What is added to what is felt grows with time, from zero.", "that is added", drift),
-    "scale": ("What is felt is larger by a part of itself.", "by which it is larger", scale),
+    "bias": ("A constant is added to what is sensed.", "that is added", bias),
+    "drift": ("What is added to what is sensed grows with time, from zero.", "that is added", drift),
+    "scale": ("What is sensed is larger by a part of itself.", "by which it is larger", scale),
 }
 GENERAL = ("stuck", "silent", "late", *FELT)
 
@@ -120,11 +120,11 @@ GENERAL = ("stuck", "silent", "late", *FELT)
 def kinds(one):
     """Kinds of faults that an Instrument may have: tuple of FaultKind."""
     fields = _fields(one)
-    felt = [
-        FaultKind(_settings(one.name, fields, name, *words), change, felt=True)
+    sensed = [
+        FaultKind(_settings(one.name, fields, name, *words), change, sensed=True)
         for name, (*words, change) in FELT.items()
     ]
-    return (*SENT, *(felt if fields else ()), *one.faults)
+    return (*SENT, *(sensed if fields else ()), *one.faults)
 
 
 def name_of(settings):
@@ -207,16 +207,16 @@ def applied(one, settings, faults, measured):
     if not faults:
         return measured
     of = {kind.settings: kind for kind in kinds(one)}
-    felt = list(measured.felt or measured.readings)
-    before, readings = list(felt), list(measured.readings)
+    sensed = list(measured.sensed or measured.readings)
+    before, readings = list(sensed), list(measured.readings)
     for fault in faults:
-        if of[type(fault)].felt:
-            felt = _changed(of[type(fault)].change, fault, felt)
-    for k, (was, now) in enumerate(zip(before, felt, strict=True)):
+        if of[type(fault)].sensed:
+            sensed = _changed(of[type(fault)].change, fault, sensed)
+    for k, (was, now) in enumerate(zip(before, sensed, strict=True)):
         if now is not was:
             readings[k] = now if one.limited is None else one.limited(settings, now)
     for fault in faults:
-        if not of[type(fault)].felt:
+        if not of[type(fault)].sensed:
             readings = _changed(of[type(fault)].change, fault, readings)
     return measured._replace(readings=readings)
 
@@ -234,5 +234,6 @@ def _changed(change, fault, readings):
 
 
 def _measures(reading):
-    """Whether a reading holds anything: what has no echo, no fix, no light is NaN."""
-    return all(np.isfinite(value).all() for value in reading if isinstance(value, float | np.ndarray))
+    """Whether a reading holds anything beside its times: what has no echo, no light is NaN."""
+    values = [value for value in reading[2:] if isinstance(value, float | np.ndarray)]
+    return not values or any(np.isfinite(value).any() for value in values)

@@ -38,7 +38,7 @@ class Measured(NamedTuple):
 
     readings: list  # records of the instrument, in order of time
     errors: Any = None  # what was drawn for the run
-    felt: list = []  # noqa: RUF012 a default is not changed; the same before range and quanta; empty: none
+    sensed: list = []  # noqa: RUF012 a default is not changed; the same before range and quanta; empty: none
 
 
 class Drawn(NamedTuple):
@@ -64,7 +64,7 @@ class Equation(NamedTuple):
     """What a reading is in the world, for the lowest bound of the errors of navigation."""
 
     errors: tuple[Drawn, ...]
-    read: Callable  # Place, {name of an error: (size,)} -> (m,) as felt, without white noise
+    read: Callable  # Place, {name of an error: (size,)} -> (m,) as sensed, without white noise
     R: np.ndarray  # (m, m) of the white noise, and of the counts
     holds: Callable | None = None  # reading -> whether it measures anything; None: it always does
 
@@ -81,8 +81,9 @@ class FaultKind(NamedTuple):
     """Something that may go wrong with the instrument, besides what may with any (`instruments.faults`)."""
 
     settings: type[Fault]  # with a field `fault: Literal["its_name"] = choice()`
-    change: Callable  # fault, reading, last one before the fault or None -> reading, or None: there is none
-    felt: bool = False  # it acts before range and quanta
+    # fault, reading, the last one before the fault that holds anything or None -> reading; None: none
+    change: Callable
+    sensed: bool = False  # it acts before range and quanta
 
 
 class DataColumn(NamedTuple):
@@ -142,7 +143,7 @@ class Instrument(NamedTuple):
     states: tuple[StateBlock, ...] = ()
     check: Callable | None = None  # settings, use, decimal year -> iterator of (path in the scenario, words)
     equation: Callable | None = None  # settings, Truth -> Equation; None: there is no bound with it
-    limited: Callable | None = None  # settings, reading as felt -> as sent: whole quanta, within the range
+    limited: Callable | None = None  # settings, reading as sensed -> as sent: whole quanta, within the range
     faults: tuple[FaultKind, ...] = ()  # of its own
     told: tuple[str, ...] = ()  # keys that `navigation.told` may say otherwise
     stream: int | None = None  # key of its random numbers; None: by its name
@@ -172,9 +173,9 @@ def counted(values, quantum):
     return np.round(values / quantum) * quantum if quantum else values
 
 
-def sent(limited, settings, felt, errors):
-    """Measured of readings as they are felt. limited : as `Instrument.limited`"""
-    return Measured([limited(settings, reading) for reading in felt], errors, felt)
+def sent(limited, settings, sensed, errors):
+    """Measured of readings as they are sensed. limited : as `Instrument.limited`"""
+    return Measured([limited(settings, reading) for reading in sensed], errors, sensed)
 
 
 def readings(record, settings, t_s, *columns):

@@ -92,8 +92,8 @@ def measure(settings, truth, rng):
     white, drive = rng.standard_normal((2, len(k), 3))
     read = _true_field(truth, k, drive) @ (np.eye(3) + errors.soft_iron).T
     read = read + errors.hard_iron + settings.noise * white
-    felt = instrument.readings(MagnetometerReading, settings, truth.trajectory.t_s[k], read)
-    return instrument.sent(limited, settings, felt, errors)
+    sensed = instrument.readings(MagnetometerReading, settings, truth.trajectory.t_s[k], read)
+    return instrument.sent(limited, settings, sensed, errors)
 
 
 def limited(settings, reading):

@@ -7,7 +7,7 @@ def instrument_use(gates):
     """Sequence of GateResult -> {name of an instrument: {"readings": at the gate, "used": of these}}"""
     found = {}
     for gate in gates:
-        if about(gate.sensor) is None:
+        if gate.dof and about(gate.sensor) is None:
             counts = found.setdefault(gate.sensor, {"readings": 0, "used": 0})
             counts["readings"] += 1
             counts["used"] += bool(gate.accepted)

@@ -112,6 +112,27 @@ def test_wall_time_is_shown_but_not_judged(whole):
     assert one["difference"]["verdict"] is None and one["why"] == "flown one after the other"
 
 
+def test_few_pairs_leave_it_open_and_a_covariance_too_small_is_said_of_its_side(whole):
+    """Errors of B scatter about those of A, its NEES is 159 where 9 is expected."""
+    folder, _ = whole
+    path = "navigation.position_error_m.rms"
+    a, b = sided([folder, folder])
+    for side in (a, b):
+        del side.runs[next(iter(side.runs))]
+    for k, (seed, one) in enumerate(b.runs.items()):
+        said = {path: one.get(path) + 0.1 * (-1) ** k, "navigation.nees.mean": 159.0}
+        b.runs[seed] = one._replace(get=lambda path, one=one, said=said: said.get(path, one.get(path)))
+    found = comparison.compare(a, b)
+    figures = parts.parts([a, b], [found])[1]
+    cells = {one[0]: one[-1] for one in figures.rows}
+    assert cells["position, rms of the run"] == "open: 3 pairs are few"
+    assert "B, NEES 159: its errors are larger than its covariances say" in figures.lines
+    assert not any(line.startswith("A, NEES") for line in figures.lines)
+    scatter = np.array([0.1, -0.1, 0.2, -0.2, 0.1, -0.1])
+    for n, verdict in ((5, "open: 5 pairs are few"), (6, "no difference seen")):
+        assert parts.verdict(paired.difference(np.ones(n), 1.0 + scatter[:n]), found) == verdict
+
+
 def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
     """Side B has the smaller errors, over 0.2 % or 0.05 % fewer ticks of one of its runs."""
     folder, _ = whole

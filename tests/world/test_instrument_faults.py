@@ -125,13 +125,13 @@ def test_a_kind_of_its_own_is_one_function():
     np.testing.assert_allclose(column(said(fault(WIND, "iced", 0.5, 0.65)), "speed")[4:8], [4, 2.5, 3, 7])
 
 
-def pressures(felt):
-    felt = [BarometerReading(0.1 * k, 0.1 * k + 0.02, p) for k, p in enumerate(felt)]
-    return Measured([BAROMETER.limited(BARO, one) for one in felt], None, felt)
+def pressures(sensed):
+    sensed = [BarometerReading(0.1 * k, 0.1 * k + 0.02, p) for k, p in enumerate(sensed)]
+    return Measured([BAROMETER.limited(BARO, one) for one in sensed], None, sensed)
 
 
 def test_what_a_barometer_reads_with_a_bias_is_in_whole_quanta_and_within_its_range():
-    """And of what it felt, not of what it said: 50000 + 2 Pa is counted as 50001, not 50001 + 2 as 50004."""
+    """And of what it sensed, not what it said: 50000 + 2 Pa is counted as 50001, not 50001 + 2 as 50004."""
     healthy = pressures([50000.0, 50003.1, 1001.0, 119999.0, 200.0])
     np.testing.assert_allclose(column(healthy, "pressure"), [50001, 50004, 1002, 120000, 1000])
     for error, expected in ((2.0, [50001, 50004, 1002, 120000, 1000]), (-900.0, [49101, 49104, 1000])):
@@ -149,8 +149,8 @@ def test_an_axis_of_a_magnetometer_ends_at_its_range():
     given = settings(
         section(Magnetometer).model_validate({"rate": "10 Hz", "hard_iron": "0 nT", "noise": "1 nT"})
     )
-    felt = [MAGNETOMETER.record(0.1, 0.1, np.array([2e-5, 1e-5, -4e-5]))]
-    healthy = Measured([MAGNETOMETER.limited(given, one) for one in felt], None, felt)
+    sensed = [MAGNETOMETER.record(0.1, 0.1, np.array([2e-5, 1e-5, -4e-5]))]
+    healthy = Measured([MAGNETOMETER.limited(given, one) for one in sensed], None, sensed)
     wrong = said(
         fault(MAGNETOMETER, "bias", 0, 1, field_b=(1e-6, 0.0, -3e-4)),
         one=MAGNETOMETER, given=given, measured=healthy,
@@ -191,9 +191,10 @@ def test_a_healthy_instrument_says_what_it_says_anyway():
 def test_a_stuck_instrument_repeats_what_it_has_measured():
     """Its last reading before the fault has no echo: it holds the one before that."""
     readings = list(SAID.readings)
-    readings[9] = readings[9]._replace(speed=np.nan)
+    nothing = {"speed": np.nan, "direction": np.full(3, np.nan), "angle": np.nan}
+    readings[9] = readings[9]._replace(**nothing)
     stuck = faults.applied(WIND, None, (fault(WIND, "stuck", 0.95, 1.35),), Measured(readings))
     assert [one.speed for one in stuck.readings[10:14]] == [8.0] * 4
-    readings[8] = readings[8]._replace(direction=np.array([1.0, np.nan, 0.0]))
+    readings[8] = readings[8]._replace(angle=np.nan)  # a field that is never there is no lost echo
     stuck = faults.applied(WIND, None, (fault(WIND, "stuck", 0.95, 1.35),), Measured(readings))
-    assert [one.speed for one in stuck.readings[10:14]] == [7.0] * 4
+    assert [one.speed for one in stuck.readings[10:14]] == [8.0] * 4

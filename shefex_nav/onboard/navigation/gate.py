@@ -93,7 +93,7 @@ def _verdict(nav, now, innovation, measurement):
     z, _, R, S, nis = innovation
     name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
-    limit, alone = _limit(nav, sensor, len(z)), sensor.alone is None or sensor.alone(nav, S)
+    limit, alone = nav.limits.of(sensor, len(z)), sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     before = nav.health[name]
     if fix_of(name) is POSITION and _receiver_is_doubtful(nav, fix):
@@ -112,12 +112,6 @@ def _verdict(nav, now, innovation, measurement):
     narrow = fate == Fate.USED and nis > nav.limits[len(z), SURPRISING]
     insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence, narrow)
     return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
-
-
-def _limit(nav, sensor, rows):
-    """What the NIS of so many rows of a sensor.Sensor may be."""
-    own = sensor.gate_probability
-    return nav.limits[rows] if own is None else nav.limits[rows, own]
 
 
 def _receiver_is_doubtful(nav, fix):
@@ -196,7 +190,7 @@ def _result(nav, innovation, measurement, verdict):
     """GateResult for the log."""
     z, _, _, S, nis = innovation
     name, fix, note = measurement.sensor, measurement.fix, verdict.note
-    limit = _limit(nav, nav.sensors[name], len(z))
+    limit = nav.limits.of(nav.sensors[name], len(z))
     if verdict.rows is not None:
         rows, refused = verdict.rows, _rejected(nav.sensors[name], fix, verdict.rows)
         note = "; ".join(filter(None, (note, f"rejected: {', '.join(refused)}")))

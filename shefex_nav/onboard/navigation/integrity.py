@@ -88,6 +88,11 @@ class Limits(dict):
         super().__init__()
         self.probability = probability
 
+    def of(self, sensor, rows):
+        """That of so many rows of a sensor.Sensor, which may have a gate of its own."""
+        own = sensor.gate_probability
+        return self[rows] if own is None else self[rows, own]
+
     def __missing__(self, key):
         dof, probability = key if isinstance(key, tuple) else (key, self.probability)
         self[key] = chi_square_limit(probability, dof)

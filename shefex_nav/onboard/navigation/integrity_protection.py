@@ -278,8 +278,9 @@ def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
     P, prior : (n, n) before it, and after a reset forgot, or the same
     H, R : (m, n), (m, m) of the rows used;  confirmed : whether another fix agrees with it
     """
-    name, limit = measurement.sensor, nav.limits[len(R)]
-    rows, axes = nav.sensors[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
+    name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
+    limit = nav.limits.of(sensor, len(R))
+    rows, axes = sensor.rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
     grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
     agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree
     if quantity.about(name) is quantity.ATTITUDE and rows:

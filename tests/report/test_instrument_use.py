@@ -1,0 +1,35 @@
+"""Readings of instruments that met the gate, and how many were used."""
+
+import numpy as np
+
+from shefex_nav.log import reader
+from shefex_nav.records import GateResult
+from shefex_nav.report import metrics
+from shefex_nav.report.instrument_use import instrument_use
+from shefex_nav.report.table import _navigation_rows
+
+NONE = np.empty(0)
+
+
+def gate(sensor, accepted, dof=1):
+    return GateResult(1.0, 1.0, sensor, dof, 1.0, 16.0, accepted, "", NONE)
+
+
+def test_what_never_met_the_gate_does_not_count():
+    """Readings beyond a height or too late have no degrees of freedom; GPS and stars have other rows."""
+    used = [gate("barometer", True)] * 10 + [gate("barometer", False)] * 2
+    unfit = [gate("barometer", False, dof=0)] * 90
+    others = [gate(name, True, 3) for name in ("gps_position", "star_tracker", "gps_range", "star_vectors")]
+    assert instrument_use([*used, *unfit, *others]) == {"barometer": {"readings": 12, "used": 10}}
+    assert instrument_use(others) == {}
+
+
+def test_the_table_names_each_and_marks_one_that_is_mostly_refused(log):
+    navigation = metrics.summarise(reader.read(log))["navigation"]
+    assert navigation["instruments"] == {}
+    navigation["instruments"] = {
+        "radar_altimeter": {"readings": 825, "used": 0}, "barometer": {"readings": 12, "used": 10},
+    }  # fmt: skip
+    rows = dict(_navigation_rows(navigation))
+    assert str(rows["radar altimeter"]) == "0 of 825 readings used" and rows["radar altimeter"].style
+    assert str(rows["barometer"]) == "10 of 12 readings used" and not rows["barometer"].style
