@@ -1,5 +1,6 @@
 """The documentation site: it builds without a warning, needs no network, and has every key and command."""
 
+import ast
 import importlib.util
 import pkgutil
 import re
@@ -169,3 +170,16 @@ def test_reference_of_messages_has_every_field():
         assert fields.pop(0) == "timestamp_ns" and section, name
         assert all(f"| `{one}` |" in section for one in fields), name
     assert "| `dv_b_m_s` | double (n, 3) | integrated specific force, body axes, n x 3 [m/s] |" in text
+
+
+def test_fields_of_records_are_described_by_their_comments(site, tmp_path):
+    page = (site / "reference" / "python.html").read_text()
+    assert "covariance as the receiver reports it" in page and "why there is no fix; empty when valid" in page
+    code = 'from typing import NamedTuple\n\n\nclass A(NamedTuple):\n    """Words."""\n\n'
+    code += "    # of the two\n    # first\n    x: float  # m\n    y: int\n    z: float = 0.5\n"
+    path = tmp_path / "a.py"
+    path.write_text(code)
+    fields = hook("fields")
+    node = ast.parse(code).body[1]
+    found = fields.described(node, fields.comments(path))
+    assert found == {"x": "of the two first; m", "y": "int", "z": "default 0.5"}
