@@ -97,7 +97,7 @@ class ImuBlock(NamedTuple):
     """The IMU samples of one tick, oldest first, the last ends at the tick: four at 400 Hz and 100 Hz."""
 
     t_valid_s: float  # end of the last sample
-    t_available_s: float
+    t_available_s: float  # at which the computer has it
     dt_s: float  # duration of one sample
     dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
     dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
@@ -108,15 +108,15 @@ class ImuBlock(NamedTuple):
 class GpsFix(NamedTuple):
     """Position and velocity of the GPS antenna a; valid is False while there is no solution."""
 
-    t_valid_s: float
-    t_available_s: float
-    valid: bool
-    r_ea_e: np.ndarray  # (3,) m
-    v_ea_e: np.ndarray  # (3,) m/s
+    t_valid_s: float  # mission time of the instant measured
+    t_available_s: float  # at which the computer has it
+    valid: bool  # whether there is a solution
+    r_ea_e: np.ndarray  # (3,) m, place of the antenna, Earth-fixed axes e
+    v_ea_e: np.ndarray  # (3,) m/s, its velocity relative to the Earth, axes e; NaN: the receiver gives none
     R_r_e: np.ndarray  # (3, 3) m^2, covariance as the receiver reports it
     R_v_e: np.ndarray  # (3, 3) m^2/s^2
-    n_satellites: int
-    pdop: float
+    n_satellites: int  # used in the fix
+    pdop: float  # position dilution of precision
     reason: str  # why there is no fix; empty when valid
     # latitude and longitude alone: r_ea_e lies at any height above the place or below it, R_r_e has no part
     # along the vertical there, and of the velocity nothing is known

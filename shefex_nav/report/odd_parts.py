@@ -192,7 +192,15 @@ def _margins(vehicle, end):
         above = [(one.propellant.mass, _full(one.propellant)) for one in stages[k + 1 :]]
         rest = [left[0], *left[1 + k :], *above]
         own = [(one.propellant.mass, _full(one.propellant)) for one in stages[k : k + 1]]
-        centre = min(_centre(rest + own), _centre(rest))  # m, at ignition, at burn-out
+        full = _centre(rest + own)
+        if k == 0 and stages and row[0] < full:
+            margin = (row[0] - full) / aero.diameter
+            words = f"the static margin at lift-off is {margin:.3g} calibres, so the rocket turns over: "
+            words += (
+                f"centre of pressure {row[0]:g} m, Mach {aero.mach[0]:g}, of mass {full:.4g} m behind the tip"
+            )
+            yield (*path, "pressure_station", *inner, 0), words
+        centre = min(full, _centre(rest))  # m, at ignition, at burn-out
         rear = max(range(len(row)), key=row.__getitem__)
         margin = (row[rear] - centre) / aero.diameter
         if margin > LARGEST_MARGIN:

@@ -20,6 +20,7 @@ DOUBTS = {  # records.Doubt for people
     "contradicted": "contradicted by a sensor",
     "imu": "motion beyond the IMU's range",
 }
+MANY = 0.2  # of the frames: refused for one reason, which is explained
 TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in words
 FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
 
@@ -122,6 +123,9 @@ def _star_rows(star):
     if star["no_fix"]:
         reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
         yield "no fix", ", ".join(reasons)
+        if star["no_fix"].get("residuals", 0) > MANY * star["frames"]:
+            words = "stars lie farther from their places than their centroids are said to be wrong by; "
+            yield "residuals", Text(f"{words}star_tracker.centroid_floor allows for it", style="bold yellow")
     error = star["error_arcsec"]
     yield "error across the boresight", number(error["cross_axis_rms"], 1, '" rms')
     yield "error about the boresight", number(error["boresight_rms"], 1, '" rms')

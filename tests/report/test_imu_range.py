@@ -20,7 +20,7 @@ def test_the_largest_of_each_second_is_kept():
     ("setting", "words"),
     [
         ("imu.gyro.range=400 deg/s", ("400 deg/s is exceeded", "axis x reaches 540 deg/s", "unknown")),
-        ("imu.accelerometer.range=8 gee", ("8 gee is exceeded", "axis x", "velocity")),
+        ("imu.accelerometer.range=8 gee", ("8 gee is exceeded", "vibration apart", "axis x", "velocity")),
     ],
 )
 def test_check_tells_what_the_unit_cannot_show(default_scenario, setting, words):

@@ -71,6 +71,16 @@ def test_a_centre_of_pressure_in_another_unit():
     assert f"reaches {(6.5 - min(burnt, full)) / 0.2:.4g} calibres" in inside[1]
 
 
+def test_a_centre_of_pressure_ahead_of_the_centre_of_mass_at_lift_off():
+    """With all propellant, at the lowest Mach number; what counts is the mass that stands on the launcher."""
+    full = (112.0 * 1.55 + 140.0 * 4.25 + 290.0 * 4.0) / 542.0
+    assert told(centre_of_pressure(f"{full + 0.01} m")) == {}
+    found = told(centre_of_pressure(f"{full - 0.712} m"))
+    (words,) = (text for path, text in found.items() if path.endswith("pressure_station.0"))
+    assert words.startswith("the static margin at lift-off is -2 calibres, so the rocket turns over")
+    assert f"of mass {full:.4g} m" in words
+
+
 def test_the_propellant_of_a_grain_has_a_density():
     """The limits are of the density, whichever of mass, length and radii is wrong."""
     grain = load.load("rexus_like").vehicle.stages["Orion"].propellant

@@ -140,7 +140,7 @@ def _key(met, study):
     elif (met == 1.0).any():
         found.append(f"in all of them {share} of flights meet what is required")
     if study.cheapest is not None:
-        found.append("green frame: the cheapest that meets all")
+        found.append("green frame: the cheapest that meets all that is predicted")
     if any(one.prediction is not None and one.prediction.doubtful for one in study.combinations):
         found.append("?: in doubt, the IMU at the end of its range or the attitude worse than 5 deg before")
     return found

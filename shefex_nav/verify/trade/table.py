@@ -8,7 +8,7 @@ from shefex_nav.report import columns
 from shefex_nav.report.requirements import words
 from shefex_nav.verify.trade.predict import END, ENTRY, STARS
 
-CHEAPEST = "cheapest that meets all"
+CHEAPEST = "cheapest that meets all that is predicted"
 CORNERS = 4  # settings: a campaign takes 26 combinations
 TITLES = {
     STARS: "Largest predicted errors between star fixes",
@@ -92,9 +92,12 @@ def _verdicts(study, asked, required, notes):
         rows.append((str(rank), *one.settings.values(), *cost, *cells, notes.of(one)))
     limits = [f">{one.name.split('_')[0]} [{one.unit}], {words(one.name, one.limit, '')}" for one in required]
     heads = ("", *study.combinations[0].settings, *([">cost"] if asked.costs else []), *limits,
-             ">frames with a fix", ">one fix [arcsec]", "notes")  # fmt: skip
+             ">frames with a fix", ">noise of a fix [arcsec]", "notes")  # fmt: skip
     share = f"{100.0 * study.probability:.6g} %"
-    return columns.table(f"{study.name}: at entry {share} of flights are predicted to be within", heads, rows)
+    title = "what the star tracker sees"
+    if required:
+        title = f"at entry {share} of flights are predicted to be within"
+    return columns.table(f"{study.name}: {title}", heads, rows)
 
 
 def _verdict(one, doubtful):

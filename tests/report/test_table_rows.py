@@ -1,4 +1,4 @@
-"""Readings of instruments that met the gate, and how many were used."""
+"""Rows of the table: readings of instruments that met the gate and were used; frames that were refused."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from shefex_nav.log import reader
 from shefex_nav.records import GateResult
 from shefex_nav.report import metrics
 from shefex_nav.report.instrument_use import instrument_use
-from shefex_nav.report.table import _navigation_rows
+from shefex_nav.report.table import _navigation_rows, _star_rows
 
 NONE = np.empty(0)
 
@@ -33,3 +33,9 @@ def test_the_table_names_each_and_marks_one_that_is_mostly_refused(log):
     rows = dict(_navigation_rows(navigation))
     assert str(rows["radar altimeter"]) == "0 of 825 readings used" and rows["radar altimeter"].style
     assert str(rows["barometer"]) == "10 of 12 readings used" and not rows["barometer"].style
+
+
+def test_frames_refused_for_their_residuals_are_explained(log):
+    star = metrics.summarise(reader.read(log))["star_tracker"] | {"frames": 100, "no_fix": {"residuals": 21}}
+    assert "centroid_floor" in str(dict(_star_rows(star))["residuals"])
+    assert "residuals" not in dict(_star_rows(star | {"no_fix": {"residuals": 19}}))
