@@ -98,7 +98,8 @@ def _above(path, stage, before):
         yield (*path, "ignition"), words
     elif stage.ignition < below.separation.at:
         words = f"{seconds(stage.ignition)} is before the separation of {name} below it"
-        yield (*path, "ignition"), f"{words}, {seconds(below.separation.at)}"
+        words = f"{words}, {seconds(below.separation.at)}; stages stand in the order in which they burn"
+        yield (*path, "ignition"), words
 
 
 def _propellant(path, stage):

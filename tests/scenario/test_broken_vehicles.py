@@ -353,7 +353,8 @@ def test_every_fault_of_a_vehicle_at_once():
 
 
 def test_a_stage_that_burns_with_another_below():
-    said = the_message(DEFAULT, ["vehicle.stages.S40M.separation=null", "gps.outages=[]"])
+    attached = ["vehicle.stages.S40M.separation=null", "vehicle.stages.S40M.spent=null", "gps.outages=[]"]
+    said = the_message(DEFAULT, attached)
     assert said.endswith(
         "vehicle.stages.S44.ignition: the stage below, S40M, stays attached to it; "
         "give S40M a separation before this ignition"
