@@ -177,7 +177,7 @@ def _spent(path, stage):
     if stage.spent is None:
         return
     if stage.separation is None:
-        yield path, "the stage has no separation: it stays attached and never falls alone"
+        yield path, "the stage has no separation: it stays attached and never falls alone; write spent: null"
     yield from increasing((*path, "mach"), stage.spent.mach, "Mach numbers", "")
     yield from _columns(path, "mach", len(stage.spent.mach), {("drag",): stage.spent.drag})
 
