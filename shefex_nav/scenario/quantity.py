@@ -24,6 +24,7 @@ LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
 _LOOSE_NUMBER = re.compile(r"(?<![\w^*/(+-])[\d.]")  # a second number that astropy would multiply in
+_COMPASS = re.compile(r"(?:deg|°)?\s*([NSEW])")  # of a latitude or longitude
 _PLAIN_UNIT = re.compile(r"(?!rad)[A-Za-z]+(/s2?)?")
 _DIMENSIONS = {  # astropy's names that an engineer would not use
     "angular frequency/angular speed/angular velocity": "angular rate",
@@ -208,6 +209,9 @@ class QuantitySpec:
 
     def _by_astropy(self, number, unit_text, value):
         """Float in `self.unit`; a refusal where the unit is none, or of something else."""
+        if self.unit == "rad" and (side := _COMPASS.fullmatch(unit_text)):
+            degrees = -abs(number) if side[1] in "SW" else number
+            raise refuse(f"{quoted(value)}: write {degrees:g} deg; south and west are negative")
         try:
             unit = _unit(unit_text)
         except (ValueError, TypeError) as error:
