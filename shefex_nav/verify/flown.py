@@ -30,6 +30,7 @@ from shefex_nav.world import imu
 BLOCKS = {"attitude": ATT, "velocity": VEL, "position": POS, "gyro_bias": BG, "accel_bias": BA}
 PHASES = ("boost", "coast without stars", "star window", "entry", "descent")
 PAD = -1
+RISE = 1e3  # m above start and end, from which on there is an apogee
 N_CORE = 15
 EPOCH_TICKS = 50  # between two epochs of the statistics
 
@@ -264,8 +265,9 @@ def phases(t_s, trajectory, used_s):
     k = np.clip(np.searchsorted(trajectory.t_s, t_s - SAME_S), 0, len(trajectory.t_s) - 1)
     first_s, last_s = (used_s[0], used_s[-1]) if used_s else (np.inf, np.inf)
     phase = np.where(t_s < first_s, 1, np.where(t_s <= last_s, 2, 3))
-    top = int(np.argmax(np.einsum("ni,ni->n", trajectory.r_i, trajectory.r_i)))
-    if not used_s and 0 < top < len(trajectory.t_s) - 1:
+    radius = np.linalg.norm(trajectory.r_i, axis=1)
+    top = int(np.argmax(radius))
+    if not used_s and radius[top] - max(radius[0], radius[-1]) > RISE:
         phase[t_s > trajectory.t_s[top]] = 4
     phase[trajectory.burning[k] > 0] = 0
     phase[t_s < 0.0] = PAD

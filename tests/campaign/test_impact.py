@@ -102,8 +102,12 @@ def test_a_stage_without_drag_is_named_and_not_followed():
     assert landed.unknown == ("Orion",) and [one.body for one in landed.landings] == ["payload"]
 
 
-def test_parts_that_no_rocket_has_are_warned_of(capsys):
-    assert main(["impact", "rexus_like", "--set", "vehicle.imu=[40 m, 0 m, 0 m]", "--json"]) == 0
+def test_parts_that_no_rocket_has_are_warned_of(monkeypatch, capsys):
+    words = ["impact", "rexus_like", "--set", "vehicle.imu=[40 m, 0 m, 0 m]", "--json"]
+    monkeypatch.setattr("sys.argv", ["shefex-nav", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
     assert "warning: --set vehicle.imu: the IMU is 40 m ahead of the nose tip" in capsys.readouterr().err
 
 

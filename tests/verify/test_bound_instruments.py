@@ -80,7 +80,7 @@ def of(one):
 def said(one, trajectory, numbers=None):
     """What an instrument senses: (number of readings times rows,)."""
     measured = one.measure(of(one), truth(trajectory), numbers or Numbers())
-    rows = [np.atleast_1d(reading[2]) for reading in measured.felt or measured.readings]
+    rows = [np.atleast_1d(reading[2]) for reading in measured.sensed or measured.readings]
     return np.concatenate(rows)
 
 

@@ -65,7 +65,7 @@ def test_errors_at_the_ends_of_the_phases_are_within_three_sigma(runs):
     """15 errors at the ends of 4 phases in 2 runs: 120, of which 0.3 are expected outside; 99.9 %: 3."""
     outside = 0
     for run in runs[1.0]:
-        for p in range(len(flown.PHASES)):
+        for p in range(4):  # a flight with stars has no phase of descent
             k = np.flatnonzero(run.phase == p)[-1]
             outside += int((np.abs(run.errors[k]) > 3.0 * np.sqrt(np.diag(run.P[k]))).sum())
     assert outside <= 3

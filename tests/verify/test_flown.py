@@ -115,9 +115,11 @@ def test_phases_of_a_run():
 
 def test_without_stars_the_descent_begins_at_the_apogee():
     t_s, still = np.array([0.5, 1.5, 2.5, 3.5, 4.5]), at_rest(5)
-    over = still._replace(r_i=np.outer(6.4e6 - (still.t_s - 3.0) ** 2, [0.6, 0.0, 0.8]))
+    over = still._replace(r_i=np.outer(6.4e6 - 1e3 * (still.t_s - 3.0) ** 2, [0.6, 0.0, 0.8]))
     assert flown.phases(t_s, over, []).tolist() == [1, 0, 1, 4, 4]
     assert flown.phases(t_s, over, [2.4, 3.6]).tolist() == [1, 0, 2, 2, 3]
+    low = still._replace(r_i=np.outer(6.4e6 - 10.0 * (still.t_s - 3.0) ** 2, [0.6, 0.0, 0.8]))
+    assert flown.phases(t_s, low, []).tolist() == [1, 0, 1, 1, 1]
 
 
 def test_recorder_joins_the_ticks_between_updates_and_epochs():
