@@ -101,6 +101,4 @@ def test_a_body_that_is_not_followed_is_refused_before_a_flight(monkeypatch):
     monkeypatch.setattr(aim, "land", land)
     words = r"S44 is not followed to the ground; there is payload, Orion$"
     with pytest.raises(landing.ImpactError, match=words):
-        landing.ImpactError, match=r"S44 is not followed to the ground; there is payload, Orion$"
-    ):
         aim.aim(load.load("rexus_like"), 1.18, 0.36, 1, 360.0, "S44")
