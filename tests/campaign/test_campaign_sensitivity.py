@@ -163,6 +163,7 @@ def test_noise_is_certain_in_no_more_than_5_per_cent_of_small_campaigns(n):
     assert intervals.proportion(wrong, tries)[0] <= sensitivity.SIGNIFICANT, wrong / tries
 
 
+@pytest.mark.slow
 def test_words_and_counts_that_hardly_vary_are_not_certain_either():
     rng = np.random.default_rng(20)
     tries, n, wrong = 60, 30, 0

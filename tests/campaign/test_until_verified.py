@@ -118,6 +118,7 @@ def test_a_maximum_leaves_it_undecided_and_a_larger_one_goes_on(tmp_path):
         verified(scenario, tmp_path / "kept", runs=9)
 
 
+@pytest.mark.slow  # `test_campaign_processes` kills a campaign each time
 def test_the_command_killed_and_given_again(tmp_path):
     """kill -9 in the middle of it: the same command comes to the verdict of the whole."""
     scenario = breaking(tmp_path, fail=(1, 4), runs=15)

@@ -290,6 +290,7 @@ def faulty(rng):
     return blocks
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_errors_have_the_size_that_the_covariance_says():
     """NEES of position, velocity and attitude at 29 s over 30 runs, chi-square bounds at 99.9 %."""

@@ -284,7 +284,10 @@ def test_an_attitude_that_is_hardly_known_is_a_doubt():
 @pytest.mark.parametrize("states", ["automatic", "[gravity]"])
 @pytest.mark.parametrize(
     ("name", "more"),
-    [("night_sky", ["mission.time_limit=200 s", "star_tracker.off=200 s"]), ("rexus_like", [])],
+    [
+        ("night_sky", ["mission.time_limit=200 s", "star_tracker.off=200 s"]),
+        pytest.param("rexus_like", [], marks=pytest.mark.slow),
+    ],
 )
 def test_it_warns_of_what_check_warns(name, more, states):
     """A sweep of the IMU, whose ranges and lasting errors differ; states by name, and left to the program."""
