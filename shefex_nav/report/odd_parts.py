@@ -195,10 +195,9 @@ def _margins(vehicle, end):
         full = _centre(rest + own)
         if k == 0 and stages and row[0] < full:
             margin = (row[0] - full) / aero.diameter
-            words = f"the static margin at lift-off is {margin:.3g} calibres, so the rocket turns over: "
-            words += (
-                f"centre of pressure {row[0]:g} m, Mach {aero.mach[0]:g}, of mass {full:.4g} m behind the tip"
-            )
+            words = f"the static margin at lift-off is {margin:.3g} calibres, so the rocket turns over; "
+            words += f"behind the nose tip: centre of pressure {row[0]:g} m (Mach {aero.mach[0]:g}), "
+            words += f"centre of mass {full:.4g} m"
             yield (*path, "pressure_station", *inner, 0), words
         centre = min(full, _centre(rest))  # m, at ignition, at burn-out
         rear = max(range(len(row)), key=row.__getitem__)

@@ -77,7 +77,8 @@ def describe(solution):
     return (
         f"RA {solution.ra_deg:.3f} deg   Dec {solution.dec_deg:+.3f} deg   "
         f"roll {solution.roll_deg:.2f} deg   "
-        f"field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   {len(solution.matched)} stars"
+        f"field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   "
+        f"{len(solution.matched)} stars (green)   background removed"
     )
 
 

@@ -87,7 +87,8 @@ def draw_bound(found, path, *, runs):
         for axis in (top, bottom):
             _tidy(axis, t_s, first.phase)
     handles, _ = axes[0, 0].get_legend_handles_labels()
-    title = f"Errors of {runs} runs and the posterior Cramer-Rao bound"
+    what = "one run" if runs == 1 else f"{runs} runs"
+    title = f"Errors of {what} and the posterior Cramér-Rao bound"
     figure.suptitle(title, x=0.01, ha="left", fontsize=13)
     _phase_legend(figure, handles, first.phase)
     style.write(figure, path, 110)

@@ -125,11 +125,11 @@ def test_few_pairs_leave_it_open_and_a_covariance_too_small_is_said_of_its_side(
     found = comparison.compare(a, b)
     figures = parts.parts([a, b], [found])[1]
     cells = {one[0]: one[-1] for one in figures.rows}
-    assert cells["position, rms of the run"] == "open: 3 pairs are few"
+    assert cells["position, rms of the run"] == "open: only 3 pairs"
     assert "B, NEES 159: its errors are larger than its covariances say" in figures.lines
     assert not any(line.startswith("A, NEES") for line in figures.lines)
     scatter = np.array([0.1, -0.1, 0.2, -0.2, 0.1, -0.1])
-    for n, verdict in ((5, "open: 5 pairs are few"), (6, "no difference seen")):
+    for n, verdict in ((5, "open: only 5 pairs"), (6, "no difference seen")):
         assert parts.verdict(paired.difference(np.ones(n), 1.0 + scatter[:n]), found) == verdict
 
 

@@ -78,7 +78,7 @@ def test_a_centre_of_pressure_ahead_of_the_centre_of_mass_at_lift_off():
     found = told(centre_of_pressure(f"{full - 0.712} m"))
     (words,) = (text for path, text in found.items() if path.endswith("pressure_station.0"))
     assert words.startswith("the static margin at lift-off is -2 calibres, so the rocket turns over")
-    assert f"of mass {full:.4g} m" in words
+    assert f"centre of mass {full:.4g} m" in words
 
 
 def test_the_propellant_of_a_grain_has_a_density():

@@ -94,7 +94,7 @@ def verdict(found, one):
         return f"not judged: {found.why}"
     if found.verdict == paired.NOT_SEEN:
         undecided = found.low is not None and found.n < FEW
-        return f"open: {found.n} pairs are few" if undecided else "no difference seen"
+        return f"open: only {found.n} pairs" if undecided else "no difference seen"
     return Bold(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
 
 
@@ -120,10 +120,10 @@ def _lines(one):
 
 def _too_sure(one):
     """A line for each side whose errors are larger than its covariances say, whatever the other does."""
-    for row in one.rows:
+    nees = [row for row in one.rows if row.quantity.better == NEARER]
+    for row in nees:
         for side, sample in ((one.a, row.a), (one.b, row.b)):
-            far = row.quantity.better == NEARER and sample is not None and sample.median > TOO_SURE * NEES_DOF
-            if far:
+            if sample is not None and sample.median > TOO_SURE * NEES_DOF:
                 words = f"NEES {number(sample.median)}: its errors are larger than its covariances say"
                 yield Bold(f"{side.letter}, {words}")
 

@@ -305,8 +305,8 @@ def contradicts(name, record):
     """
     if record.far and fix_of(name) in ALONE:
         return True
-    alike_or_not = about(name) is None or fix_of(name) is ATTITUDE
-    return (record.in_a_row if alike_or_not else record.rejected) >= CONTRADICTIONS
+    each_counts = about(name) is None or fix_of(name) is ATTITUDE
+    return (record.in_a_row if each_counts else record.rejected) >= CONTRADICTIONS
 
 
 def contradicting(health):

@@ -99,8 +99,10 @@ def _nis_of(axes, sensor, gates):
     top = float(np.nanmax(np.concatenate([value, limit[np.isfinite(limit)]])))
     style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=2.0 * top)
     axes.set_ylabel(sensor.replace("_", " "))
-    mean = f"{np.sum(value[accepted]) / np.sum(dof[accepted]):.2f}" if accepted.any() else "none was used"
-    style.note_above(axes, f"used: mean NIS per degree of freedom {mean}")
+    words = "none used"
+    if accepted.any():
+        words = f"used: mean NIS per degree of freedom {np.sum(value[accepted]) / np.sum(dof[accepted]):.2f}"
+    style.note_above(axes, words)
     style.legend_above(axes, markerscale=1.5)
 
 
