@@ -1,6 +1,6 @@
 """Numbers with a decimal comma, which YAML takes for two values: `{mass: 56,0 kg}`, `[0,3 deg/s]`.
 
-In: nodes of ruamel.yaml. Only what can be nothing else is seen as one: a whole number without a unit, a
+In: nodes of `yaml_text`. Only what can be nothing else is seen as one: a whole number without a unit, a
 comma, digits and a unit; in a list the comma must have no space after it.
 """
 
@@ -38,7 +38,7 @@ def of_list(node, k):
 
 def _joined(before, after, rest):
     """Texts of two plain scalars that are one number."""
-    plain = all(isinstance(one.value, str) and one.style is None for one in (before, after))
+    plain = all(isinstance(one.value, str) and not one.style for one in (before, after))
     if not plain or not WHOLE.fullmatch(before.value) or not rest.fullmatch(after.value):
         return None
     return f"{before.value},{after.value}", f"{before.value}.{after.value}"

@@ -1,20 +1,15 @@
 """YAML text -> plain dict and list with the place of every key and value.
 
-YAML 1.2 by ruamel.yaml (`off` is a word, `1e-6` a number, `12:30:00` a text). The tree is built here from
-ruamel's nodes, so that each value knows its file, line and column, all duplicate keys are found in one pass,
-and a date stays the text that was written.
+The tree is built here from the nodes of `yaml_text`, so that each value knows its file, line and column, and
+all duplicate keys are found in one pass.
 """
 
 import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from shefex_nav.scenario import decimal_comma
+from shefex_nav.scenario import decimal_comma, yaml_text
 
-STR, INT, FLOAT, BOOL, NULL = (
-    f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
-)
-TEXT_TAGS = (STR, "tag:yaml.org,2002:timestamp")
 MOST_REPEATED = 50_000  # values of a file that aliases repeat: they may make a short one endless
 REMOVED = object()  # the value `null`, written out
 
@@ -79,13 +74,10 @@ def parse_value(text, label):
 @lru_cache(maxsize=128)  # a study reads its scenario for every flight
 def _compose(text, file):
     """Root node of the YAML `text`, None if there is nothing in it."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+    from yaml import MarkedYAMLError, YAMLError
 
     try:
-        return YAML(typ="safe", pure=True).compose(text)  # "rt" has the same nodes, and reads comments
-    except RecursionError:
-        raise BadText(Mark(file, 1, 1), "not valid YAML: brackets within brackets without end") from None
+        return yaml_text.compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         if error.context == "while scanning a simple key":  # the problem is where its colon was looked for
@@ -160,7 +152,7 @@ def _check_aliases(root, file):
 
 def _is_null(node):
     """Whether a node is `null` or `~`, written out; nothing after the colon is not."""
-    return node is not None and node.tag == NULL and bool(node.value)
+    return node is not None and node.tag == yaml_text.NULL and bool(node.value)
 
 
 def _mapping(node, path, file, document, parents):
@@ -192,21 +184,21 @@ def _mapping(node, path, file, document, parents):
 
 def _scalar(node, path, file, document):
     text = node.value
-    if node.tag in TEXT_TAGS:
+    if node.tag == yaml_text.STR:
         return text
-    if node.tag == NULL:
+    if node.tag == yaml_text.NULL:
         if not text:  # nothing after the colon: its place is the key
             document.values[path] = document.keys.get(path, document.values[path])
         return None
-    if node.tag == BOOL:
+    if node.tag == yaml_text.BOOL:
         return text.lower() == "true"
-    if node.tag == INT:
+    if node.tag == yaml_text.INT:
         digits = text.replace("_", "")
         try:
             return int(digits, 0) if re.fullmatch(r"[+-]?0[xob].+", digits) else int(digits)
         except ValueError:  # thousands of digits
             return text
-    if node.tag == FLOAT:
+    if node.tag == yaml_text.FLOAT:
         return float(re.sub(r"\.(?=[in])", "", text.replace("_", "").lower()))
     return _unused_tag(node, path, file, document)
 

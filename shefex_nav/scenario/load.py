@@ -25,6 +25,7 @@ from shefex_nav.scenario import (
     starlight,
     trajectory,
     trying,
+    yaml_text,
 )
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.document import Mark, dotted, placed
@@ -291,17 +292,7 @@ def _source_with_states(scenario, names):
 
 def normalised(tree):
     """YAML text of the merged tree, without comments, that loads to the same scenario."""
-    import io
-
-    from ruamel.yaml import YAML
-
-    writer = YAML(typ="safe", pure=True)
-    writer.default_flow_style = None  # lists of plain values in one line
-    writer.sort_base_mapping_type_on_output = False
-    writer.width = 4096
-    stream = io.StringIO()
-    writer.dump(_given(tree), stream)
-    return stream.getvalue()
+    return yaml_text.written(_given(tree))
 
 
 def _given(tree):

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
+import yaml
 
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.papers.impa import field
 from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.scenario import yaml_text
 
 TARGETS = Path(__file__).parents[2].parent / "shared" / "papers" / "targets.yaml"
 
@@ -17,7 +18,8 @@ TARGETS = Path(__file__).parents[2].parent / "shared" / "papers" / "targets.yaml
 def test_published_figures_are_those_of_the_paper():
     if not TARGETS.is_file():
         pytest.skip(f"{TARGETS} is not here")
-    assert YAML(typ="safe").load(TARGETS)["impa"] == IMPA
+    targets = yaml.load(TARGETS.read_text(encoding="utf-8"), Loader=yaml_text.Loader)
+    assert targets["impa"] == IMPA
 
 
 def test_directions_are_the_26_of_the_paper():

@@ -53,7 +53,7 @@ def test_a_file_that_is_no_scenario(tmp_path, kind):
 def test_brackets_without_end(tmp_path):
     path = tmp_path / "deep.yaml"
     path.write_text("mission: " + "[" * 500, encoding="utf-8")
-    assert "brackets within brackets" in the_message(path)
+    assert "lists and mappings within each other" in the_message(path)
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])

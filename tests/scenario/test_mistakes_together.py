@@ -3,7 +3,7 @@
 import pytest
 from broken import DEFAULT, messages
 
-from shefex_nav.scenario import partial
+from shefex_nav.scenario import document, partial
 from shefex_nav.scenario.load import Scenario, ScenarioError, load
 
 
@@ -75,9 +75,7 @@ def test_what_is_left_of_a_good_scenario_is_the_scenario():
     from shefex_nav.scenario.partial import validated
 
     scenario = load(DEFAULT)
-    import ruamel.yaml
-
-    tree = ruamel.yaml.YAML(typ="safe", pure=True).load(scenario.source)
+    tree = document.parse(scenario.source, "source").tree
     tree["mission"]["epoch"] = "2012-06-22T19:18:00Z"
     whole = validated(Scenario, tree, [])
     part = validated(Scenario, tree, [("gps", "latency")])

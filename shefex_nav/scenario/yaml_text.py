@@ -1,0 +1,83 @@
+"""YAML 1.2 by PyYAML: text -> tree of nodes, each of which knows where it stands; and plain values -> text.
+
+PyYAML's own rules are those of YAML 1.1, in which `off` is no word, `1e-6` no number and `12:30:00` no text.
+Here are those of the core schema of YAML 1.2 (section 10.3.2). Numbers may have underscores.
+"""
+
+import re
+from contextlib import suppress
+
+import yaml
+
+STR, INT, FLOAT, BOOL, NULL = (
+    f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
+)
+WHOLE = r"[-+]?(?:0b[01_]+|0o?[0-7_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)"
+DIGITS = r"(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?"
+KINDS = (  # of plain words: tag, pattern, how they begin; the first that fits holds
+    (NULL, r"~|null|Null|NULL|", "~nN"),
+    (BOOL, r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    (INT, WHOLE, "-+0123456789"),
+    (FLOAT, rf"[-+]?(?:{DIGITS}|\.(?:inf|Inf|INF))|\.(?:nan|NaN|NAN)", "-+.0123456789"),
+)
+DEEPEST = 100  # lists and mappings within each other
+
+
+def _rules():
+    """KINDS as PyYAML wants them: {first letter: [(tag, pattern)]}"""
+    rules = {"": [(NULL, re.compile(r"\Z"))]}
+    for tag, pattern, begins in KINDS:
+        for letter in begins:
+            rules.setdefault(letter, []).append((tag, re.compile(rf"(?:{pattern})\Z")))
+    return rules
+
+
+class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    """Reads by the rules of YAML 1.2, in C wherever PyYAML was built with it."""
+
+    yaml_implicit_resolvers = _rules()
+
+
+class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
+    """Writes."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data):
+        return True
+
+
+_Dumper.add_representer(float, lambda dumper, value: dumper.represent_scalar(FLOAT, _number(value)))
+
+
+def _number(value):
+    """A number as Python writes it; PyYAML adds a point to 1e-07, which YAML 1.2 does not need."""
+    return re.sub(r"^(-?)(inf|nan)", r"\1.\2", repr(value))
+
+
+def compose(text):
+    """Root node of a text, None if there is nothing in it; yaml.YAMLError if it is not YAML."""
+    try:
+        _check_depth(text)
+        return yaml.compose(text, Loader=Loader)
+    except yaml.YAMLError:
+        with suppress(RecursionError):
+            yaml.compose(text, Loader=yaml.SafeLoader)  # its messages say more than those in C
+        raise
+
+
+def _check_depth(text):
+    """yaml.YAMLError for a text that would end the process: the composer in C takes all of the stack."""
+    depth = 0
+    for event in yaml.parse(text, Loader=Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            words = f"more than {DEEPEST} lists and mappings within each other"
+            raise yaml.MarkedYAMLError(problem=words, problem_mark=event.start_mark)
+
+
+def written(tree):
+    """Text of a tree of plain values: lists and mappings of plain values in one line each."""
+    return yaml.dump(
+        tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=4096, allow_unicode=True
+    )

@@ -1,0 +1,102 @@
+"""Words and numbers of YAML 1.2, whichever parser of PyYAML reads them."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from shefex_nav.scenario import document, yaml_text
+
+SHIPPED = sorted((Path(__file__).parents[2] / "scenarios").rglob("*.yaml"))
+WORDS = {  # examples of the specification, 10.3.2, and what YAML 1.1 reads otherwise
+    "1e-6": 1e-6,
+    "1e3": 1e3,
+    "12e03": 12e3,
+    "-2E+05": -2e5,
+    "0.": 0.0,
+    "-0.0": -0.0,
+    ".5": 0.5,
+    "+12.3": 12.3,
+    "-.inf": float("-inf"),
+    "0": 0,
+    "-19": -19,
+    "0o7": 7,
+    "0x3A": 58,
+    "1_000": 1000,
+    "true": True,
+    "False": False,
+    "on": "on",
+    "off": "off",
+    "yes": "yes",
+    "n": "n",
+    "12:30:00": "12:30:00",
+    "2012-06-22": "2012-06-22",
+    "1.2.3": "1.2.3",
+    "e3": "e3",
+    "-": None,  # an empty list item, no number
+    "=": "=",
+    "'1'": "1",
+    '"true"': "true",
+}
+
+
+@pytest.fixture(params=["C", "Python"])
+def parser(request, monkeypatch):
+    """Both parsers, whichever this PyYAML was built with."""
+    if request.param == "C" and not yaml.__with_libyaml__:
+        pytest.skip("this PyYAML was built without its parser in C")
+    if request.param == "Python":
+
+        class Slow(yaml.SafeLoader):
+            yaml_implicit_resolvers = yaml_text.Loader.yaml_implicit_resolvers
+
+        monkeypatch.setattr(yaml_text, "Loader", Slow)
+    document._compose.cache_clear()
+    yield request.param
+    document._compose.cache_clear()
+
+
+@pytest.mark.parametrize("word", [word for word in WORDS if word != "-"])
+def test_plain_words(parser, word):
+    value = document.parse(f"key: {word}\n", "text").tree["key"]
+    assert value == WORDS[word] and type(value) is type(WORDS[word])
+
+
+def test_both_parsers_see_the_same_in_every_shipped_file(parser, monkeypatch):
+    assert len(SHIPPED) > 20
+    for path in SHIPPED:
+        text = path.read_text(encoding="utf-8")
+        read = document.parse(text, path.name)
+        with monkeypatch.context() as slow:
+            slow.setattr(yaml_text, "Loader", type("Slow", (yaml.SafeLoader,), vars_of_rules()))
+            document._compose.cache_clear()
+            assert document.parse(text, path.name) == read, path
+
+
+def vars_of_rules():
+    return {"yaml_implicit_resolvers": yaml_text.Loader.yaml_implicit_resolvers}
+
+
+@pytest.mark.parametrize(
+    "value", [1e-7, 1e22, -0.0, float("inf"), "on", "1e-6", "1", "null", "~", "a: b", "é", ""]
+)
+def test_what_is_written_is_read_again(value):
+    tree = {"first": value, "list": [value, 1], "within": {"on": value}}
+    read = document.parse(yaml_text.written(tree), "text").tree
+    assert read == tree and repr(read) == repr(tree)
+
+
+@pytest.mark.parametrize("opened", ["[", "{a: ", "? ", "- - "])
+def test_no_nesting_ends_the_process(opened):
+    """In C the composer calls itself for each level, until the stack is full."""
+    with pytest.raises(document.BadText) as refused:
+        document.parse("\n" + opened * 300_000, "text")
+    mark, words = refused.value.args
+    assert mark.line == 2 and "within each other" in words
+
+
+def test_a_hundred_levels_are_read():
+    value = document.parse("a: " + "[" * 99 + "]" * 99, "text").tree["a"]
+    for _ in range(98):
+        (value,) = value
+    assert value == []
