@@ -58,22 +58,26 @@ def _number(value):
 def compose(text):
     """Root node of a text, None if there is nothing in it; yaml.YAMLError if it is not YAML."""
     try:
-        _check_depth(text)
-        return yaml.compose(text, Loader=Loader)
+        too_deep = _too_deep(text)
+        root = None if too_deep else yaml.compose(text, Loader=Loader)
     except yaml.YAMLError:
         with suppress(RecursionError):
             yaml.compose(text, Loader=yaml.SafeLoader)  # its messages say more than those in C
         raise
+    if too_deep:
+        words = f"more than {DEEPEST} lists and mappings within each other"
+        raise yaml.MarkedYAMLError(problem=words, problem_mark=too_deep)
+    return root
 
 
-def _check_depth(text):
-    """yaml.YAMLError for a text that would end the process: the composer in C takes all of the stack."""
+def _too_deep(text):
+    """Where a text goes deeper than DEEPEST, else None: the composer in C would need all of the stack."""
     depth = 0
     for event in yaml.parse(text, Loader=Loader):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST:
-            words = f"more than {DEEPEST} lists and mappings within each other"
-            raise yaml.MarkedYAMLError(problem=words, problem_mark=event.start_mark)
+            return event.start_mark
+    return None
 
 
 def written(tree):
