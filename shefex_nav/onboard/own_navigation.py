@@ -163,7 +163,13 @@ class OwnNavigation:
         steady2 = gyro.bias**2 + gyro.in_run_bias**2 + gyro.random_walk**2 / duration_s
         scale2 = max(gyro.scale_factor, gyro.scale_factor_roll) ** 2 + 2.0 * gyro.misalignment**2
         of_rate2 = (scale2 + self._mission.sigma_mounting**2) * (omega_b @ omega_b)
-        return context._replace(omega_c=C_bc.T @ omega_b, P_omega_c=(steady2 + of_rate2) * np.eye(3))
+        turned_b = turned_besides(blocks, omega_b, begin_s, end_s, frame.t_valid_s)
+        return context._replace(
+            omega_c=C_bc.T @ omega_b,
+            P_omega_c=(steady2 + of_rate2) * np.eye(3),
+            unsteady_c=np.column_stack([turned_b[:, :1], turned_b[:, 1:] @ C_bc]),
+            unsteady_variance=gyro.random_walk**2 * (end_s - begin_s) / 12.0 + gyro.quantum**2 / 12.0,
+        )
 
     def _keep(self, solution=None):
         """Remember the tick; where it stood if the IMU answered and the software stands by its attitude."""
@@ -270,3 +276,20 @@ def covariance(estimate, t_s):
     biases = (unknown if bias is None else bias for bias in (estimate.gyro_bias, estimate.accel_bias))
     P = np.full((9, 9), np.nan) if estimate.P is None else estimate.P
     return NavCovariance(t_s, P, *biases, unknown, unknown, np.full(12, np.nan))
+
+
+def turned_besides(blocks, omega_b, begin_s, end_s, instant_s):
+    """How the gyros say that the body turned besides a rate: (m, 4), table of `geometry.unsteady`.
+
+    blocks : ImuBlock, one after the other, that cover it;  omega_b : (3,) rad/s
+    instant_s : from which turns count
+    """
+    dt_s = np.concatenate([np.full(len(one.dtheta_b), one.dt_s) for one in blocks])
+    t_s = blocks[-1].t_valid_s - np.concatenate([np.cumsum(dt_s[::-1])[::-1], [0.0]])
+    angles = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(np.concatenate([one.dtheta_b for one in blocks]), axis=0)]
+    )
+    inside = t_s[(t_s > begin_s + SAME_S) & (t_s < end_s - SAME_S)]
+    at_s = np.concatenate([[begin_s], inside, [end_s]])
+    turned = [np.interp(at_s, t_s, one) - np.interp(instant_s, t_s, one) for one in angles.T]
+    return np.column_stack([at_s - instant_s, np.transpose(turned) - np.outer(at_s - instant_s, omega_b)])

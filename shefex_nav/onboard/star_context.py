@@ -34,7 +34,7 @@ def full_context(nav, frame, sky):
     ticks = history.oldest, history.newest, history.place(history.nearest(frame.t_valid_s))
     shot = frame.t_valid_s, frame.t_start_s, frame.exposure_s, frame.line_s, frame.image_dn.shape[0]
     context, known = _full_context(nav.constants, history.arrays, ticks, C_bc, shot, sky)
-    return context if known else context._replace(omega_c=None, P_omega_c=None)
+    return context if known else context._replace(omega_c=None, P_omega_c=None, unsteady_c=None)
 
 
 def brief_context(nav, frame, sky):
@@ -63,8 +63,8 @@ def _full_context(constants, memory, ticks, C_bc_nominal, shot, sky):
     near = mean_rate.Estimates(
         memory.xs[place], memory.Ps[place], memory.numbers[place, 3], memory.drives[place]
     )
-    exposed_s = t_start_s, t_start_s + (exposure_s + (n_rows - 1) * line_s)
-    known, omega_c, P_omega_c = mean_rate.camera_rate(
+    exposed_s = t_start_s, t_start_s + (exposure_s + (n_rows - 1) * line_s), t_valid_s
+    known, omega_c, P_omega_c, unsteady_c, variance = mean_rate.camera_rate(
         constants, memory, (oldest, newest), near, C_bc, exposed_s
     )
     P_c = camera_covariance(constants.at, near.P, C_bc_nominal)
@@ -72,7 +72,9 @@ def _full_context(constants, memory, ticks, C_bc_nominal, shot, sky):
         P_c[i, i] += PREDICTION_FLOOR**2
     v_i += sky.earth_velocity_i
     q_ic = rotation.quat_from_dcm(C_ic)
-    return Context(v_i, rate, sun_angle, limb_angle, q_ic, P_c, omega_c, P_omega_c), known
+    return Context(
+        v_i, rate, sun_angle, limb_angle, q_ic, P_c, omega_c, P_omega_c, unsteady_c, variance
+    ), known
 
 
 @kernel

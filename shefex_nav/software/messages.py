@@ -97,6 +97,8 @@ class Context(NamedTuple):
     P_c: np.ndarray | None = None
     omega_c: np.ndarray | None = None
     P_omega_c: np.ndarray | None = None
+    unsteady_c: np.ndarray | None = None
+    unsteady_variance: float = 0.0
 
 
 class Pixels(NamedTuple):
@@ -189,6 +191,8 @@ OWN = (
         matrix("P_c", "rad^2", "of that, camera axes"),
         vector("omega_c", "rad/s", "mean rate of the exposure, camera axes"),
         matrix("P_omega_c", "", "of that [rad^2/s^2]"),
+        number("unsteady_c", "", "s from its instant; turn besides the mean rate [rad], x y z", (-1, 4)),
+        number("unsteady_variance", "rad^2", "of the mean of that, each axis"),
     ),
     _message(
         Pixels, "The picture whose FrameInfo came before.",

@@ -7,6 +7,7 @@ from scipy.stats import chi2
 from unpacked import correct
 
 from shefex_nav.geometry import rotation
+from shefex_nav.geometry.unsteady import mean_turned
 from shefex_nav.onboard.navigation import fusion, mean_rate, solution
 from shefex_nav.onboard.navigation.calibration import NO_DRIVE
 from shefex_nav.onboard.navigation.state import BG, layout, pack
@@ -29,11 +30,11 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     history, imu = nav.history, tick.imu
     of_imu = (0.0, NO_DRIVE) if imu is None else (imu.vibration, imu.drive)
     estimates = mean_rate.Estimates(tick.x, tick.P, *of_imu)
-    ticks, interval_s = (history.oldest, history.newest), (begin_s, end_s)
-    known, omega_c, P_c = mean_rate.camera_rate(
+    ticks, interval_s = (history.oldest, history.newest), (begin_s, end_s, 0.5 * (begin_s + end_s))
+    known, *of_rate, turned, variance = mean_rate.camera_rate(
         nav.constants, history.arrays, ticks, estimates, C_bc, interval_s
     )
-    return (omega_c, P_c) if known else (None, None)
+    return (*of_rate, turned, variance) if known else (None,) * 4
 
 
 def true_mean(begin_s, end_s):
@@ -47,9 +48,25 @@ def test_the_mean_of_the_motion_in_camera_axes(begin_s, end_s):
     nav = filter_after()
     mounting = np.array([0.01, -0.02, 0.03])
     C_bc = rotation.dcm_from_rotvec(mounting) @ C_BC
-    omega_c, P = camera_rate(nav, nav.history[-1], C_bc, begin_s, end_s)
+    omega_c, P, *_ = camera_rate(nav, nav.history[-1], C_bc, begin_s, end_s)
     np.testing.assert_allclose(C_bc @ omega_c, true_mean(begin_s, end_s), atol=3e-6)
     assert np.all(np.linalg.eigvalsh(P) > 0.0)
+
+
+def test_how_the_motion_differs_from_its_mean_rate():
+    """The true angle since the middle, less that of the mean rate, by quadrature; in camera axes."""
+    nav = filter_after()
+    omega_c, _, turned, variance = camera_rate(nav, nav.history[-1], C_BC, BEGIN_S, END_S)
+    middle_s = 0.5 * (BEGIN_S + END_S)
+    assert turned[0, 0] == pytest.approx(BEGIN_S - middle_s) and turned[-1, 0] == pytest.approx(
+        END_S - middle_s
+    )
+    for at_s, *vector in turned:
+        angle = at_s * true_mean(middle_s, middle_s + at_s) if at_s else np.zeros(3)
+        np.testing.assert_allclose(C_BC @ vector, angle - at_s * (C_BC @ omega_c), atol=2e-7)
+    assert np.abs(turned[:, 1:]).max() > 5e-6
+    N, quantum = PARAMS.imu.gyro_random_walk, PARAMS.imu.gyro_quantum
+    assert variance == pytest.approx(N**2 * (END_S - BEGIN_S) / 12.0 + quantum**2 / 12.0)
 
 
 def test_estimated_gyro_errors_are_taken_out():
@@ -61,7 +78,7 @@ def test_estimated_gyro_errors_are_taken_out():
     nav = filter_after(blocks)
     tick = nav.history[-1]
     tick = tick._replace(x=pack(tick.state._replace(gyro_bias=bias, gyro_roll_column=k)))
-    omega_c, _ = camera_rate(nav, tick, C_BC, BEGIN_S, END_S)
+    omega_c, *_ = camera_rate(nav, tick, C_BC, BEGIN_S, END_S)
     np.testing.assert_allclose(C_BC @ omega_c, true_mean(BEGIN_S, END_S), atol=3e-6)
 
 
@@ -93,10 +110,10 @@ def test_over_one_sample_it_is_as_sure_as_the_solution():
     tick = nav.history[-1]
     P = tick.P.copy()
     P[MOUNT], P[:, MOUNT] = 0.0, 0.0
-    _, P_c = camera_rate(nav, tick._replace(P=P), C_BC, T_S - DT, T_S)
+    _, P_c, *_ = camera_rate(nav, tick._replace(P=P), C_BC, T_S - DT, T_S)
     sigma = np.sqrt(np.diag(C_BC @ P_c @ C_BC.T))
     np.testing.assert_allclose(sigma, solution.solution(nav).sigma_omega_b, rtol=1e-6)
-    _, longer = camera_rate(nav, tick._replace(P=P), C_BC, T_S - 16 * DT, T_S)
+    _, longer, *_ = camera_rate(nav, tick._replace(P=P), C_BC, T_S - 16 * DT, T_S)
     # over sixteen times the time white noise falls to 1/16, what the two ends are rounded by to 1/256
     white, ends = model.gyro_random_walk**2 / DT, model.gyro_quantum**2 / 6.0 / DT**2
     quieter = 3.0 * (white * (1.0 - 1.0 / 16.0) + ends * (1.0 - 1.0 / 256.0))
@@ -105,7 +122,7 @@ def test_over_one_sample_it_is_as_sure_as_the_solution():
 
 def test_errors_are_as_large_as_their_covariance_says():
     """Bias, roll column, mounting and noise drawn from what the filter assumes: 400 draws of chi-square."""
-    rng, nees = np.random.default_rng(8), []
+    rng, nees, means = np.random.default_rng(8), [], []
     density = PARAMS.imu.gyro_random_walk
     nav = filter_after()
     tick = nav.history[-1]
@@ -121,27 +138,33 @@ def test_errors_are_as_large_as_their_covariance_says():
         C_bc = rotation.dcm_from_rotvec(-dx[MOUNT]) @ C_BC  # the estimate; the true one is C_BC
         P = np.zeros((N_ERROR, N_ERROR))
         P[BG.start :, BG.start :] = np.diag(sigma[BG.start :] ** 2)
-        omega_c, P_c = camera_rate(nav, tick._replace(P=P), C_bc, BEGIN_S, END_S)
+        omega_c, P_c, turned, variance = camera_rate(nav, tick._replace(P=P), C_bc, BEGIN_S, END_S)
         error = true_c - omega_c
         nees.append(error @ np.linalg.solve(P_c, error))
+        means.append(mean_turned(turned, turned[0, 0], turned[-1, 0]))
     low, high = chi2.ppf([0.0005, 0.9995], 3 * 400) / 400
     # the scale factors across the roll axis and the g-sensitivity, which nothing here makes, are in P_c too
     assert 0.9 * low < np.mean(nees) < high
+    # the mean of a random walk over an interval, less its value in the middle and a linear part: N^2 T / 12;
+    # 1200 draws, 5 sigma of their variance; the quantum, which nothing here makes, is in it too
+    white = variance - PARAMS.imu.gyro_quantum**2 / 12.0
+    assert np.var(means, axis=0).mean() == pytest.approx(white, rel=5.0 * np.sqrt(2.0 / 1200.0))
 
 
 def test_no_rate_without_samples():
     nav = filter_after()
     tick = nav.history[-1]
     for begin_s, end_s in ((0.5, 0.6), (1.4, 1.51), (1.3, 1.3)):
-        assert camera_rate(nav, tick, C_BC, begin_s, end_s) == (None, None)
+        assert camera_rate(nav, tick, C_BC, begin_s, end_s) == (None,) * 4
     started = fusion.start(PARAMS, alignment(STATES[0]), EARTH)
-    assert camera_rate(started, started.history[0], C_BC, -0.05, 0.0) == (None, None)
+    assert camera_rate(started, started.history[0], C_BC, -0.05, 0.0) == (None,) * 4
 
 
 def test_a_gyro_at_its_range_knows_no_rate():
     blocks = [*BLOCKS[:-20], *(block._replace(saturated=True) for block in BLOCKS[-20:])]
     nav = filter_after(blocks)
-    _, before = camera_rate(nav, nav.history[-1], C_BC, 1.20, 1.25)
-    _, during = camera_rate(nav, nav.history[-1], C_BC, 1.29, 1.34)
+    _, before, *_ = camera_rate(nav, nav.history[-1], C_BC, 1.20, 1.25)
+    _, during, turned, variance = camera_rate(nav, nav.history[-1], C_BC, 1.29, 1.34)
     assert np.sqrt(np.trace(before)) < 0.2 * DEG
     assert np.sqrt(np.diag(during)).min() > 0.99 * PARAMS.imu.saturated_rate
+    assert turned.shape == (0, 4) and variance == 0.0

@@ -83,14 +83,14 @@ def test_covariance_of_a_predicted_place_is_that_of_turned_cameras():
 )
 def test_a_rate_is_known_if_it_says_where_the_light_went(sigma, omega, known):
     told = context(omega_c=omega, P_omega_c=np.diag([sigma**2] * 3))
-    assert objects.rate_is_known(CAMERA, sky(), told) is known
-    assert not objects.rate_is_known(CAMERA, sky(), tracker.NO_CONTEXT)
+    assert (objects.rate_error_px(CAMERA, sky(), told) < objects.KNOWN_PX) == known
+    assert objects.rate_error_px(CAMERA, sky(), tracker.NO_CONTEXT) == np.inf
 
 
 def test_rows_that_follow_each_other_want_a_better_rate():
     told = context(omega_c=RATE, P_omega_c=0.012**2 * np.eye(3))
-    assert objects.rate_is_known(CAMERA, sky(), told)
-    assert not objects.rate_is_known(CAMERA, sky(line_s=1e-4), told)
+    assert objects.rate_error_px(CAMERA, sky(), told) < objects.KNOWN_PX
+    assert objects.rate_error_px(CAMERA, sky(line_s=1e-4), told) > objects.KNOWN_PX
 
 
 def test_a_prediction_is_narrow_in_all_axes():

@@ -13,7 +13,15 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation.calibration import acting, correct_increments, jacobians_packed
+from shefex_nav.onboard.navigation.calibration import (
+    accel_inverse,
+    acting,
+    correct_increments,
+    free_increment,
+    g_sensitivity,
+    gyro_inverse,
+    jacobians_packed,
+)
 from shefex_nav.onboard.navigation.state import MOUNTING
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -52,42 +60,82 @@ def camera_rate(constants, memory, ticks, tick, C_bc, interval_s):
     ticks : numbers of the oldest and of the newest tick in the memory
     tick : Estimates of a tick near the interval
     C_bc : (3, 3) estimated mounting
-    interval_s : mission times of begin and end
+    interval_s : mission times of begin and end, and of the instant from which turns count
 
     Returns
     -------
     known : bool, False where the memory does not cover the interval
     omega_c : (3,) rad/s
     P_omega_c : (3, 3) (rad/s)^2
+    unsteady_c : (m, 4) s and rad, table of `geometry.unsteady`
+    variance : rad^2, of the error of its mean on each axis
     """
-    omega_b, f_b, noise = _body_rate(constants.model[0], memory, ticks, tick.x, interval_s)
-    if not np.isfinite(noise):
-        return False, omega_b, np.full((3, 3), np.nan)
+    begin_s, end_s, _ = interval_s
+    samples = _samples(memory, ticks, begin_s, end_s)
+    if len(samples.dt_s) == 0:
+        return False, np.full(3, np.nan), np.full((3, 3), np.nan), np.empty((0, 4)), 0.0
+    acts, model = acting(tick.x, samples.vibration, samples.drive), constants.model[0]
+    omega_b, f_b, noise = _body_rate(model, samples, acts, begin_s, end_s)
     H, _ = jacobians_packed(constants.at, tick.P.shape[0], tick.x, omega_b, f_b, tick.vibration, tick.drive)
     first = constants.at[MOUNTING]
     if first >= 0:
         H[:, first : first + 3] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)
-    return True, C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc
+    turned, variance = _unsteady(model, samples, acts, omega_b, interval_s)
+    for k in range(turned.shape[0]):
+        turned[k, 1:] = C_bc.T @ turned[k, 1:]
+    return True, C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc, turned, variance
 
 
 @inner
-def _body_rate(model, memory, ticks, x, interval_s):
+def _body_rate(model, samples, acts, begin_s, end_s):
     """Mean rate and specific force of an interval, corrected with estimates.
 
-    model : of `error_model.record`, what NavParams say;  x : (X,), whose gyro errors are taken out
-    -> omega_b (3,) rad/s, f_b (3,) m/s^2, NaN where the memory does not cover the interval; variance on each
-    axis of what is no state of the filter, (rad/s)^2
+    model : of `error_model.record`, what NavParams say;  samples : Samples, which cover it
+    acts : (X,), packed values whose gyro errors are taken out
+    -> omega_b (3,) rad/s, f_b (3,) m/s^2; variance on each axis of what is no state of the filter, (rad/s)^2
     """
-    begin_s, end_s = interval_s
-    samples = _samples(memory, ticks, begin_s, end_s)
-    if len(samples.dt_s) == 0:
-        return np.full(3, np.nan), np.full(3, np.nan), np.inf
     duration_s, increments = _between(samples, begin_s, end_s)
-    acts = acting(x, samples.vibration, samples.drive)
     free = correct_increments(acts, increments.reshape((1, 6)), duration_s)[0] / duration_s
     omega_b, f_b = free[:3], free[3:]
     return omega_b, f_b, _noise(model, omega_b, f_b, samples, duration_s)
+
+
+@inner
+def _unsteady(model, samples, acts, omega_b, interval_s):
+    """How the body turns in an interval besides its mean rate.
+
+    -> (m, 4) s from the instant, rad in body axes; variance of the error of its mean over the interval on
+    each axis. The angle between the instant and the mean of an interval T is that of a random walk with
+    N^2 T / 12. Nothing is known where a gyro is not trusted.
+    """
+    begin_s, end_s, instant_s = interval_s
+    n, angle = len(samples.dt_s), np.zeros(3)
+    times, angles = np.empty(n + 1), np.zeros((n + 1, 3))
+    times[0] = samples.end_s - samples.dt_s.sum()
+    M, A, G = gyro_inverse(acts), accel_inverse(acts), g_sensitivity(acts)
+    for k in range(n):
+        dtheta, _ = free_increment(acts, M, A, G, samples.increments, k, samples.dt_s[k])
+        angle[0], angle[1], angle[2] = angle[0] + dtheta[0], angle[1] + dtheta[1], angle[2] + dtheta[2]
+        times[k + 1], angles[k + 1] = times[k] + samples.dt_s[k], angle
+    inside = np.empty(n + 3)
+    m = 0
+    for k in range(n + 1):
+        if begin_s + SAME_S < times[k] < end_s - SAME_S:
+            inside[m + 1] = times[k]
+            m += 1
+    inside[0], inside[m + 1] = begin_s, end_s
+    turned = np.empty((m + 2, 4))
+    for j in range(3):
+        at = np.interp(inside[: m + 2], times, angles[:, j])
+        turned[:, 1 + j] = (
+            at - np.interp(instant_s, times, angles[:, j]) - omega_b[j] * (inside[: m + 2] - instant_s)
+        )
+    turned[:, 0] = inside[: m + 2] - instant_s
+    if samples.doubtful:
+        return turned[:0], 0.0
+    variance = model.gyro_random_walk**2 * (end_s - begin_s) / 12.0 + model.gyro_quantum**2 / 12.0
+    return turned, variance + (samples.vibration * model.gyro_vibration) ** 2
 
 
 @inner

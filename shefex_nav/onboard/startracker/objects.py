@@ -18,16 +18,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry import unsteady
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
+from shefex_nav.geometry.unsteady import STEADY
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.methods import STEPS
 from shefex_nav.records import Scan
 
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
 KNOWN_PX = 1.0  # a rate is known if its error moves no star by more in half of the frame [E]
+MARKED_PX = 10.0  # the same, for spots of a rolling shutter: farther, a star is taken for its neighbour [E]
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
@@ -68,7 +71,36 @@ def as_spots(params, stars, memory, frame, context):
     """By a scan, the sequential one if another search is set. As `searches`."""
     spots = of_spots(params.settings.detection)
     detections, statistics = detect(spots, params.camera, frame.image_dn)
-    yield Found(detections, statistics, int(SPOTS.get(spots.scan, Scan.OTHER)), frame.line_s == 0.0)
+    kind = int(SPOTS.get(spots.scan, Scan.OTHER))
+    if not moved_by_a_rate(params.camera.pinhole, frame, context):
+        yield Found(detections, statistics, kind, frame.line_s == 0.0)
+        return
+    detections, seen_s = at_frame_instant(params.camera, frame, context, detections)
+    rate = None if frame.line_s == 0.0 else (seen_s, context.P_omega_c)
+    yield Found(detections, statistics, kind, True, rate=rate)
+
+
+def moved_by_a_rate(camera, frame, context):
+    """Whether the rate can bring spots to the frame's instant. Pinhole, Frame, Context -> bool.
+
+    With a global shutter all are seen at once: only what is unsteady has to be taken out. With a rolling one
+    the error of the rate, which all stars share, is estimated with the attitude.
+    """
+    if frame.line_s == 0.0:
+        return context.omega_c is not None and context.unsteady_c is not None
+    return rate_error_px(camera, frame, context) < MARKED_PX
+
+
+def at_frame_instant(camera, frame, context, detections):
+    """Detections at the frame's instant, without those that outran the rows; when each was seen (n,), s."""
+    times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+    unsteady_c = STEADY if context.unsteady_c is None else context.unsteady_c
+    xy_px, seen_s = unsteady.at_instant(
+        camera.pinhole, camera.psf_sigma, times, context.omega_c, unsteady_c, detections.xy_px
+    )
+    good = np.isfinite(xy_px.sum(axis=1))
+    kept = detections._make(column[good] for column in detections._replace(xy_px=xy_px))
+    return kept, seen_s[good]
 
 
 def of_spots(settings):
@@ -79,7 +111,7 @@ def of_spots(settings):
 def along_streaks(params, stars, memory, frame, context):
     """Along streaks if the rate is known and low enough for an attitude, else as spots. As `searches`."""
     is_slow = not context.rate > params.settings.highest_rate  # an unknown rate is NaN
-    if is_slow and rate_is_known(params.camera.pinhole, frame, context):
+    if is_slow and rate_error_px(params.camera.pinhole, frame, context) < KNOWN_PX:
         yield from _along_streaks(params, stars, frame, context)
     else:
         yield from as_spots(params, stars, memory, frame, context)
@@ -94,7 +126,8 @@ def _along_streaks(params, stars, frame, context):
 
     settings, camera, hole = params.settings.detection, params.camera, params.camera.pinhole
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
-    motion = streaks.Motion(context.omega_c, context.P_omega_c, times)
+    unsteady_c = STEADY if context.unsteady_c is None else context.unsteady_c
+    motion = streaks.Motion(context.omega_c, context.P_omega_c, times, unsteady_c)
     if params.settings.identification.tracking and is_narrow(hole, context):
         xy_px, P_px = predicted(params, stars, context)
         if len(xy_px) >= FEWEST:
@@ -110,13 +143,15 @@ def rate_of(camera, motion, detections):
     return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), P_omega_c
 
 
-def rate_is_known(camera, frame, context):
-    """Whether the rate says where the light of a star went. Pinhole, Frame, Context -> bool."""
-    if context.omega_c is None or context.P_omega_c is None:
-        return False
+def rate_error_px(camera, frame, context):
+    """By how much the error of the rate moves a star in half of the frame, 1 sigma, at most: float.
+
+    Infinite where no rate is known. Pinhole, Frame, Context
+    """
+    if context.omega_c is None or context.P_omega_c is None or not np.isfinite(context.omega_c.sum()):
+        return np.inf
     half_s = 0.5 * (frame.exposure_s + frame.line_s * (frame.image_dn.shape[0] - 1))
-    moved_px = half_s * _largest_sigma_px(camera, context.P_omega_c)
-    return bool(np.isfinite(context.omega_c.sum()) and moved_px < KNOWN_PX)
+    return half_s * _largest_sigma_px(camera, context.P_omega_c)
 
 
 def is_narrow(camera, context):

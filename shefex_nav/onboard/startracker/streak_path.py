@@ -12,7 +12,8 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.shutter import RowTimes
-from shefex_nav.geometry.streak import place_at, seen_from_to, velocity
+from shefex_nav.geometry.streak import place_at, seen_from_to, turn_jacobian, velocity
+from shefex_nav.geometry.unsteady import STEADY, fit_offset, turned_at
 
 # Numbers of a path: first end, direction from end to end, length, sagitta, times of the ends, along-track
 # distance of the star from one row's opening to the next one's, last end, light per pixel of length
@@ -24,12 +25,14 @@ MOST_ROUNDS = 6
 
 
 class Turning(NamedTuple):
-    """A camera that turns at a constant rate during the exposure of its rows."""
+    """How a camera turns during the exposure of its rows."""
 
     camera: Pinhole
-    omega_c: np.ndarray  # (3,) rad/s, of the camera in its own axes
+    omega_c: np.ndarray  # (3,) rad/s, of the camera in its own axes, mean of the exposure
     P_omega_c: np.ndarray  # (3, 3) (rad/s)^2
     times: RowTimes
+    unsteady_c: np.ndarray = STEADY  # (m, 4), table of `geometry.unsteady`
+    sigma_px: float = 1.0  # of a spot, for that
 
 
 @kernel
@@ -47,16 +50,24 @@ def path_of(turning, x_px, y_px, path):
     bool, False for a star that leaves the front of the camera, outruns the rows of a rolling shutter, or
         leaves a streak longer than the frame's shorter side; path is not written then
     """
-    camera, omega_c, _, times = turning
+    camera, omega_c, times, unsteady_c = turning.camera, turning.omega_c, turning.times, turning.unsteady_c
     begin, end = seen_from_to(camera, times, omega_c, x_px, y_px)
     xa, ya = place_at(camera, omega_c, x_px, y_px, begin)
     xb, yb = place_at(camera, omega_c, x_px, y_px, end)
+    xm, ym = place_at(camera, omega_c, x_px, y_px, 0.5 * (begin + end))
+    if unsteady_c.shape[0] > 0:
+        H = turn_jacobian(camera, x_px, y_px)
+        middle = fit_offset(H, unsteady_c, (begin, end), (xb - xa, yb - ya), turning.sigma_px)
+        half = 0.5 * (turned_at(unsteady_c, end) - turned_at(unsteady_c, begin))
+        half_x, half_y = H[0] @ half, H[1] @ half
+        xa, ya = xa + middle[0] - half_x, ya + middle[1] - half_y
+        xb, yb = xb + middle[0] + half_x, yb + middle[1] + half_y
+        xm, ym = xm + middle[0], ym + middle[1]
     if not (np.isfinite(xa + xb) and end > begin):
         return False
     length = np.hypot(xb - xa, yb - ya)
     if not length <= min(camera.width_px, camera.height_px):
         return False
-    xm, ym = place_at(camera, omega_c, x_px, y_px, 0.5 * (begin + end))
     if length >= LEAST_LENGTH_PX:
         tx, ty = (xb - xa) / length, (yb - ya) / length
         path[SAG] = -ty * (xm - 0.5 * (xa + xb)) + tx * (ym - 0.5 * (ya + yb))

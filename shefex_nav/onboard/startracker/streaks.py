@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.shutter import RowTimes
+from shefex_nav.geometry.unsteady import STEADY
 from shefex_nav.onboard.startracker.binned import bad_map, in_noise, level_of
 from shefex_nav.onboard.startracker.detect import FrameStatistics
 from shefex_nav.onboard.startracker.matched import (
@@ -68,6 +69,7 @@ class Motion(NamedTuple):
     omega_c: np.ndarray  # (3,) rad/s, of the camera in its own axes, mean of the exposure
     P_omega_c: np.ndarray | None  # (3, 3) (rad/s)^2, its covariance; None: taken as exact
     times: RowTimes
+    unsteady_c: np.ndarray = STEADY  # (m, 4), how it turned besides: table of `geometry.unsteady`
 
 
 def detect_streaks(settings, camera, image_dn, motion, false_objects=FALSE_OBJECTS):
@@ -144,7 +146,7 @@ def _checked(settings, camera, image_dn, motion):
         raise ValueError("motion: the rate or its covariance is not finite")
     picture = Picture(image_dn, bad_map(*image_dn.shape, camera.bad_pixels), int(settings.saturation))
     spot = Spot(np.sqrt(float(camera.psf_sigma) ** 2 + PIXEL_VARIANCE), 1.0 / camera.electrons_per_dn)
-    return picture, Turning(hole, omega_c, P_omega_c, motion.times), spot
+    return picture, Turning(hole, omega_c, P_omega_c, motion.times, motion.unsteady_c, spot.s), spot
 
 
 def _clip(k, longest_px, sigma_px):

@@ -10,6 +10,7 @@ better than a wrong attitude.
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -54,6 +55,10 @@ class Context(NamedTuple):
     P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error in camera axes
     omega_c: np.ndarray | None = None  # (3,) rad/s, of the camera in its axes, mean of the exposure
     P_omega_c: np.ndarray | None = None  # (3, 3) (rad/s)^2, its covariance
+    unsteady_c: np.ndarray | None = (
+        None  # (m, 4), how the camera turned besides: table of `geometry.unsteady`
+    )
+    unsteady_variance: float = 0.0  # rad^2, of its error on each axis, the same for all stars
 
 
 NO_CONTEXT = Context(None, np.nan, np.nan, np.nan)
@@ -152,12 +157,23 @@ def step(tracker, state, frame, context):
     StarFix, with the attitude or the reason for none
     CameraCommand for the next frame
     """
-    params, exposed = tracker.params, of_exposure(tracker, frame.exposure_s)
+    params, exposed = tracker.params, of_frame(tracker, frame, context)
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
         found, reason, solution, stars = attitude_with_stars(exposed, seen.detections, context, seen.rate)
         if reason == Reason.NONE:
             break
     return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
+
+
+def of_frame(tracker, frame, context):
+    """`of_exposure`; with a rolling shutter the error of `unsteady_c` differs from row to row as well."""
+    exposed = of_exposure(tracker, frame.exposure_s)
+    if frame.line_s == 0.0 or context.unsteady_variance == 0.0:
+        return exposed
+    params = exposed.params
+    moved_px = params.camera.pinhole.focal_length_px * math.sqrt(context.unsteady_variance)
+    settings = replace(params.settings, centroid_floor=math.hypot(params.settings.centroid_floor, moved_px))
+    return exposed._replace(params=params._replace(settings=settings))
 
 
 def of_exposure(tracker, exposure_s):
@@ -188,12 +204,14 @@ def concluded(tracker, state, frame, context, seen, result):
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
-        exposed = of_exposure(tracker, frame.exposure_s)
+        exposed = of_frame(tracker, frame, context)
         found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
+    P_c = P_c + context.unsteady_variance * np.eye(3)
+    stars = of_all_stars(stars, context.unsteady_variance)
     if reason != Reason.NONE:
         reason = explain(params, reason, mean_dn, context)
     fix = StarFix(
@@ -216,6 +234,11 @@ def concluded(tracker, state, frame, context, seen, result):
     exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
     return TrackerState(exposure_s, seen.memory), fix, command
+
+
+def of_all_stars(stars, variance):
+    """StarVectors with an error that all share, rad^2 on each axis: so large that their mean has it."""
+    return stars._replace(P_u=stars.P_u + len(stars.hip) * variance * np.eye(2)) if variance > 0.0 else stars
 
 
 def attitude(tracker, detections, context, rate=None):
