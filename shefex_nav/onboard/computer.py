@@ -56,7 +56,9 @@ class Computer:
         switched on, then one with each frame), StarFix, and those of the navigation
         """
         now_s, outputs = self.navigation.now_s, []
-        frames = [one for one in arrived if isinstance(one, Frame)]
+        frames, received = [], []
+        for one in arrived:
+            (frames if isinstance(one, Frame) else received).append(one)
         if is_on(self.params, now_s) != self._is_on:
             outputs += self._switch(now_s)
         if self._is_on:
@@ -65,7 +67,6 @@ class Computer:
         due = [fix for fix in self.waiting if fix.t_available_s <= now_s + SAME_S]
         if due:
             self.waiting = tuple(fix for fix in self.waiting if fix.t_available_s > now_s + SAME_S)
-        received = [one for one in arrived if not isinstance(one, Frame)] if frames else arrived
         return outputs + self.navigation.update([*received, *due])
 
     def close(self):

@@ -9,7 +9,6 @@ from shefex_nav.onboard import star_context
 from shefex_nav.onboard.navigation import fusion, search
 from shefex_nav.onboard.navigation import ticks as filter_ticks
 from shefex_nav.onboard.telemetry import RECORDS
-from shefex_nav.records import StarFix
 
 
 def start(params, alignment, earth, telemetry=RECORDS):
@@ -52,19 +51,17 @@ class Navigator:
 
         -> list of GateResult and NavHealth, then what the telemetry hands over
         """
-        received = [one for one in arrived if not isinstance(one, StarFix)]
-        star_fixes = [one for one in arrived if isinstance(one, StarFix)]
         if self.bank is not None:
-            return self._search(received, star_fixes)
-        outputs = fusion.take(self.nav, received, star_fixes) if arrived else []
+            return self._search(arrived)
+        outputs = fusion.take(self.nav, arrived) if arrived else []
         outputs += self.nav.watch.changes()
         return outputs + self._telemetry.now(self.nav, self._ticks)
 
-    def _search(self, received, star_fixes):
+    def _search(self, arrived):
         """`update` while an angle of the attitude is not known."""
         bank, outputs, found = self.bank, [], None
-        if received or star_fixes:
-            outputs = search.fuse(bank, received, star_fixes)
+        if arrived:
+            outputs = search.fuse(bank, arrived)
             found = search.settled(bank, self.nav.params, self.nav.earth)
         if found is None:
             self.nav = bank.best

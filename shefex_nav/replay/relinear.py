@@ -133,7 +133,7 @@ def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
     mean, P, reached = mean_0.copy(), P_0.copy(), 0
     updates, covariances = {}, {0: P_0}
     nav = nav._replace(history=whole)
-    whole.position_s, whole.used_s = -np.inf, dict.fromkeys(whole.used_s, -np.inf)
+    whole.used_s = {}
     samples = Samples(whole.numbers, whole.increments, whole.extra, whole.drives, nodes.ticks, nodes.parts_s)
     about = About(nav.layout.nominal, *trajectory)
     for node in [*sorted(nodes.seen), m]:

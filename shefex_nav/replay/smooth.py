@@ -143,8 +143,7 @@ def forward(recording, progress=lambda share: None):
         raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
-    driving = nav.history.drives.shape[2]
-    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names, driving))
+    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.history.drives.shape[2]))
     done, end, before = 0, len(blocks.t_valid_s), _axes(nav)
     states = np.zeros((end + 1, 6), dtype=int)
     for k, _, outputs in drive(Navigator(nav, columns), blocks, recording.arrivals):
@@ -209,7 +208,7 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     NavSolution, NavCovariance of arrays
     """
     nav = adaptation.replayed(rerun.start(recording), flown.noise.schedule)
-    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P, nav.params.aid_names)
+    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
     nodes = final_pass.nodes(flown, final, nav.layout.nominal)
     intervals = relinear.room(len(nodes.ticks), nav.layout.n)
     one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
+from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK, sample_s
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Event, GpsRanges, Reason
 from shefex_nav.world import gps_channels
@@ -47,7 +47,7 @@ def imu_sensed(faults, t_s, dtheta_b, dv_b):
 
     tuple of fault_settings.Imu; (N,) s, ends of the samples; (N, 3) rad, (N, 3) m/s, not limited, not counted
     """
-    dt_s = _sample_s(t_s)
+    dt_s = sample_s(t_s)
     for fault, rows, increments, _ in _acting(faults, FELT, t_s, (dtheta_b, dv_b)):
         match fault:
             case GyroBias(rate=error) | AccelerometerBias(acceleration=error):
@@ -86,17 +86,13 @@ def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
 
 def _acting(faults, kinds, t_s, increments, flags=(None, None)):
     """Faults of some kinds that act on samples. Yields fault, rows, and of its triad increments and flags."""
-    begin_s = t_s - _sample_s(t_s)
+    begin_s = t_s - sample_s(t_s)
     for fault in faults:
         rows = np.flatnonzero(within(fault, begin_s))  # samples that begin within the fault
         rows = rows[rows > 0]
         if isinstance(fault, kinds) and len(rows):
             triad = 0 if getattr(fault, "sensor", "") == "gyro" else 1
             yield fault, rows, increments[triad], flags[triad]
-
-
-def _sample_s(t_s):
-    return (t_s[-1] - t_s[0]) / (len(t_s) - 1)
 
 
 def _repeat_block(rows, *columns):

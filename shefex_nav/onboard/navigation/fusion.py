@@ -29,7 +29,6 @@ from shefex_nav.onboard.navigation import (
     integrity_learnt,
     integrity_protection,
     integrity_watch,
-    measurements,
     prediction,
     reset,
     unknown_attitude,
@@ -103,7 +102,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         constants=constants,
         kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
-        history=History(first, params.aid_names, constants.driving),
+        history=History(first, constants.driving),
         health={name: integrity.HEALTHY for name in known},
         recorder=recorder,
         watch=integrity_watch.start(params),
@@ -154,20 +153,20 @@ def _forget(nav, t_s):
     history.forget_until(t_s)
 
 
-def take(nav, received, star_fixes):
+def take(nav, arrived):
     """Take in what has arrived: `fuse`, and of stars that were not used one by one the attitude.
 
     Parameters
     ----------
     nav : Filter, advanced to the present tick
-    received : sequence of GpsFix, GpsRanges and readings of instruments
-    star_fixes : sequence of StarFix, also those that hold nothing for the filter
+    arrived : sequence of GpsFix, GpsRanges, readings of instruments and StarFix, also of those that hold
+        nothing for the filter
 
     Returns
     -------
     list of GateResult, one for each measurement
     """
-    taken = arrivals(nav, received, star_fixes)
+    taken = arrivals(nav, arrived)
     results = fuse(nav, taken) if taken else []
     if instead := attitudes_instead(nav, taken, results):
         results += fuse(nav, instead)
@@ -262,9 +261,7 @@ def _reprocess(nav, first, last, results, recorder=None):
     history.go_to(first - 1)
     if recorder is None:
         nav.watch.back_to(history.oldest + first - 1)
-    if nav.params.lasting_share:
-        history.position_s = history.position_before(first)
-    if nav.params.aids:
+    if nav.params.lasting_share or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
@@ -369,16 +366,12 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.rows is not None:
         used = measurement.rows
         return z[used], H[used], R[np.ix_(used, used)]
-    params, fix, sensor = nav.params, measurement.fix, nav.sensors[measurement.sensor]
-    if sensor.counted is not None:
-        used_s = nav.history.used_s
-        gap_s, used_s[measurement.sensor] = fix.t_valid_s - used_s[measurement.sensor], fix.t_valid_s
-        return z, H, sensor.counted(nav, fix, R, gap_s)
-    if params.lasting_share and fix_of(measurement.sensor) is POSITION:
-        gap_s = fix.t_valid_s - nav.history.position_s
-        nav.history.position_s = fix.t_valid_s
-        R = measurements.lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s) * R
-    return z, H, R
+    name, fix, used_s = measurement.sensor, measurement.fix, nav.history.used_s
+    counted = nav.sensors[name].counted
+    if counted is None:
+        return z, H, R
+    gap_s, used_s[name] = fix.t_valid_s - used_s.get(name, -np.inf), fix.t_valid_s
+    return z, H, counted(nav, fix, R, gap_s)
 
 
 def _used(nav, now, measurement, P, prior, H, R, confirmed):

@@ -12,6 +12,7 @@ second is used, the first never.
 """
 
 from enum import IntEnum
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +74,7 @@ class Health(NamedTuple):
 HEALTHY = Health(0, 0, np.nan, None)
 
 
+@cache
 def chi_square_limit(probability, dof):
     """Value that a chi-square variable exceeds with the given probability."""
     return float(special().chdtri(dof, probability))

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_gps,
@@ -17,6 +16,7 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
     protected,
 )
+from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.records import Doubt, NavHealth
@@ -277,7 +277,7 @@ def start(params):
     """Watch of a filter that starts. NavParams -> Watch"""
     relative, sensed = integrity_gyro.relative_error(params), integrity_gyro.sensed_error(params)
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
-    limit = float(special().chdtri(3, integrity_gps.DRIFT_PROBABILITY))
+    limit = chi_square_limit(integrity_gps.DRIFT_PROBABILITY, 3)
     return Watch(params.integrity or DEFAULT, limit, gyros)
 
 

@@ -191,11 +191,6 @@ class NavParams(NamedTuple):
     own_blocks: tuple = ()  # of blocks.Block, those that plug-ins bring without an instrument
 
     @property
-    def aid_names(self):
-        """Names of all aids: tuple of str."""
-        return tuple(aid.name for aid in self.aids)
-
-    @property
     def blocks(self):
         """Blocks of all aids and of plug-ins: tuple of blocks.Block."""
         return (*(block for aid in self.aids for block in aid.blocks), *self.own_blocks)
