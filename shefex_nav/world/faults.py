@@ -30,6 +30,7 @@ from shefex_nav.world.fault_settings import (
     Outage,
     Repeat,
     Stuck,
+    with_fault,
     within,
 )
 
@@ -109,13 +110,7 @@ def _repeat_block(rows, *columns):
 def gps(faults, fixes):
     """The fixes with their faults. tuple of fault_settings.Gps, list of GpsFix -> list of GpsFix"""
     for fault in faults:
-        changed, last = [], None
-        for fix in fixes:
-            acts = within(fault, fix.t_valid_s)
-            if not acts and fix.valid:
-                last = fix
-            changed.append(_gps_fault(fault, fix, last) if acts else fix)
-        fixes = changed
+        fixes = with_fault(fault, fixes, _gps_fault, lambda fix: fix.valid)
     return fixes
 
 
@@ -143,13 +138,7 @@ def gps_ranges(faults, messages, antenna):
         for message, r_e, v_e in zip(messages, antenna.r_ea_e, antenna.v_ea_e, strict=True)
     ]
     for fault in faults:
-        changed, last = [], None
-        for one in heard:
-            acts = within(fault, one.message.t_valid_s)
-            if not acts and not one.message.reason:
-                last = one
-            changed.append(_ranges_fault(fault, one, last) if acts else one)
-        heard = changed
+        heard = with_fault(fault, heard, _ranges_fault, lambda one: not one.message.reason)
     return [one.message for one in heard] if faults else messages
 
 
@@ -160,6 +149,11 @@ class _Heard(NamedTuple):
     r_ea_e: np.ndarray
     v_ea_e: np.ndarray
 
+    @property
+    def t_valid_s(self):
+        """Of the message."""
+        return self.message.t_valid_s
+
 
 def _ranges_fault(fault, heard, last):
     """Ranges under a fault. fault_settings.Gps, _Heard, the last with ranges before it or None -> _Heard"""
@@ -167,9 +161,7 @@ def _ranges_fault(fault, heard, last):
     if isinstance(fault, Freeze):
         if last is None:
             return heard
-        t_valid_s = last.message.t_valid_s if fault.time == "stands" else message.t_valid_s
-        message = last.message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
-        return last._replace(message=message)
+        return last._replace(message=_repeated(fault, message, last.message))
     if isinstance(fault, Outage):
         message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
         return heard._replace(message=message._replace(reason="outage"))
@@ -201,6 +193,12 @@ def _moved(fault, r_ea_e, t_s):
     return (t_s - fault.start) * rate_e, rate_e if fault.velocity_too else none
 
 
+def _repeated(fault, message, last):
+    """The last GpsFix or GpsRanges again in the place of a message. -> the same kind"""
+    t_valid_s = last.t_valid_s if fault.time == "stands" else message.t_valid_s
+    return last._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
+
+
 def _delayed(fault, message):
     """A GpsFix or GpsRanges that comes later. -> the same kind"""
     t_valid_s = message.t_valid_s + (fault.by if fault.time == "late" else 0.0)
@@ -212,8 +210,7 @@ def _gps_fault(fault, fix, last):
     if isinstance(fault, Freeze):
         if last is None:
             return fix
-        t_valid_s = last.t_valid_s if fault.time == "stands" else fix.t_valid_s
-        return last._replace(t_valid_s=t_valid_s, t_available_s=fix.t_available_s)
+        return _repeated(fault, fix, last)
     if isinstance(fault, Outage):
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
         return fix._replace(

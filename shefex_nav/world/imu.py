@@ -190,15 +190,6 @@ def quantise(increments, quantum):
     return out
 
 
-def blocks(data):
-    """The blocks of `stacked`, one after the other. Yields ImuBlock."""
-    every = stacked(data)
-    ends_s, dt_s = every.t_valid_s.tolist(), every.dt_s.tolist()
-    flags = every.saturated.tolist(), every.valid.tolist()
-    for t_s, h_s, dtheta, dv, *flag in zip(ends_s, dt_s, every.dtheta_b, every.dv_b, *flags, strict=True):
-        yield ImuBlock(t_s, t_s, h_s, dtheta, dv, *flag)
-
-
 def stacked(data):
     """The samples as the on-board computer gets them, four to a block; the first row, at the start, in none.
 
