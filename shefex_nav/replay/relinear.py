@@ -18,7 +18,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, fusion, laws, prediction, reset
+from shefex_nav.onboard.navigation import error_model, fusion, gate, laws, prediction
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.laws import FIELD_TIME_S, SIZES
@@ -166,7 +166,7 @@ def _correct(nav, seen, mean, P):
 def _forgotten(nav, seen, mean, P, H):
     """Forget what a reset forgets, or add what is doubted, in place. -> as in Update"""
     one = seen.measurement
-    prior, cut = reset.forgotten(nav, P, one, H)
+    prior, cut = gate.forgotten(nav, P, one, H)
     added, held = prior - P, None
     if cut:
         held = difference(nav.layout, nav.history.x, seen.x_then)

@@ -26,8 +26,7 @@ from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
-from shefex_nav.onboard.navigator import Navigator
-from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
+from shefex_nav.onboard.navigator import COVARIANCE_TICKS, Columns, Navigator
 from shefex_nav.records import NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
 from shefex_nav.scenario import load, params_onboard
@@ -292,7 +291,7 @@ def solutions(nav, final, nodes, xs, wanted):
         at_ticks, drives = xs[nodes.ends[ticks]], final.drives[ticks]
         memory = Memory(*of_ticks, at_ticks, Ps, at_ticks[-1], Ps[-1], drives)
         here = nav._replace(history=Chunk(memory))
-        solution.fill(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
+        solution.fill(here, range(len(ticks)), rows[first - 1 : first - 1 + len(ticks)], False)
         tenth = ticks[ticks % COVARIANCE_TICKS == 0]
         if len(tenth):
             own = spread[tenth[0] // COVARIANCE_TICKS - 1 : tenth[-1] // COVARIANCE_TICKS]

@@ -21,7 +21,6 @@ from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
     gate,
-    gps_told,
     imu_drive,
     integrity,
     integrity_bank,
@@ -29,8 +28,8 @@ from shefex_nav.onboard.navigation import (
     integrity_learnt,
     integrity_protection,
     integrity_watch,
+    measurements,
     prediction,
-    reset,
     unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
@@ -168,7 +167,7 @@ def take(nav, arrived):
     """
     taken = arrivals(nav, arrived)
     results = fuse(nav, taken) if taken else []
-    if instead := attitudes_instead(nav, taken, results):
+    if nav.params.stars != "attitude" and (instead := attitudes_instead(nav, taken, results)):
         results += fuse(nav, instead)
     return results
 
@@ -190,7 +189,7 @@ def fuse(nav, arrived):
     last, turn = history.newest - history.oldest, partial(_order, list(nav.sensors))
     earliest = last + 1
     for arrival, fix in arrived:
-        fix = gps_told.understood(nav.params.gps_told, fix)
+        fix = measurements.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
@@ -318,7 +317,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     if beyond is not None and fate != Fate.USED:  # a sensor that is believed otherwise says it in its own way
         z, beyond = z + H @ beyond, None
     before, P = None if recorder is None else now.state, history.P.copy()
-    prior, cut = reset.forgotten(nav, P, measurement, H)
+    prior, cut = gate.forgotten(nav, P, measurement, H)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)

@@ -34,8 +34,8 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
 from shefex_nav.onboard.navigation.grown import Grown, grown
-from shefex_nav.onboard.navigation.integrity import Fate, chi_square_limit
-from shefex_nav.onboard.navigation.integrity_windows import CHANCE, Innovations
+from shefex_nav.onboard.navigation.integrity import Fate, Innovations, chi_square_limit
+from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, fix_of
 
 WINDOWS = np.array([3, 4, 6, 8, 12, 16, 24, 32, 48, 64])  # innovations

@@ -218,17 +218,17 @@ class Watch:
             self.level = integrity_protection.after_fixes(self.level, self.used_now, now_s, history.P, axes)
             self.used_now.clear()
 
-    def graver_doubts(self, health, imu_blind):
+    def graver_doubts(self, health, imu_blind=None):
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
 
-        {sensor: Health};  imu_blind : as the attribute. While the IMU does not measure all three run away. A
-        star tracker that contradicts says that the attitude is wrong, or itself; position and velocity are
-        checked by GPS, where there is any. A GPS velocity contradicts an attitude as well, by the direction
-        of the thrust: any other sensor makes all three doubtful. A GPS position whose velocity goes on
-        contradicts the position alone: most likely it has jumped, but the filter may have followed it before.
-        So does one that was believed in the end.
+        {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the IMU does not measure
+        all three run away. A star tracker that contradicts says that the attitude is wrong, or itself;
+        position and velocity are checked by GPS, where there is any. A GPS velocity contradicts an attitude
+        as well, by the direction of the thrust: any other sensor makes all three doubtful. A GPS position
+        whose velocity goes on contradicts the position alone: most likely it has jumped, but the filter may
+        have followed it before. So does one that was believed in the end.
         """
-        if imu_blind:
+        if self.imu_blind if imu_blind is None else imu_blind:
             return ALL_OF[Doubt.IMU]
         if self.constants.found or self.step is not None or "gps" in self.alarms:
             return ALL_OF[Doubt.CONTRADICTED]

@@ -26,7 +26,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import sums
-from shefex_nav.onboard.navigation.integrity import chi_square_limit
+from shefex_nav.onboard.navigation.integrity import Innovations, chi_square_limit
 
 LENGTHS = (20, 60)  # [E] innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -65,35 +65,6 @@ def _statistics(w):
                 products[k * d - d + i] = w[k, i] * w[k - 1, i]
     size = sums.pairwise(squares)
     return size, (total @ total) / n, sums.pairwise(products) / size * np.sqrt(n * d)
-
-
-class Innovations:
-    """The last innovations of one sensor, whitened, changed in place.
-
-    kept, n : (N, d), of which the first n rows are filled, the latest last
-    """
-
-    def __init__(self, longest):
-        """longest : int, how many are kept at least"""
-        self.longest, self.kept, self.n = longest, np.empty((0, 0)), 0
-
-    def forget(self):
-        """Begin anew: what came before was judged by another model."""
-        self.n = 0
-
-    def last(self, count):
-        """The last innovations: (count, d) at most, not copied."""
-        return self.kept[max(self.n - count, 0) : self.n]
-
-    def add(self, w):
-        """Keep another one: (d,)."""
-        if not self.n:
-            self.kept = np.empty((2 * self.longest, len(w)))
-        elif self.n == len(self.kept):
-            self.n = self.longest - 1
-            self.kept[: self.n] = self.kept[-self.n :]
-        self.kept[self.n] = w
-        self.n += 1
 
 
 class Window(Innovations):

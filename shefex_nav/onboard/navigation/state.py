@@ -26,8 +26,6 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
-from shefex_nav.onboard.navigation.gps_told import NOTHING as NOTHING_TOLD
-from shefex_nav.onboard.navigation.gps_told import GpsTold
 from shefex_nav.onboard.navigation.settings import Releases
 
 POS = slice(0, 3)  # dr_i [m]
@@ -159,6 +157,18 @@ class ImuModel(NamedTuple):
     gravity_time_s: float  # for how long it acts before GPS corrects for it, while the body turns
     saturated_rate: float  # rad/s, error while a sensor is at its range
     accel_quantum: float = 0.0  # m/s, smallest increment
+
+
+class GpsTold(NamedTuple):
+    """What the computer was told of its GPS receiver; the defaults change nothing."""
+
+    position_factor: float = 1.0  # on the standard deviations of positions and ranges that are reported
+    velocity_factor: float = 1.0  # on those of velocities and range rates
+    clock_offset_s: float = 0.0  # stamps are later than the instants that are measured by so much
+    latency_s: float = np.nan  # from the instant that is measured to the arrival; NaN: the stamp says it
+
+
+NOTHING_TOLD = GpsTold()
 
 
 class NavParams(NamedTuple):
