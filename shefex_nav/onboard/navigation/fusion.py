@@ -256,10 +256,11 @@ def _out_of_reach(history, fix):
 
 def _reprocess(nav, first, last, results, recorder=None):
     """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
-    history = nav.history
+    history, watch = nav.history, nav.watch
     history.go_to(first - 1)
-    if recorder is None:
-        nav.watch.back_to(history.oldest + first - 1)
+    if recorder is None:  # corrections after that tick are not made yet
+        watch.gyros.back_to(history.oldest + first - 1)
+        watch.path.back_to(history.oldest + first - 1)
     if nav.params.lasting_share or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
@@ -302,9 +303,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     history, sensor, fix = nav.history, nav.sensors[measurement.sensor], measurement.fix
     now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
-    beyond = (
-        unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if measurement.sensor in VECTORS else None
-    )
+    of_gps = measurement.sensor in VECTORS
+    beyond = unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if of_gps else None
     if beyond is not None:
         z = z - H @ beyond
     pending, confirmed = measurement.fate == Fate.PENDING, False
@@ -338,7 +338,9 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        nav.watch.corrected(history.oldest + index, history.oldest, now.t_s, x, history.x)
+        number, oldest = history.oldest + index, history.oldest
+        nav.watch.gyros.corrected(number, oldest, x, history.x)
+        nav.watch.path.corrected(number, oldest, now.t_s, x, history.x)
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:

@@ -194,16 +194,6 @@ class Watch:
         self.constants.take(nav, now, name, z, H, S, fate)
         self.report(nav.history.ends_s[-1], "gps_constants", self.constants.found)
 
-    def back_to(self, number):
-        """The filter goes back to the end of a tick: corrections after it are not made yet."""
-        self.gyros.back_to(number)
-        self.path.back_to(number)
-
-    def corrected(self, number, oldest, t_s, x_before, x_after):
-        """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
-        self.gyros.corrected(number, oldest, x_before, x_after)
-        self.path.corrected(number, oldest, t_s, x_before, x_after)
-
     def level_axes(self, earth, t_s, x):
         """`protected.level_axes`, kept for AXES_S: in a second they turn by 1e-3 rad, also in orbit."""
         if not abs(t_s - self.axes_s) <= AXES_S:
