@@ -51,7 +51,7 @@ def drawn(k):
 def fly(k):
     """Flight k: what it drew, and how it went."""
     from shefex_nav import prepare, simulate
-    from shefex_nav.onboard.telemetry import Columns
+    from shefex_nav.onboard.navigator import Columns
     from shefex_nav.records import GateResult, GpsFix, NavHealth
     from shefex_nav.scenario import load
 

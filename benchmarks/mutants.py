@@ -42,11 +42,11 @@ SAME = HERE / "mutants_same.json"
 NAVIGATION, IDENTIFY = "onboard/navigation", "onboard/startracker/identify"
 PARTS = {  # files of the package, as glob patterns
     "faults": ("world/faults.py", "world/gps_errors.py"),
-    "gates": tuple(f"{NAVIGATION}/{name}.py" for name in ("gate", "eskf", "reset", "adaptation", "gps_told")),
+    "gates": tuple(f"{NAVIGATION}/{name}.py" for name in ("gate", "eskf", "adaptation", "measurements")),
     "integrity": (
         f"{NAVIGATION}/integrity*.py",
         f"{NAVIGATION}/unknown_attitude.py",
-        "onboard/star_context.py",
+        "onboard/navigator.py",
     ),
     "verdict": tuple(
         f"{IDENTIFY}/{n}.py" for n in ("bayes", "evidence", "odds", "verify", "doubts", "completeness")

@@ -18,7 +18,7 @@ import calisto
 import numpy as np
 from rocketpy import Flight
 
-from shefex_nav.environment.gravity import normal_gravity
+from shefex_nav.environment.gravity import normal_gravity_e
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.world.flight import fly
 
@@ -112,7 +112,11 @@ def variants(wind):
     """[(what, measures)]: RocketPy as it comes, with one change at a time, with all of them; then here."""
     latitude = np.radians(calisto.LATITUDE)
     plain, ours = calisto.environment(wind), calisto.environment(wind, our_air=True)
-    weighed = calisto.environment(wind, gravity=lambda height: normal_gravity(latitude, height))
+
+    def gravity(height):
+        return np.linalg.norm(normal_gravity_e(wgs84.ecef_from_geodetic(latitude, 0.0, height)))
+
+    weighed = calisto.environment(wind, gravity=gravity)
     changes = (calisto.turn_lever_arms, calisto.whole_jet_damping, calisto.steady_flow)
     rocket, turned, damped, steady, changed = (calisto.rocket() for _ in range(5))
     for change, one in zip(changes, (turned, damped, steady), strict=True):

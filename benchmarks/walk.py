@@ -196,7 +196,7 @@ class Follower:
     def _part(self, computer, arrived):
         """Which part this tick is; None: neither."""
         frames = [one for one in arrived if isinstance(one, Frame)]
-        until_s = computer.navigation.now_s + SAME_S
+        until_s = computer.now_s + SAME_S
         due = [fix.number for fix in computer.waiting if fix.t_available_s <= until_s]
         first = bool(frames) and self.frame is None
         if first:

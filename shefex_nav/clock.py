@@ -9,3 +9,8 @@ TICK_HZ = 100  # of the on-board computer
 SAMPLES_PER_TICK = 4  # of the IMU
 IMU_HZ = TICK_HZ * SAMPLES_PER_TICK
 SAME_S = 1e-6  # rounding of instants: those that are closer together are one
+
+
+def sample_s(t_s):
+    """Duration of a sample, of samples at one rate that end at the instants t_s: (N,) s -> s"""
+    return float((t_s[-1] - t_s[0]) / (len(t_s) - 1))

@@ -21,8 +21,8 @@ from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.log.steady import ARRIVED, EVENTS, MEASURED, Reached, Steady
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard import driving, navigator
+from shefex_nav.onboard.navigator import RECORDS, Columns
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.onboard.telemetry import RECORDS, Columns
 from shefex_nav.records import (
     CameraCommand,
     ComputeTime,
@@ -58,7 +58,7 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
-    columns : telemetry.Columns, which takes all solutions and covariances; truth, control and IMU are not
+    columns : navigator.Columns, which takes all solutions and covariances; truth, control and IMU are not
         yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is
         yielded. `steady_columns` of the world takes all five, and Reached comes with the records
     pace : pacing.Pace, the clock that says when a tick begins; None: as fast as it goes
@@ -72,7 +72,7 @@ class Route:
     """A mission on its way; arguments as of `route`.
 
     done : int, ticks that have been made
-    columns : telemetry.Columns, those that were given
+    columns : navigator.Columns, those that were given
     """
 
     def __init__(

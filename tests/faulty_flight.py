@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav import prepare, simulate
+from shefex_nav import prepare, records, simulate
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import covariance, fusion, protected, solution
 from shefex_nav.records import StarFix
@@ -77,7 +77,7 @@ def fly(name, *overrides, seed=1, until_s=np.inf):
     gps = sorted(world.gps_fixes, key=lambda fix: fix.t_available_s, reverse=True)
     nav = fusion.start(world.computer.nav, world.alignment, world.earth)
     rows, gates, health = [], [], []
-    for n, block in enumerate(imu.blocks(world.imu), 1):
+    for n, block in enumerate(records.rows(imu.stacked(world.imu)), 1):
         now_s = block.t_valid_s
         if now_s > until_s:
             break

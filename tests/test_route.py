@@ -10,7 +10,7 @@ from shefex_nav import prepare, simulate
 from shefex_nav.clock import SAMPLES_PER_TICK
 from shefex_nav.log import thinning
 from shefex_nav.log.run_data import RunData, RunDataBuilder, stack
-from shefex_nav.onboard.telemetry import Columns
+from shefex_nav.onboard.navigator import Columns
 from shefex_nav.records import (
     CameraCommand,
     ComputeTime,

@@ -17,7 +17,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.thinning import thinned
-from shefex_nav.onboard.telemetry import Columns
+from shefex_nav.onboard.navigator import Columns
 from shefex_nav.report import geodesic, metrics
 from shefex_nav.scenario import load, params
 from shefex_nav.world.flight import fly

@@ -8,7 +8,7 @@ import pytest
 
 from shefex_nav import prepare
 from shefex_nav.geometry import frames
-from shefex_nav.onboard import navigator, telemetry
+from shefex_nav.onboard import navigator
 from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import solution
 from shefex_nav.records import GateResult, GpsRanges
@@ -28,7 +28,7 @@ def flown(seed, *overrides):
     """Position error at 400 s (3,) m, unit vectors to the last satellites (n, 3), gates, all in frame i."""
     scenario = load.load(TIGHT, overrides)
     world = prepare.build_world(scenario, seed)
-    software = navigator.start(world.computer.nav, world.alignment, world.earth, telemetry.NOTHING)
+    software = navigator.start(world.computer.nav, world.alignment, world.earth, navigator.NOTHING)
     received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s)
     blocks, ranges, gates = imu.stacked(world.imu), [], []
     last = int(np.searchsorted(blocks.t_valid_s, UNTIL_S - 1e-6)) + 1

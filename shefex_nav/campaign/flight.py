@@ -157,7 +157,7 @@ def _records(scenario, seed, world, log):
     from shefex_nav.log.run_data import RunDataBuilder
     from shefex_nav.log.topics import RunSummary
     from shefex_nav.log.writer import LogWriter
-    from shefex_nav.onboard.telemetry import Columns
+    from shefex_nav.onboard.navigator import Columns
     from shefex_nav.records import ImuBlock
     from shefex_nav.scenario import software
 

@@ -14,6 +14,7 @@ import numpy as np
 from shefex_nav.campaign.plan import BLOCKS
 from shefex_nav.instruments import TABLE
 from shefex_nav.report import intervals
+from shefex_nav.report.nees import chi2_bounds
 
 CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
 FRAME = {"attitude": "b", "velocity": "i", "position": "i"}
@@ -195,11 +196,9 @@ def _normalised(mean, dof):
 
 def chi_square_bounds(dof, confidence):
     """Interval of chi-square over its degrees of freedom: arrays like dof, NaN where that is 0."""
-    from scipy import stats
-
     dof = np.asarray(dof, dtype=float)
-    some, tail = np.maximum(dof, 1.0), 0.5 * (1.0 - confidence)
-    return tuple(np.where(dof > 0, stats.chi2.ppf(q, some) / some, np.nan) for q in (tail, 1.0 - tail))
+    some = np.maximum(dof, 1.0)
+    return tuple(np.where(dof > 0, end / some, np.nan) for end in chi2_bounds(some, confidence))
 
 
 # ---- judgements ------------------------------------------------------------------------------------------

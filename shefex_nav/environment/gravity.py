@@ -205,13 +205,3 @@ def normal_gravity_e(r_e):
     if across == 0.0:
         return np.array([0.0, 0.0, up])
     return np.array([outward * r_e[0] / across, outward * r_e[1] / across, up])
-
-
-@kernel
-def normal_gravity(latitude, height):
-    """Magnitude of normal gravity [m/s^2] at a geodetic latitude [rad] and height [m], 0 or above.
-
-    On the ellipsoid this is Somigliana's formula.
-    """
-    g_e = normal_gravity_e(wgs84.ecef_from_geodetic(latitude, 0.0, height))
-    return np.sqrt(g_e[0] ** 2 + g_e[2] ** 2)

@@ -18,14 +18,11 @@ import csv
 from datetime import datetime
 from functools import cache
 from importlib import resources
-from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.environment import gravity
-from shefex_nav.geometry import wgs84
 
 DEGREE = 12
 RADIUS = 6371200.0  # m, of the coefficients
@@ -38,15 +35,6 @@ SIGMA_N = (137e-9, 89e-9, 141e-9)  # T
 # and what a model loses in each year outside its time, since the rates change: WMM-2010, carried 5, 10 and
 # 15 years beyond 2015, differs from the models made for then by at most this (rms); carried back, by less
 SIGMA_CARRIED_N = (20e-9, 25e-9, 40e-9)  # T/a
-
-
-class Elements(NamedTuple):
-    """Field as charts give it."""
-
-    declination: float  # rad, from true north towards east
-    inclination: float  # rad, below the horizon
-    horizontal: float  # T
-    total: float  # T
 
 
 def decimal_year(when):
@@ -107,33 +95,6 @@ def sigma_n(year):
 def field_e(harmonics, r_e):
     """Magnetic field at r_e on or above the ground: (3,) m -> (3,) T, frame e."""
     return gravity.gravity_e(harmonics, r_e)
-
-
-def field_n(harmonics, latitude, longitude, height):
-    """Magnetic field north, east and down at a place: rad, rad, m -> (3,) T."""
-    r_e = wgs84.ecef_from_geodetic(latitude, longitude, height)
-    return wgs84.dcm_en(latitude, longitude).T @ field_e(harmonics, r_e)
-
-
-def elements(b_n):
-    """Declination, inclination and intensities of a field north, east and down: (3,) T -> Elements."""
-    horizontal = float(np.hypot(b_n[0], b_n[1]))
-    return Elements(
-        float(np.arctan2(b_n[1], b_n[0])),
-        float(np.arctan2(b_n[2], horizontal)),
-        horizontal,
-        float(np.linalg.norm(b_n)),
-    )
-
-
-def declination_sigma(b_n, year):
-    """1 sigma of the model's declination [rad] where the field is b_n, (3,) T.
-
-    Near a magnetic pole, where the horizontal part is no larger than its error, it is large: no heading.
-    """
-    sigma, horizontal2 = sigma_n(year), float(b_n[0] ** 2 + b_n[1] ** 2)
-    across = sqrt((b_n[1] * sigma[0]) ** 2 + (b_n[0] * sigma[1]) ** 2)
-    return across / horizontal2
 
 
 @cache

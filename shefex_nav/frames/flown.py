@@ -16,7 +16,7 @@ from shefex_nav.geometry.rotation import quat_from_dcm, quat_from_rotvec, quat_m
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.log import reader
 from shefex_nav.log.topics import ATTACHMENT, LogError
-from shefex_nav.onboard.telemetry import Columns
+from shefex_nav.onboard.navigator import Columns
 from shefex_nav.records import Frame, FrameTruth, StarFix
 from shefex_nav.scenario import load
 from shefex_nav.statistical import is_wanted

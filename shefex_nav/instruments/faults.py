@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav.instruments.instrument import Column, Fault, FaultKind
 from shefex_nav.settings import choice, declared, quantity
-from shefex_nav.world.fault_settings import within
+from shefex_nav.world.fault_settings import with_fault
 
 RESERVED = frozenset(("fault", "from", "until", "start", "end", "words", "name"))  # keys of every fault
 
@@ -223,13 +223,7 @@ def applied(one, settings, faults, measured):
 
 def _changed(change, fault, readings):
     """Readings with one fault: list."""
-    found, last = [], None
-    for reading in readings:
-        if within(fault, reading.t_valid_s):
-            found.append(change(fault, reading, last))
-        else:
-            found.append(reading)
-            last = reading if reading.t_valid_s < fault.start and _measures(reading) else last
+    found = with_fault(fault, readings, change, _measures)
     return [reading for reading in found if reading is not None]
 
 

@@ -30,7 +30,7 @@ class Steady:
     """Columns of a flight on its way.
 
     known : list of (record of arrays, (N,) ticks at which its rows come), what is known beforehand
-    told : telemetry.Columns, which gets the rest
+    told : navigator.Columns, which gets the rest
     place : of the record that the flight passes on; it counts PLACES to a tick
     """
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.onboard.star_context import Sky
+from shefex_nav.onboard.navigator import Sky
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Frame, Reason
 
@@ -41,13 +41,16 @@ class Computer:
         self._sky = Sky(params.sun_i, params.tracker.earth_velocity_i)
         self._tracker_state = None  # star_tracker.TrackerState while switched on
         self.waiting = ()  # StarFix that are not available yet
+        self.now_s = None  # end of the tick that has been reached
 
     def advance(self, blocks, first, last):
         """As of `driving.Software`."""
         due_s = min([self._switch_s(blocks.t_valid_s[first]), *(fix.t_available_s for fix in self.waiting)])
         if due_s < blocks.t_valid_s[last - 1]:
             last = first + int(np.searchsorted(blocks.t_valid_s[first:last], due_s - SAME_S)) + 1
-        return self.navigation.advance(blocks, first, last)
+        done, outputs = self.navigation.advance(blocks, first, last)
+        self.now_s = float(blocks.t_valid_s[first + done - 1])
+        return done, outputs
 
     def update(self, arrived):
         """As of `driving.Software`, of Frame and of what the navigation takes.
@@ -55,8 +58,10 @@ class Computer:
         -> list of records in the order in which they came about: CameraCommand (the first when the tracker is
         switched on, then one with each frame), StarFix, and those of the navigation
         """
-        now_s, outputs = self.navigation.now_s, []
-        frames = [one for one in arrived if isinstance(one, Frame)]
+        now_s, outputs = self.now_s, []
+        frames, received = [], []
+        for one in arrived:
+            (frames if isinstance(one, Frame) else received).append(one)
         if is_on(self.params, now_s) != self._is_on:
             outputs += self._switch(now_s)
         if self._is_on:
@@ -65,7 +70,6 @@ class Computer:
         due = [fix for fix in self.waiting if fix.t_available_s <= now_s + SAME_S]
         if due:
             self.waiting = tuple(fix for fix in self.waiting if fix.t_available_s > now_s + SAME_S)
-        received = [one for one in arrived if not isinstance(one, Frame)] if frames else arrived
         return outputs + self.navigation.update([*received, *due])
 
     def close(self):

@@ -12,10 +12,9 @@ import numpy as np
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
+from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
 from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
-from shefex_nav.onboard.star_context import PREDICTION_FLOOR
 from shefex_nav.onboard.startracker.tracker import NO_CONTEXT, Context
-from shefex_nav.onboard.telemetry import COVARIANCE_TICKS
 from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, NavHealth, NavSolution, row
 
 KEPT = int(TICK_HZ)  # ticks, for frames that come late
@@ -112,7 +111,7 @@ class OwnNavigation:
     def context(self, frame, sky, predicts=True):
         """What the navigation knows about a frame: `tracker.Context`, of the software if it says so itself.
 
-        sky : star_context.Sky; predicts : as of `Computer`
+        sky : navigator.Sky; predicts : as of `Computer`
         """
         if self._own.has("context"):
             return self._checked_context(self._ask("context", sealed(frame), sky, predicts))

@@ -19,8 +19,8 @@ from shefex_nav.onboard.navigation.state import X_Q
 class Keeping(History):
     """A filter's memory that keeps what leaves it, in the order in which it came: see `Final`."""
 
-    def __init__(self, tick, aids=(), driving=0):
-        super().__init__(tick, aids, driving)
+    def __init__(self, tick, driving=0):
+        super().__init__(tick, driving)
         self._pieces, self._measurements = [], []
 
     def forget_until(self, t_s):
@@ -67,13 +67,12 @@ class Final(NamedTuple):
 class Whole(History):
     """A History of all ticks of a Final, for `Moment`; states and covariances are not in it."""
 
-    def __init__(self, final, P, aids=()):
+    def __init__(self, final, P):
         self.numbers, self.increments, self.extra = final.numbers, final.increments, final.extra
         self.drives = final.drives
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.oldest, self.newest = final.measurements, 0, len(self.ends_s) - 1
-        self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf
-        self.used_s = dict.fromkeys(aids, -np.inf)
+        self.x, self.P, self.used_s = final.xs[0].copy(), P.copy(), {}
 
 
 class UsedMeasurement(NamedTuple):
@@ -108,7 +107,7 @@ def nodes(nav, final, nominal):
     -------
     Nodes
     """
-    whole = Whole(final, nav.history.P, nav.params.aid_names)
+    whole = Whole(final, nav.history.P)
     ticks, parts, ends, seen, between = [], [], [0], {}, {}
     for k in range(1, len(whole.ends_s)):
         length_s, begin_s, x = whole.length_s(k), 0.0, None

@@ -18,7 +18,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, fusion, laws, prediction, reset
+from shefex_nav.onboard.navigation import error_model, fusion, gate, laws, prediction
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.laws import FIELD_TIME_S, SIZES
@@ -133,7 +133,7 @@ def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
     mean, P, reached = mean_0.copy(), P_0.copy(), 0
     updates, covariances = {}, {0: P_0}
     nav = nav._replace(history=whole)
-    whole.position_s, whole.used_s = -np.inf, dict.fromkeys(whole.used_s, -np.inf)
+    whole.used_s = {}
     samples = Samples(whole.numbers, whole.increments, whole.extra, whole.drives, nodes.ticks, nodes.parts_s)
     about = About(nav.layout.nominal, *trajectory)
     for node in [*sorted(nodes.seen), m]:
@@ -166,7 +166,7 @@ def _correct(nav, seen, mean, P):
 def _forgotten(nav, seen, mean, P, H):
     """Forget what a reset forgets, or add what is doubted, in place. -> as in Update"""
     one = seen.measurement
-    prior, cut = reset.forgotten(nav, P, one, H)
+    prior, cut = gate.forgotten(nav, P, one, H)
     added, held = prior - P, None
     if cut:
         held = difference(nav.layout, nav.history.x, seen.x_then)

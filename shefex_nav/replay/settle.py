@@ -77,7 +77,7 @@ def mixtures(bank, blocks, received):
         for member in bank.members:
             fusion.advance(member.nav, block)
             if arrived:
-                fusion.take(member.nav, arrived, [])
+                fusion.take(member.nav, arrived)
         if any(isinstance(one, GpsFix) for one in arrived):
             bank.prune()
             yield bank.mixture()

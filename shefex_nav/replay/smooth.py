@@ -26,8 +26,7 @@ from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
-from shefex_nav.onboard.navigator import Navigator
-from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
+from shefex_nav.onboard.navigator import COVARIANCE_TICKS, Columns, Navigator
 from shefex_nav.records import NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
 from shefex_nav.scenario import load, params_onboard
@@ -143,8 +142,7 @@ def forward(recording, progress=lambda share: None):
         raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
-    driving = nav.history.drives.shape[2]
-    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names, driving))
+    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.history.drives.shape[2]))
     done, end, before = 0, len(blocks.t_valid_s), _axes(nav)
     states = np.zeros((end + 1, 6), dtype=int)
     for k, _, outputs in drive(Navigator(nav, columns), blocks, recording.arrivals):
@@ -209,7 +207,7 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     NavSolution, NavCovariance of arrays
     """
     nav = adaptation.replayed(rerun.start(recording), flown.noise.schedule)
-    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P, nav.params.aid_names)
+    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
     nodes = final_pass.nodes(flown, final, nav.layout.nominal)
     intervals = relinear.room(len(nodes.ticks), nav.layout.n)
     one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)
@@ -293,7 +291,7 @@ def solutions(nav, final, nodes, xs, wanted):
         at_ticks, drives = xs[nodes.ends[ticks]], final.drives[ticks]
         memory = Memory(*of_ticks, at_ticks, Ps, at_ticks[-1], Ps[-1], drives)
         here = nav._replace(history=Chunk(memory))
-        solution.fill(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
+        solution.fill(here, range(len(ticks)), rows[first - 1 : first - 1 + len(ticks)], False)
         tenth = ticks[ticks % COVARIANCE_TICKS == 0]
         if len(tenth):
             own = spread[tenth[0] // COVARIANCE_TICKS - 1 : tenth[-1] // COVARIANCE_TICKS]

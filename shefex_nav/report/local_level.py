@@ -9,6 +9,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import euler, frames, rotation, wgs84
+from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.pairing import same_times
 
 REPLAY_START = "replay_start"  # Event of a log whose data are not of the simulator
@@ -52,20 +53,17 @@ def _rms(values):
 
 def _nis(gates, sensor, begin_s):
     """Mean normalised innovation squared, and where it should lie if the filter is right."""
-    from scipy.stats import chi2
-
     judged = [g for g in gates if g.sensor == sensor and g.dof and g.t_valid_s >= begin_s - SAME_S]
     if not judged:
         return None
     dof, n = sum(gate.dof for gate in judged), len(judged)
-    tail = 0.5 * (1.0 - LEVEL / 100.0)
-    low, high = chi2.ppf([tail, 1.0 - tail], dof) / n
+    low, high = chi2_bounds(dof, LEVEL / 100.0)
     return {
         "mean": float(np.mean([gate.nis for gate in judged])),
         "dof": judged[0].dof,
         "samples": n,
         "rejected": sum(not gate.accepted for gate in judged),
-        "interval": [float(low), float(high)],
+        "interval": [float(low / n), float(high / n)],
         "level_percent": LEVEL,
     }
 

@@ -123,11 +123,11 @@ def nav_params(scenario):
 
 def _gps_told(scenario):
     """GpsTold of a Scenario."""
-    from shefex_nav.onboard.navigation.gps_told import NOTHING, GpsTold
+    from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 
     true, told = scenario.gps, scenario.navigation.told.gps
     if told is None:
-        return NOTHING
+        return NOTHING_TOLD
     return GpsTold(
         position_factor=_given(told.range_noise, true.range_noise) / true.range_noise,
         velocity_factor=_given(told.range_rate_noise, true.range_rate_noise) / true.range_rate_noise,

@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import sample_s
 from shefex_nav.onboard.navigation.blocks import ANGLE, DURATION, SPEED, STATES, Beforehand
 from shefex_nav.scenario import aboard, weight
 
@@ -72,7 +73,7 @@ def motion(trajectory):
     from scipy.spatial.transform import Rotation
 
     t_s = trajectory.t_s
-    dt_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    dt_s = sample_s(t_s)
     every = max(1, round(1.0 / (STEP_HZ * dt_s)), math.ceil(len(t_s) / MOST))
     rows = slice(0, None, every)
     C_ib = Rotation.from_quat(trajectory.q_ib[rows][:, [1, 2, 3, 0]]).as_matrix()

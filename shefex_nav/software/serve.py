@@ -7,7 +7,7 @@ import traceback
 import numpy as np
 
 from shefex_nav import plugins
-from shefex_nav.onboard.star_context import Sky
+from shefex_nav.onboard.navigator import Sky
 from shefex_nav.records import Alignment, Frame, ImuBlock
 from shefex_nav.scenario import plugged
 from shefex_nav.software import channels, messages

@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import sample_s
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.verify import bound_model, linear
 from shefex_nav.verify.bound_model import N_NAV, POS, PSI, VEL
@@ -132,7 +133,7 @@ def follow(flight, layout, *, every_s=OUTPUT_S):
 def swings(flight):
     """What vibration adds to what is reported: {its level, m/s^2 rms: swing of velocity, of attitude}."""
     trajectory, params = flight.trajectory, flight.imu
-    dt_s, rms = sample_s(trajectory), world_imu.vibration_rms(params, trajectory.burning)
+    dt_s, rms = sample_s(trajectory.t_s), world_imu.vibration_rms(params, trajectory.burning)
     return {
         level: (swing(params, level, dt_s), swing(params, params.vibration.angular * level, dt_s))
         for level in np.unique(rms).tolist()
@@ -159,24 +160,19 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
 
     flight, layout, every_s : as of `follow`. Yields index of the sample, linear.Output.
     """
-    stride = round(every_s / sample_s(flight.trajectory))
+    stride = round(every_s / sample_s(flight.trajectory.t_s))
     yield from outputs_at(flight, layout, np.arange(stride, len(flight.trajectory.t_s), stride))
 
 
 def outputs_at(flight, layout, at, growth=None):
     """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`"""
     trajectory = flight.trajectory
-    steps = problem(flight, layout, sample_s(trajectory), at, growth)
+    steps = problem(flight, layout, sample_s(trajectory.t_s), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
     P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
     omega_ie_i = frames.omega_ie_i(flight.earth)
     P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
     yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at]), strict=True)
-
-
-def sample_s(trajectory):
-    """Duration of one sample."""
-    return float((trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1))
 
 
 def problem(flight, layout, dt_s, at, growth=None):

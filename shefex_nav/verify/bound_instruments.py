@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import sample_s
 from shefex_nav.geometry import rotation
 from shefex_nav.instruments.instrument import Place
 from shefex_nav.verify.bound_model import N_NAV, POS, PSI, VEL, Source
@@ -30,7 +31,7 @@ class Readings(NamedTuple):
 def readings_of(name, equation, readings, trajectory):
     """Heard of the readings of an instrument. str, instrument.Equation, list, Trajectory"""
     t_s, used = trajectory.t_s, [one for one in readings if equation.holds is None or equation.holds(one)]
-    dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    dt_s = sample_s(t_s)
     k = np.array([round((one.t_valid_s - t_s[0]) / dt_s) for one in used], dtype=np.int64)
     sources = tuple(
         Source(f"{name}.{one.name}", len(one.sigma), np.asarray(one.sigma), one.tau_s, one.length)

@@ -21,8 +21,7 @@ from shefex_nav.onboard.navigation import covariance, fusion
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
-from shefex_nav.onboard.navigator import Navigator
-from shefex_nav.onboard.telemetry import NOTHING, Columns
+from shefex_nav.onboard.navigator import NOTHING, Columns, Navigator
 from shefex_nav.records import Detections, GateResult, Reason, StarFix
 from shefex_nav.verify import linear
 from shefex_nav.world import imu

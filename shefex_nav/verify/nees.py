@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.report.nees import chi2_bounds
+
 RESAMPLED = 20000  # means of n histories, of which the quantiles are taken
 
 
@@ -87,11 +89,8 @@ def _middle(means, probability):
 
 def nis_interval(dof, probability):
     """Interval of the mean NIS per degree of freedom over `dof` degrees of freedom in all."""
-    from scipy.stats import chi2
-
-    tail = 0.5 * (1.0 - probability)
-    low, high = chi2.ppf([tail, 1.0 - tail], dof) / dof
-    return float(low), float(high)
+    low, high = chi2_bounds(dof, probability)
+    return float(low / dof), float(high / dof)
 
 
 def containment_interval(n, probability, sigmas=3.0):

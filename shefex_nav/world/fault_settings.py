@@ -226,3 +226,22 @@ def _three(numbers):
 def within(fault, t_s):
     """Whether a fault acts at t_s; its end does not belong to it."""
     return (t_s > fault.start - SAME_S) & (t_s < fault.end - SAME_S)
+
+
+def with_fault(fault, records, change, is_good):
+    """Records of a sensor with one fault: list.
+
+    Parameters
+    ----------
+    fault : its settings
+    records : in the order of their t_valid_s
+    change : function of the fault, a record within it and the last good one before it, or None -> record
+    is_good : function of a record: whether it is one that a faulty sensor may repeat
+    """
+    changed, last = [], None
+    for one in records:
+        acts = within(fault, one.t_valid_s)
+        if not acts and is_good(one):
+            last = one
+        changed.append(change(fault, one, last) if acts else one)
+    return changed

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
+from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK, sample_s
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Event, GpsRanges, Reason
 from shefex_nav.world import gps_channels
@@ -30,6 +30,7 @@ from shefex_nav.world.fault_settings import (
     Outage,
     Repeat,
     Stuck,
+    with_fault,
     within,
 )
 
@@ -47,7 +48,7 @@ def imu_sensed(faults, t_s, dtheta_b, dv_b):
 
     tuple of fault_settings.Imu; (N,) s, ends of the samples; (N, 3) rad, (N, 3) m/s, not limited, not counted
     """
-    dt_s = _sample_s(t_s)
+    dt_s = sample_s(t_s)
     for fault, rows, increments, _ in _acting(faults, FELT, t_s, (dtheta_b, dv_b)):
         match fault:
             case GyroBias(rate=error) | AccelerometerBias(acceleration=error):
@@ -86,17 +87,13 @@ def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
 
 def _acting(faults, kinds, t_s, increments, flags=(None, None)):
     """Faults of some kinds that act on samples. Yields fault, rows, and of its triad increments and flags."""
-    begin_s = t_s - _sample_s(t_s)
+    begin_s = t_s - sample_s(t_s)
     for fault in faults:
         rows = np.flatnonzero(within(fault, begin_s))  # samples that begin within the fault
         rows = rows[rows > 0]
         if isinstance(fault, kinds) and len(rows):
             triad = 0 if getattr(fault, "sensor", "") == "gyro" else 1
             yield fault, rows, increments[triad], flags[triad]
-
-
-def _sample_s(t_s):
-    return (t_s[-1] - t_s[0]) / (len(t_s) - 1)
 
 
 def _repeat_block(rows, *columns):
@@ -113,13 +110,7 @@ def _repeat_block(rows, *columns):
 def gps(faults, fixes):
     """The fixes with their faults. tuple of fault_settings.Gps, list of GpsFix -> list of GpsFix"""
     for fault in faults:
-        changed, last = [], None
-        for fix in fixes:
-            acts = within(fault, fix.t_valid_s)
-            if not acts and fix.valid:
-                last = fix
-            changed.append(_gps_fault(fault, fix, last) if acts else fix)
-        fixes = changed
+        fixes = with_fault(fault, fixes, _gps_fault, lambda fix: fix.valid)
     return fixes
 
 
@@ -147,13 +138,7 @@ def gps_ranges(faults, messages, antenna):
         for message, r_e, v_e in zip(messages, antenna.r_ea_e, antenna.v_ea_e, strict=True)
     ]
     for fault in faults:
-        changed, last = [], None
-        for one in heard:
-            acts = within(fault, one.message.t_valid_s)
-            if not acts and not one.message.reason:
-                last = one
-            changed.append(_ranges_fault(fault, one, last) if acts else one)
-        heard = changed
+        heard = with_fault(fault, heard, _ranges_fault, lambda one: not one.message.reason)
     return [one.message for one in heard] if faults else messages
 
 
@@ -164,6 +149,11 @@ class _Heard(NamedTuple):
     r_ea_e: np.ndarray
     v_ea_e: np.ndarray
 
+    @property
+    def t_valid_s(self):
+        """Of the message."""
+        return self.message.t_valid_s
+
 
 def _ranges_fault(fault, heard, last):
     """Ranges under a fault. fault_settings.Gps, _Heard, the last with ranges before it or None -> _Heard"""
@@ -171,9 +161,7 @@ def _ranges_fault(fault, heard, last):
     if isinstance(fault, Freeze):
         if last is None:
             return heard
-        t_valid_s = last.message.t_valid_s if fault.time == "stands" else message.t_valid_s
-        message = last.message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
-        return last._replace(message=message)
+        return last._replace(message=_repeated(fault, message, last.message))
     if isinstance(fault, Outage):
         message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
         return heard._replace(message=message._replace(reason="outage"))
@@ -205,6 +193,12 @@ def _moved(fault, r_ea_e, t_s):
     return (t_s - fault.start) * rate_e, rate_e if fault.velocity_too else none
 
 
+def _repeated(fault, message, last):
+    """The last GpsFix or GpsRanges again in the place of a message. -> the same kind"""
+    t_valid_s = last.t_valid_s if fault.time == "stands" else message.t_valid_s
+    return last._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
+
+
 def _delayed(fault, message):
     """A GpsFix or GpsRanges that comes later. -> the same kind"""
     t_valid_s = message.t_valid_s + (fault.by if fault.time == "late" else 0.0)
@@ -216,8 +210,7 @@ def _gps_fault(fault, fix, last):
     if isinstance(fault, Freeze):
         if last is None:
             return fix
-        t_valid_s = last.t_valid_s if fault.time == "stands" else fix.t_valid_s
-        return last._replace(t_valid_s=t_valid_s, t_available_s=fix.t_available_s)
+        return _repeated(fault, fix, last)
     if isinstance(fault, Outage):
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
         return fix._replace(

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.clock import SAMPLES_PER_TICK, sample_s
 from shefex_nav.compiled import kernel
 from shefex_nav.records import ImuBlock
 from shefex_nav.world import faults
@@ -94,7 +94,7 @@ def measure(settings, trajectory, rng, biases=None, wrong=()):
 def sense(settings, trajectory, rng, biases=None):
     """What the unit senses before anything fails; arguments as of `measure`. -> Sensed"""
     errors, of_gyros, of_accels = draw_errors(settings, rng), None, None
-    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
+    dt_s = sample_s(trajectory.t_s)
     rms = vibration_rms(settings, trajectory.burning)
     if biases is not None:
         biases[:] = np.concatenate([errors.gyro_bias, errors.accel_bias]) * dt_s
@@ -116,7 +116,7 @@ def reported(settings, t_s, sensed, wrong=()):
     -> ImuData
     """
     dtheta_b, dv_b = sensed.dtheta_b, sensed.dv_b
-    dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    dt_s = sample_s(t_s)
     faults.imu_sensed(wrong, t_s, dtheta_b, dv_b)
     at_range = _clip(dtheta_b, settings.gyro.range * dt_s), _clip(dv_b, settings.accelerometer.range * dt_s)
     dtheta_b = quantise(dtheta_b, settings.gyro.quantum)
@@ -190,15 +190,6 @@ def quantise(increments, quantum):
     return out
 
 
-def blocks(data):
-    """The blocks of `stacked`, one after the other. Yields ImuBlock."""
-    every = stacked(data)
-    ends_s, dt_s = every.t_valid_s.tolist(), every.dt_s.tolist()
-    flags = every.saturated.tolist(), every.valid.tolist()
-    for t_s, h_s, dtheta, dv, *flag in zip(ends_s, dt_s, every.dtheta_b, every.dv_b, *flags, strict=True):
-        yield ImuBlock(t_s, t_s, h_s, dtheta, dv, *flag)
-
-
 def stacked(data):
     """The samples as the on-board computer gets them, four to a block; the first row, at the start, in none.
 
@@ -210,7 +201,7 @@ def stacked(data):
     n = (len(data.t_s) - 1) // SAMPLES_PER_TICK
     used = slice(1, 1 + n * SAMPLES_PER_TICK)
     t_s = data.t_s[used][SAMPLES_PER_TICK - 1 :: SAMPLES_PER_TICK]
-    dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
+    dt_s = sample_s(data.t_s)
     dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_TICK, 3)
     dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_TICK, 3)
     saturated, valid = _any_of_block(data.saturated[used]), np.ones(n, dtype=bool)

@@ -131,7 +131,7 @@ def test_drawings_of_columns_are_those_of_the_records():
 
 
 class Told:
-    """Stands for telemetry.Columns: tick n has the solution n, every tenth a covariance."""
+    """Stands for navigator.Columns: tick n has the solution n, every tenth a covariance."""
 
     def __init__(self):
         self.solution = stack(rec.NavSolution, [_solution(n) for n in range(1, 31)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from star_fields import EXPOSURE
 
-from shefex_nav.onboard.startracker.exposure import flags, next_exposure
+from shefex_nav.onboard.startracker.tracker import flags, next_exposure
 from shefex_nav.records import Detections
 
 

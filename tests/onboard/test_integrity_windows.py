@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE, LENGTHS, Window, neighbours
 
 
@@ -35,10 +36,10 @@ def test_white_innovations_raise_no_alarm():
 
 def test_the_limit_is_that_of_the_chance():
     """Chi-square of the Gauss approximation by Wilson and Hilferty, z(1e-9) = 5.998."""
-    window, dof = Window(), 3 * LENGTHS[-1]
+    dof = 3 * LENGTHS[-1]
     wilson = dof * (1.0 - 2.0 / (9.0 * dof) + 5.998 * np.sqrt(2.0 / (9.0 * dof))) ** 3
     assert CHANCE == 1e-9
-    assert window._limit(dof) == pytest.approx(wilson, rel=2e-3)
+    assert chi_square_limit(CHANCE, dof) == pytest.approx(wilson, rel=2e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from magnetic_elements import declination_sigma, field_n
 from navigation_flight import MODEL, PARAMS
 from unpacked import correct
 
@@ -95,9 +96,7 @@ def test_the_heading_is_how_far_the_horizontal_field_is_turned(seed):
     assert z.shape == (1,) and R.shape == (1, 1)
     assert abs(z[0]) == pytest.approx(1e-5, rel=1e-4)
     assert H[0, ATT] @ (1e-5 * down_b) == pytest.approx(z[0], rel=1e-4)
-    declination = magnetic_field.declination_sigma(
-        magnetic_field.field_n(HARMONICS, latitude, longitude, 3000.0), 2025.5
-    )
+    declination = declination_sigma(field_n(HARMONICS, latitude, longitude, 3000.0), 2025.5)
     assert np.sqrt(R[0, 0]) > declination
 
 

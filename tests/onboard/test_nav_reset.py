@@ -6,7 +6,7 @@ from navigation_flight import ARCSEC, C_BC, DEG, EARTH, P_STAR_C, PARAMS, alignm
 from unpacked import star_attitude, update
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import eskf, fusion, reset
+from shefex_nav.onboard.navigation import eskf, fusion, gate
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensor import Measurement
 from shefex_nav.onboard.navigation.state import ATT, POS, NavState, layout
@@ -82,15 +82,15 @@ def test_which_blocks_a_reset_cuts():
     P = nav.history.P.copy()
     others = np.delete(np.arange(nav.layout.n), np.r_[mounting])
     assert not P[mounting][:, others].any()
-    admitted, cut = reset.forgotten(nav, P, one._replace(admitted=0.01), H)
+    admitted, cut = gate.forgotten(nav, P, one._replace(admitted=0.01), H)
     assert cut == () and np.allclose(admitted - P, np.diag(np.diag(admitted - P)))
     assert np.diag(admitted - P)[mounting] == pytest.approx(1e-4)
     P[ATT, mounting] = P[mounting, ATT] = 1e-9 * np.eye(3)
-    forgotten, cut = reset.forgotten(nav, P, one, H)
+    forgotten, cut = gate.forgotten(nav, P, one, H)
     assert cut == (places["attitude"], mounting)
     assert not forgotten[ATT, mounting].any() and forgotten[0, 0] == P[0, 0]
     found = {"gyro_bias": np.array([0.0, 1e-3, 0.0])}
-    _, cut = reset.forgotten(nav, P, one._replace(admitted=found), H)
+    _, cut = gate.forgotten(nav, P, one._replace(admitted=found), H)
     assert cut == ()
 
 
@@ -104,7 +104,7 @@ def test_a_fix_without_height_leaves_the_height_known():
     A = rng.standard_normal((n, n))
     P = A @ A.T
     fix = GpsFix(0.0, 0.0, True, np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), 8, 1.0, "", horizontal=True)
-    forgotten, cut = reset.forgotten(nav, P, Measurement("gps_position", fix, Fate.RESET), H)
+    forgotten, cut = gate.forgotten(nav, P, Measurement("gps_position", fix, Fate.RESET), H)
     down = axes[:, 2]
     assert cut == ()
     assert down @ forgotten[POS, POS] @ down == pytest.approx(down @ P[POS, POS] @ down, rel=1e-6)

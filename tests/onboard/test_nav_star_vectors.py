@@ -15,7 +15,7 @@ from unpacked import tick
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, pixels, unit_vectors
-from shefex_nav.onboard import star_context
+from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import fusion, integrity_protection, measure_stars, protected
 from shefex_nav.onboard.navigation.state import ATT, layout
 from shefex_nav.onboard.navigator import Navigator
@@ -56,7 +56,7 @@ def camera_error(nav, mounting, axes):
     tick = nav.history[-1]
     truth = STATES[round(tick.t_s * 100)]._replace(mounting=mounting)
     turn = camera_attitude(tick.state).T @ camera_attitude(truth)
-    P_c = star_context.camera_covariance(nav.layout.at, tick.P, C_BC)
+    P_c = navigator.camera_covariance(nav.layout.at, tick.P, C_BC)
     return axes @ Rotation.from_matrix(turn).as_rotvec(), np.sqrt(np.diag(axes @ P_c @ axes.T))
 
 

@@ -7,7 +7,7 @@ import pytest
 from navigation_flight import DT, EARTH, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.log.run_data import stack
-from shefex_nav.onboard import navigator, telemetry
+from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import fusion, integrity_gyro, integrity_imu, integrity_watch, ticks
 from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
 
@@ -99,7 +99,7 @@ def told(fault, longest, listener):
         done, passed = software.advance(arrays, n, stop)
         n += done
         outputs += [record for _, said in passed for record in said]
-        arrived = [waiting.pop(0)] if waiting and software.now_s > until_s else []
+        arrived = [waiting.pop(0)] if waiting and software.nav.history.ends_s[-1] > until_s else []
         outputs += software.update(arrived)
     return outputs
 
@@ -107,7 +107,7 @@ def told(fault, longest, listener):
 @cache
 def records_of(fault, longest):
     """What there is to tell, each as a record."""
-    return told(fault, longest, telemetry.RECORDS)
+    return told(fault, longest, navigator.RECORDS)
 
 
 @pytest.mark.parametrize("fault", [None, "silent"])
@@ -129,7 +129,7 @@ def test_what_is_told_of_ticks_on_the_way_is_what_each_would_have_told(fault):
 @pytest.mark.parametrize("fault", [None, "silent"])
 def test_columns_hold_what_records_tell(fault, every, longest):
     """To the last bit, types and shapes too; what is neither solution nor covariance is handed over."""
-    records, columns = records_of(fault, len(BLOCKS)), telemetry.Columns(every)
+    records, columns = records_of(fault, len(BLOCKS)), navigator.Columns(every)
     kinds = [type(one) for one in told(fault, longest, columns)]
     assert kinds == [type(one) for one in records if type(one) not in (NavSolution, NavCovariance)]
     for found, step in zip(columns.read(), (every, 1), strict=True):

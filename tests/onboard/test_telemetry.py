@@ -5,7 +5,7 @@ import pytest
 from navigation_flight import EARTH, PARAMS, alignment, fly
 
 from shefex_nav.log.run_data import stack
-from shefex_nav.onboard import navigator, telemetry
+from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import covariance, fusion
 from shefex_nav.onboard.navigation.state import OPTIONAL, pack
 from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
@@ -36,7 +36,7 @@ class Flight:
 @pytest.fixture(scope="module")
 def told():
     """NavSolution and NavCovariance of every tick that has one: {type: list}."""
-    records = Flight(telemetry.RECORDS).until(len(BLOCKS), 32)
+    records = Flight(navigator.RECORDS).until(len(BLOCKS), 32)
     return {kind: [one for one in records if type(one) is kind] for kind in (NavSolution, NavCovariance)}
 
 
@@ -50,7 +50,7 @@ def assert_same(found, rows):
 @pytest.mark.parametrize(("every", "longest"), [(1, 32), (1, 1), (7, 32), (7, 5), (7, 1)])
 def test_no_row_is_lost_or_changed_while_a_table_grows(told, every, longest):
     """2500 ticks: more than twice the rows there is room for at first."""
-    columns = telemetry.Columns(every)
+    columns = navigator.Columns(every)
     assert Flight(columns).until(len(BLOCKS), longest) == []
     solution, covariance = columns.read()
     assert len(BLOCKS) > 2 * FIRST_ROWS and len(solution.t_s) == len(BLOCKS) // every
@@ -59,7 +59,7 @@ def test_no_row_is_lost_or_changed_while_a_table_grows(told, every, longest):
 
 
 def test_what_has_been_read_stays_as_it_was(told):
-    columns = telemetry.Columns(7)
+    columns = navigator.Columns(7)
     assert [len(one.t_s) for one in columns.read()] == [0]  # of covariances not even the width is known
     flight = Flight(columns)
     flight.until(19, 32)
@@ -72,7 +72,7 @@ def test_what_has_been_read_stays_as_it_was(told):
 
 @pytest.mark.parametrize("counts", [[1024, 1], [1000, 24, 1], [1025], [3000, 1, 1], [1] * 1030])
 def test_a_table_takes_any_number_of_rows(counts):
-    table, expected = telemetry._Table(3), np.random.default_rng(1).standard_normal((sum(counts), 3))
+    table, expected = navigator._Table(3), np.random.default_rng(1).standard_normal((sum(counts), 3))
     first = 0
     for count in counts:
         table.more(count)[:] = expected[first : first + count]

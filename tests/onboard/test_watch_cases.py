@@ -9,7 +9,7 @@ from plain import plain
 
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import rotation, wgs84
-from shefex_nav.onboard import star_context
+from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import fusion, integrity_gyro, integrity_watch
 from shefex_nav.onboard.navigation.integrity import HEALTHY
 from shefex_nav.onboard.navigation.state import ATT, X_R, layout
@@ -226,7 +226,7 @@ def test_the_floor_of_a_prediction_is_what_aberration_can_be():
     At least that, so that a prediction is never too sure; not twice that, or it would be no prediction.
     """
     most = (30.3e3 + 11e3) / SPEED_OF_LIGHT
-    assert most < star_context.PREDICTION_FLOOR < 2.0 * most
+    assert most < navigator.PREDICTION_FLOOR < 2.0 * most
 
 
 @pytest.mark.parametrize("blocks", [("mounting",), ()])
@@ -237,7 +237,7 @@ def test_the_camera_is_as_uncertain_as_attitude_and_mounting_together(blocks):
     H[:, ATT] = np.eye(3)
     if blocks:
         H[:, order.places["mounting"]] = np.eye(3)
-    got = plain(star_context.camera_covariance)(order.at, P, C_BC)
+    got = plain(navigator.camera_covariance)(order.at, P, C_BC)
     np.testing.assert_allclose(got, C_BC.T @ H @ P @ H.T @ C_BC, rtol=1e-10)
 
 
@@ -252,8 +252,8 @@ def context():
         t_valid_s=0.8034, t_start_s=0.77, exposure_s=0.05, line_s=1e-4, image_dn=np.zeros((100, 9))
     )
     sun = np.array([0.6, -0.64, 0.48])
-    sky = star_context.Sky(sun, np.array([-1e4, 2e4, 1.8e4]))
-    return nav, frame, sky, star_context.full_context(nav, frame, sky)
+    sky = navigator.Sky(sun, np.array([-1e4, 2e4, 1.8e4]))
+    return nav, frame, sky, navigator.full_context(nav, frame, sky)
 
 
 def test_the_star_tracker_is_told_attitude_and_velocity_of_the_instant(context):
@@ -271,8 +271,8 @@ def test_the_star_tracker_is_told_attitude_and_velocity_of_the_instant(context):
     np.testing.assert_allclose(told[0], tick.state.v_i + sky.earth_velocity_i, rtol=1e-9)
     assert told[1] == pytest.approx(np.linalg.norm(turn), rel=1e-3)
     assert np.cos(told[2]) == pytest.approx(C_ic[:, 2] @ sky.sun_i, abs=1e-5)
-    P_c = plain(star_context.camera_covariance)(nav.layout.at, tick.P, C_BC)
-    np.testing.assert_allclose(told.P_c, P_c + star_context.PREDICTION_FLOOR**2 * np.eye(3), rtol=1e-9)
+    P_c = plain(navigator.camera_covariance)(nav.layout.at, tick.P, C_BC)
+    np.testing.assert_allclose(told.P_c, P_c + navigator.PREDICTION_FLOOR**2 * np.eye(3), rtol=1e-9)
     down = -tick.state.r_i / np.linalg.norm(tick.state.r_i)
     off_down = np.arccos(C_ic[:, 2] @ down)
     radius = np.arcsin(min(1.0, wgs84.A / np.linalg.norm(tick.state.r_i)))
@@ -281,10 +281,10 @@ def test_the_star_tracker_is_told_attitude_and_velocity_of_the_instant(context):
 
 def test_a_chain_without_prediction_is_told_the_angles_alone(context):
     nav, frame, sky, told = context
-    brief = star_context.brief_context(nav, frame, sky)
+    brief = navigator.brief_context(nav, frame, sky)
     np.testing.assert_allclose(brief[0], told[0], rtol=1e-12)
     np.testing.assert_allclose(brief[1:4], told[1:4], rtol=1e-12)
     assert told.omega_c is not None
     late = SimpleNamespace(**{**vars(frame), "t_start_s": 5.0, "t_valid_s": 5.0})
-    unknown = star_context.full_context(nav, late, sky)
+    unknown = navigator.full_context(nav, late, sky)
     assert unknown.omega_c is None and unknown.P_omega_c is None

@@ -51,9 +51,9 @@ def test_a_window_finds_what_its_statistics_say(scale, tie, offset):
         found.append(got)
     assert any(one.sensor for one in found) == (scale == 1.8)
     assert any(one.process for one in found) == (tie > 0.0 or offset > 0.0)
-    np.testing.assert_allclose(window.last(), seen[-20:])
+    np.testing.assert_allclose(window.last(20), seen[-20:])
     window.forget()
-    assert window.take(np.zeros(3)) == Finding(False, False, False, 1.0, False) and len(window.last()) == 1
+    assert window.take(np.zeros(3)) == Finding(False, False, False, 1.0, False) and len(window.last(20)) == 1
 
 
 def share_of(n=6):
@@ -114,7 +114,7 @@ def windows(nav, own, name="gps_velocity", position=(), **found):
     for each in nav.noise.windows:
         nav.noise.windows[each] = SimpleNamespace(
             take=lambda w: Finding(**given), forget=lambda: None,
-            last=lambda each=each: np.array(position if each == "gps_position" else alike(2.0)),
+            last=lambda count, each=each: np.array(position if each == "gps_position" else alike(2.0)),
         )  # fmt: skip
     nav.noise.by_noise[name].clear()
     return adaptation._windows(nav, SimpleNamespace(P=P), np.zeros(3), own, name, USED)

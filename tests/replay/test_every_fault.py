@@ -8,7 +8,7 @@ from fault_kinds import GPS, IMU, STARS
 
 import shefex_nav
 from shefex_nav import prepare, simulate
-from shefex_nav.onboard.telemetry import Columns
+from shefex_nav.onboard.navigator import Columns
 from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.replay import rerun, smooth
 from shefex_nav.scenario import load

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from magnetic_elements import field_n
 
 from shefex_nav.environment import atmosphere, magnetic_field
 from shefex_nav.geometry import euler
@@ -161,7 +162,7 @@ def with_magnetometer(folder):
     for row in text[1:]:
         t_ms, *angles = (float(row.split(",")[k]) for k in place)
         latitude, longitude = np.radians(angles[:2])
-        b_n = magnetic_field.field_n(harmonics, latitude, longitude, angles[2])
+        b_n = field_n(harmonics, latitude, longitude, angles[2])
         b_b = euler.dcm_from_euler(*np.radians(angles[3:])).T @ b_n + [3e-8, -2e-8, 4e-8]
         field = 1e6 * (b_b + 5e-8 * rng.standard_normal(3)) * [1.0, -1.0, -1.0]
         lines.append(",".join([f"{t_ms:.1f}", *(f"{x:.5f}" for x in field)]))

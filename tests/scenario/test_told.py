@@ -7,7 +7,8 @@ import pytest
 from broken import the_message
 
 from shefex_nav.commands.main import main
-from shefex_nav.onboard.navigation.gps_told import NOTHING, GpsTold, understood
+from shefex_nav.onboard.navigation.measurements import understood
+from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.scenario import params, params_gps, params_onboard
 from shefex_nav.scenario.load import Pattern, load
@@ -60,7 +61,7 @@ def plain():
 
 def test_nothing_told_is_nothing_changed(plain):
     assert as_told(plain) is plain
-    assert params_onboard.nav_params(plain).gps_told is NOTHING
+    assert params_onboard.nav_params(plain).gps_told is NOTHING_TOLD
     assert list(differences(plain)) == list(lines(plain)) == []
 
 
@@ -108,7 +109,7 @@ def test_what_is_told_reaches_the_computer_and_never_the_world(path, value, plai
         return
     true = of_computer(load(NAME, [BLOCKS, f"{path}={value}"]))
     known = of_computer(other)
-    assert same(known._replace(nav=known.nav._replace(gps_told=NOTHING)), true)
+    assert same(known._replace(nav=known.nav._replace(gps_told=NOTHING_TOLD)), true)
 
 
 def test_a_whole_unit_is_told(plain):
@@ -129,7 +130,7 @@ def test_how_messages_are_understood():
     fix = GpsFix(10.0, 10.2, True, v, v, 4.0 * R, 0.01 * R, 8, 2.0, "")
     prn = np.arange(2)
     ranges = GpsRanges(10.0, 10.2, prn, prn, prn, prn, prn, np.full(2, 3.0), np.full(2, 0.1))
-    assert understood(NOTHING, fix) is fix and understood(GpsTold(2.0), 7) == 7
+    assert understood(NOTHING_TOLD, fix) is fix and understood(GpsTold(2.0), 7) == 7
     assert same(understood(GpsTold(), fix), fix) and same(understood(GpsTold(), ranges), ranges)
     noisy = understood(GpsTold(2.0, 3.0), fix)
     assert np.array_equal(noisy.R_r_e, 16.0 * R) and np.allclose(noisy.R_v_e, 0.09 * R)

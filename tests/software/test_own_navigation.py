@@ -13,7 +13,7 @@ from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
 from shefex_nav.onboard.own_software import covariance_fault
-from shefex_nav.records import Doubt, NavCovariance, NavSolution, StarFix
+from shefex_nav.records import Doubt, NavCovariance, NavSolution, StarFix, rows
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.software import NotBuiltIn, refuse_own
 from shefex_nav.software.mission import mission_data
@@ -203,7 +203,7 @@ def test_late_measurements_are_counted_once(tmp_path):
             t_valid_s=t_s, r_ea_e=r_e, v_ea_e=v_e, R_r_e=covariances[0], R_v_e=covariances[1]
         )
 
-    for k, block in zip(range(1, 300), imu.blocks(world.imu), strict=False):
+    for k, block in zip(range(1, 300), rows(imu.stacked(world.imu)), strict=False):
         estimate = software.step(block, [fix(4 * (k - 20))] if k >= 20 and k % 10 == 0 else [])
         left.append((estimate.r_i - trajectory.r_i[4 * k])[0])
     assert left[0] > 29.0 and min(left) > -0.5, min(left)

@@ -8,7 +8,7 @@ from imu_settings import PERFECT, imu_with
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import Alignment, GpsFix, Trajectory
+from shefex_nav.records import Alignment, GpsFix, Trajectory, rows
 from shefex_nav.verify import bound, bound_model
 from shefex_nav.world import imu
 
@@ -269,7 +269,7 @@ def filter_alone(trajectory, fixes, params, alignment, every):
     dtheta_b, dv_b = trajectory.dtheta_b + 1e-9 * noise[0], trajectory.dv_b + 1e-7 * noise[1]
     data = imu.ImuData(trajectory.t_s, dtheta_b, dv_b, np.zeros(len(trajectory.t_s), bool), None)
     waiting, variances = list(fixes), []
-    for n, block in enumerate(imu.blocks(data), 1):
+    for n, block in enumerate(rows(imu.stacked(data)), 1):
         fusion.advance(nav, block)
         while waiting and waiting[0].t_available_s <= block.t_valid_s + 1e-6:
             fusion.fuse(nav, [("gps", waiting.pop(0))])

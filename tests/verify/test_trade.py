@@ -9,6 +9,7 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from shefex_nav import prepare
+from shefex_nav.clock import sample_s
 from shefex_nav.commands.main import app
 from shefex_nav.report import imu_range
 from shefex_nav.scenario import load, star_model, sweeps
@@ -55,7 +56,7 @@ def test_an_interval_of_pieces_is_that_of_the_bound():
     scenario = load.load("night_sky", [*SHORT, "imu.gyro.quantum=off", "imu.accelerometer.quantum=off"])
     flight = over_bound.flight_of(scenario, prepare.build_world(scenario, 1), [])
     layout = bound_model.sources(flight.imu, flight.camera, 1e-4, 500.0)
-    dt_s = bound.sample_s(flight.trajectory)
+    dt_s = sample_s(flight.trajectory.t_s)
     before, end = 4030, 5270  # within pieces, over several whole ones
     whole = bound._interval(flight, layout, dt_s, before, end)
     joined = Growth(flight).interval(flight, layout, before, end)

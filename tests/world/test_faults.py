@@ -5,7 +5,7 @@ import pytest
 from fault_kinds import gps_fault, imu_fault, star_fault
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import NO_STARS, Frame, GpsFix, Reason, StarFix, Trajectory
+from shefex_nav.records import NO_STARS, Frame, GpsFix, Reason, StarFix, Trajectory, rows
 from shefex_nav.world import faults, imu
 from shefex_nav.world.fault_settings import Faults
 
@@ -56,7 +56,7 @@ def test_a_dead_axis_reads_zero(data):
 
 
 def test_a_dropout_makes_blocks_that_say_they_are_not_valid(data):
-    blocks = list(imu.blocks(sent(data, imu_fault("dropout", 2.0, 2.05))))
+    blocks = rows(imu.stacked(sent(data, imu_fault("dropout", 2.0, 2.05))))
     lost = [block.t_valid_s for block in blocks if not block.valid]
     assert lost == pytest.approx([2.01, 2.02, 2.03, 2.04, 2.05])
     assert all(np.isnan(block.dtheta_b).all() for block in blocks if not block.valid)
@@ -64,8 +64,8 @@ def test_a_dropout_makes_blocks_that_say_they_are_not_valid(data):
 
 
 def test_repeated_blocks_are_the_last_good_one(data):
-    good = list(imu.blocks(data))
-    bad = list(imu.blocks(sent(data, imu_fault("repeat", 2.0, 2.05))))
+    good = rows(imu.stacked(data))
+    bad = rows(imu.stacked(sent(data, imu_fault("repeat", 2.0, 2.05))))
     for k in range(1000):
         source = 199 if 200 <= k < 205 else k  # block k begins at k/100 s
         assert np.array_equal(bad[k].dtheta_b, good[source].dtheta_b)

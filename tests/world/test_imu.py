@@ -7,6 +7,7 @@ from imu_settings import PERFECT, TRIADS, imu_with
 from scipy import signal, stats
 from scipy_bits import assert_as_scipy
 
+from shefex_nav.records import rows
 from shefex_nav.world import imu, noise
 
 DT_S = 1.0 / synthetic.RATE_HZ
@@ -248,7 +249,7 @@ def test_blocks_are_views_of_four_samples_ending_at_the_tick(flight):
     saturated = data.saturated.copy()
     saturated[4 * 7 - 3] = True  # oldest sample of the seventh block
     data = data._replace(saturated=saturated)
-    all_blocks = list(imu.blocks(data))
+    all_blocks = rows(imu.stacked(data))
     assert len(all_blocks) == 6000
     for n in (1, 7, 6000):
         block = all_blocks[n - 1]

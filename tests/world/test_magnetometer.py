@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic_trajectory
+from magnetic_elements import elements, field_n
 
 from shefex_nav.environment import magnetic_field
 from shefex_nav.geometry import frames, rotation
@@ -32,7 +33,7 @@ def test_the_field_is_that_of_the_model_but_for_what_no_model_has(flight):
     """At 69.3 N 16.0 E in 2012: 53 000 nT, 77 deg below the horizon; crust and currents of 200 nT on it."""
     read, said = fields(flight)
     site = synthetic_trajectory.SITE
-    told = magnetic_field.elements(magnetic_field.field_n(magnetic_field.load(2012.5), *site, 10.0))
+    told = elements(field_n(magnetic_field.load(2012.5), *site, 10.0))
     assert np.linalg.norm(read[0]) == pytest.approx(told.total, abs=6e-7)
     assert told.total == pytest.approx(52.9e-6, rel=0.01)
     off = []

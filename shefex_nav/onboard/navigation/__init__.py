@@ -5,7 +5,7 @@ calibration, strapdown           IMU increments without the estimated errors; th
 error_model, prediction, ticks   how errors grow; one tick; many ticks in which nothing arrives
 measurements, measure_*          linearised measurements
 sensors, aid, aiding             the table of GPS and stars; an instrument as such a sensor
-gate, eskf, reset, grown         acceptance; update; reset; a covariance that was too small
+gate, eskf, grown                acceptance and reset; update; a covariance that was too small
 history, fusion                  the last seconds; every measurement at its instant
 hypotheses, unknown_attitude     several filters where an angle of the attitude is not known
 adaptation, integrity_windows, integrity_share, at_rest   noise that was told too small

@@ -212,7 +212,8 @@ def _windows(nav, now, whitened, own, name, verdict):
     process = found.process or (found.large and (own <= OWN_SHARE or noise.share is not None))
     if not process or name not in RATES:
         return verdict
-    if fix_of(name) is VELOCITY and _blame_if_white(nav, *_of_position(noise), noise.windows[name].last()):
+    velocity = noise.windows[name].last(LENGTHS[0])
+    if fix_of(name) is VELOCITY and _blame_if_white(nav, *_of_position(noise), velocity):
         return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
@@ -221,7 +222,8 @@ def _windows(nav, now, whitened, own, name, verdict):
 
 def _of_position(noise):
     """Innovations of the GPS position that its window has, and the share of its own noise in them."""
-    found, shares = noise.windows["gps_position"].last(), list(noise.by_noise["gps_position"])[-LENGTHS[0] :]
+    name, count = "gps_position", LENGTHS[0]
+    found, shares = noise.windows[name].last(count), list(noise.by_noise[name])[-count:]
     return found, float(np.mean(shares)) if shares else 0.0
 
 

@@ -121,11 +121,6 @@ class Repeated(NamedTuple):
     is_stuck: bool = False
 
 
-def holds(aid, reading):
-    """Whether a reading of an Aid measures anything."""
-    return aid.holds is None or aid.holds(reading)
-
-
 def sensor(aid):
     """Sensor of an Aid."""
     renewal = aid.renewal

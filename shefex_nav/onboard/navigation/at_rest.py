@@ -19,7 +19,7 @@ from collections import deque
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.late_packages import special
+from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -38,7 +38,6 @@ class Still:
 
     def __init__(self):
         self.fixes = deque(maxlen=64)  # of rest: time, position, sums (SUMS, 6) rad, m/s
-        self.limits = {}
 
     def look(self, history, told, fix, sigma_bias):
         """Take a GPS fix that was used in; told : ImuModel;  sigma_bias : rad/s, of the gyros at the start
@@ -81,9 +80,7 @@ class Still:
         variance, dof = 0.5 * float((d * d).mean()), d.size
         if not _is_noise(sums, d, variance):
             return 1.0
-        if dof not in self.limits:
-            self.limits[dof] = max(float(special().chdtri(dof, CHANCE)) / dof, SHAKEN)
-        if variance < self.limits[dof] * (white + rounded):
+        if variance < max(chi_square_limit(CHANCE, dof) / dof, SHAKEN) * (white + rounded):
             return 1.0
         return float(np.sqrt((variance - rounded) / white))
 

@@ -21,7 +21,6 @@ from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
     gate,
-    gps_told,
     imu_drive,
     integrity,
     integrity_bank,
@@ -31,7 +30,6 @@ from shefex_nav.onboard.navigation import (
     integrity_watch,
     measurements,
     prediction,
-    reset,
     unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
@@ -103,7 +101,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         constants=constants,
         kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
-        history=History(first, params.aid_names, constants.driving),
+        history=History(first, constants.driving),
         health={name: integrity.HEALTHY for name in known},
         recorder=recorder,
         watch=integrity_watch.start(params),
@@ -154,22 +152,22 @@ def _forget(nav, t_s):
     history.forget_until(t_s)
 
 
-def take(nav, received, star_fixes):
+def take(nav, arrived):
     """Take in what has arrived: `fuse`, and of stars that were not used one by one the attitude.
 
     Parameters
     ----------
     nav : Filter, advanced to the present tick
-    received : sequence of GpsFix, GpsRanges and readings of instruments
-    star_fixes : sequence of StarFix, also those that hold nothing for the filter
+    arrived : sequence of GpsFix, GpsRanges, readings of instruments and StarFix, also of those that hold
+        nothing for the filter
 
     Returns
     -------
     list of GateResult, one for each measurement
     """
-    taken = arrivals(nav, received, star_fixes)
+    taken = arrivals(nav, arrived)
     results = fuse(nav, taken) if taken else []
-    if instead := attitudes_instead(nav, taken, results):
+    if nav.params.stars != "attitude" and (instead := attitudes_instead(nav, taken, results)):
         results += fuse(nav, instead)
     return results
 
@@ -191,7 +189,7 @@ def fuse(nav, arrived):
     last, turn = history.newest - history.oldest, partial(_order, list(nav.sensors))
     earliest = last + 1
     for arrival, fix in arrived:
-        fix = gps_told.understood(nav.params.gps_told, fix)
+        fix = measurements.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
@@ -258,13 +256,12 @@ def _out_of_reach(history, fix):
 
 def _reprocess(nav, first, last, results, recorder=None):
     """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
-    history = nav.history
+    history, watch = nav.history, nav.watch
     history.go_to(first - 1)
-    if recorder is None:
-        nav.watch.back_to(history.oldest + first - 1)
-    if nav.params.lasting_share:
-        history.position_s = history.position_before(first)
-    if nav.params.aids:
+    if recorder is None:  # corrections after that tick are not made yet
+        watch.gyros.back_to(history.oldest + first - 1)
+        watch.path.back_to(history.oldest + first - 1)
+    if nav.params.lasting_share or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
@@ -306,9 +303,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     history, sensor, fix = nav.history, nav.sensors[measurement.sensor], measurement.fix
     now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
-    beyond = (
-        unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if measurement.sensor in VECTORS else None
-    )
+    of_gps = measurement.sensor in VECTORS
+    beyond = unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if of_gps else None
     if beyond is not None:
         z = z - H @ beyond
     pending, confirmed = measurement.fate == Fate.PENDING, False
@@ -321,7 +317,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     if beyond is not None and fate != Fate.USED:  # a sensor that is believed otherwise says it in its own way
         z, beyond = z + H @ beyond, None
     before, P = None if recorder is None else now.state, history.P.copy()
-    prior, cut = reset.forgotten(nav, P, measurement, H)
+    prior, cut = gate.forgotten(nav, P, measurement, H)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
@@ -342,7 +338,9 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        nav.watch.corrected(history.oldest + index, history.oldest, now.t_s, x, history.x)
+        number, oldest = history.oldest + index, history.oldest
+        nav.watch.gyros.corrected(number, oldest, x, history.x)
+        nav.watch.path.corrected(number, oldest, now.t_s, x, history.x)
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
@@ -369,16 +367,12 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.rows is not None:
         used = measurement.rows
         return z[used], H[used], R[np.ix_(used, used)]
-    params, fix, sensor = nav.params, measurement.fix, nav.sensors[measurement.sensor]
-    if sensor.counted is not None:
-        used_s = nav.history.used_s
-        gap_s, used_s[measurement.sensor] = fix.t_valid_s - used_s[measurement.sensor], fix.t_valid_s
-        return z, H, sensor.counted(nav, fix, R, gap_s)
-    if params.lasting_share and fix_of(measurement.sensor) is POSITION:
-        gap_s = fix.t_valid_s - nav.history.position_s
-        nav.history.position_s = fix.t_valid_s
-        R = measurements.lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s) * R
-    return z, H, R
+    name, fix, used_s = measurement.sensor, measurement.fix, nav.history.used_s
+    counted = nav.sensors[name].counted
+    if counted is None:
+        return z, H, R
+    gap_s, used_s[name] = fix.t_valid_s - used_s.get(name, -np.inf), fix.t_valid_s
+    return z, H, counted(nav, fix, R, gap_s)
 
 
 def _used(nav, now, measurement, P, prior, H, R, confirmed):

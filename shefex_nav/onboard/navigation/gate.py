@@ -4,7 +4,8 @@ A measurement passes if its normalised innovation squared stays below the chi-sq
 groups of rows passes group by group, as long as most of them do: where half of all satellites contradict the
 filter, it is not for the filter to say which half is right. The rest is a matter of trust: `integrity` says
 when a sensor that contradicts the filter is believed after all, and when a fix inside the gate is not enough;
-`integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong.
+`integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong. What the
+covariance loses before a measurement is used that is believed so is said last.
 """
 
 from typing import NamedTuple
@@ -23,6 +24,7 @@ from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
+from shefex_nav.onboard.navigation.state import initial_covariance
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -271,3 +273,33 @@ def _rejected(sensor, fix, rows):
     groups = rows[:: sensor.rows]
     labels = sensor.labels(fix) if sensor.labels else [f"row {k}" for k in range(len(groups))]
     return [label for label, passed in zip(labels, groups, strict=True) if not passed]
+
+
+def forgotten(nav, P, measurement, H):
+    """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted.
+
+    And less of what is doubted with it. Of a position without height the height stays known: H (2, n) says
+    where it lies.
+    -> (n, n), slices of the blocks whose ties to others are cut
+    """
+    if measurement.fate == Fate.USED and not measurement.doubts:
+        return P, ()
+    sensor, admitted = nav.sensors[measurement.sensor], measurement.admitted
+    order, x, P, cut = nav.layout, nav.history.x, P.copy(), ()
+    places = order.places
+    named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
+    if isinstance(admitted, Grown):
+        P *= np.outer(admitted.factors, admitted.factors)
+    elif admitted is not None:
+        added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
+        integrity_learnt.add(P, order, x, added)
+    elif measurement.fate != Fate.USED and len(H) == 2 and fix_of(measurement.sensor) is POSITION:
+        level = H[:, places[sensor.block]]
+        P[places[sensor.block], places[sensor.block]] += sensor.forgotten**2 * (level.T @ level)
+    elif measurement.fate != Fate.USED:
+        for name in named:
+            known = sensor.forgotten**2 if name == sensor.block else initial_covariance(nav.params, name)
+            P = eskf.forget(P, places[name], known)
+        cut = tuple(places[name] for name in named)
+    integrity_learnt.add(P, order, x, measurement.doubts or {})
+    return P, cut

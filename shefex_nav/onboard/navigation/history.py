@@ -6,6 +6,7 @@ What leaves this module is copied, so later ticks and later measurements do not 
 
 from bisect import bisect_left
 from collections import deque
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -44,18 +45,16 @@ class History:
     increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 2, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
     arrays : these and x, P as `prediction.propagate` takes them, Memory
-    position_s : of the last position fix that was used before the instant that has been reached; kept where
-        position fixes have errors that last;  used_s : likewise of each aid (`aiding`)
+    used_s : {sensor: instant of its last fix that was used before the instant that has been reached}; kept
+        where a fix counts by how long ago that was (`sensor.Sensor.counted`)
     """
 
-    def __init__(self, tick, aids=(), driving=0):
-        """tick : the first;  aids : names of the sensors of `used_s`;  driving : m of the ImuWindows"""
+    def __init__(self, tick, driving=0):
+        """tick : the first;  driving : m of the ImuWindows"""
         self.ends_s, self.measurements = deque([tick.t_s]), deque([()])
         self.oldest = self.newest = 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
-        self.position_s = self._gone_position_s = -np.inf
-        self.used_s = dict.fromkeys(aids, -np.inf)
-        self._gone_used_s = self.used_s.copy()
+        self.used_s, self._gone_used_s = {}, {}
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples, driving)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
@@ -145,24 +144,14 @@ class History:
             ends_s.popleft()
             self.oldest += 1
             if gone := measurements.popleft():
-                self._gone_position_s = _last_of("gps_position", gone, self._gone_position_s)
-                for sensor, before_s in self._gone_used_s.items():
-                    self._gone_used_s[sensor] = _last_of(sensor, gone, before_s)
-
-    def position_before(self, k):
-        """Instant of the last position fix that was used before tick k begins; -inf: there was none."""
-        return self._before("gps_position", k, self._gone_position_s)
+                self._gone_used_s |= _used_s(gone)
 
     def used_before(self, k):
-        """Likewise of the aids: dict."""
-        return {sensor: self._before(sensor, k, gone_s) for sensor, gone_s in self._gone_used_s.items()}
-
-    def _before(self, sensor, k, gone_s):
-        for j in range(k - 1, -1, -1):
-            found_s = _last_of(sensor, self.measurements[j], -np.inf)
-            if found_s > -np.inf:
-                return found_s
-        return gone_s
+        """`used_s` where tick k begins."""
+        used_s = self._gone_used_s.copy()
+        for measurements in islice(self.measurements, k):
+            used_s |= _used_s(measurements)
+        return used_s
 
     def go_to(self, k):
         """Begin again at the end of tick k."""
@@ -183,12 +172,9 @@ class History:
         return earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later
 
 
-def _last_of(sensor, measurements, otherwise_s):
-    """Instant of the last fix of a sensor that was used among the measurements of a tick."""
-    for one in reversed(measurements):
-        if one.sensor == sensor and one.fate in (Fate.USED, Fate.RESET):
-            return one.fix.t_valid_s
-    return otherwise_s
+def _used_s(measurements):
+    """{sensor: instant of its last fix that was used} of the measurements of a tick."""
+    return {one.sensor: one.fix.t_valid_s for one in measurements if one.fate in (Fate.USED, Fate.RESET)}
 
 
 class Moment:

@@ -12,6 +12,7 @@ second is used, the first never.
 """
 
 from enum import IntEnum
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -73,9 +74,39 @@ class Health(NamedTuple):
 HEALTHY = Health(0, 0, np.nan, None)
 
 
+@cache
 def chi_square_limit(probability, dof):
     """Value that a chi-square variable exceeds with the given probability."""
     return float(special().chdtri(dof, probability))
+
+
+class Innovations:
+    """The last innovations of one sensor, whitened, changed in place.
+
+    kept, n : (N, d), of which the first n rows are filled, the latest last
+    """
+
+    def __init__(self, longest):
+        """longest : int, how many are kept at least"""
+        self.longest, self.kept, self.n = longest, np.empty((0, 0)), 0
+
+    def forget(self):
+        """Begin anew: what came before was judged by another model."""
+        self.n = 0
+
+    def last(self, count):
+        """The last innovations: (count, d) at most, not copied."""
+        return self.kept[max(self.n - count, 0) : self.n]
+
+    def add(self, w):
+        """Keep another one: (d,)."""
+        if not self.n:
+            self.kept = np.empty((2 * self.longest, len(w)))
+        elif self.n == len(self.kept):
+            self.n = self.longest - 1
+            self.kept[: self.n] = self.kept[-self.n :]
+        self.kept[self.n] = w
+        self.n += 1
 
 
 class Limits(dict):

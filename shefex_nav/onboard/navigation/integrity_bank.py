@@ -26,19 +26,19 @@ here. Nor are ranges, single stars, barometer and magnetometer.
 """
 
 from collections import deque
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
 from shefex_nav.onboard.navigation.grown import Grown, grown
-from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.integrity import Fate, Innovations, chi_square_limit
+from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, fix_of
 
 WINDOWS = np.array([3, 4, 6, 8, 12, 16, 24, 32, 48, 64])  # innovations
-CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
 CALM = 10  # innovations after an alarm, whose size and run are healthy: it is over
 CALM_CHANCE = 1e-2  # of not calling them healthy
 CLIPPED = 25.0  # [E] squared length of an innovation at most: one, or two in a row, raise no alarm
@@ -49,7 +49,6 @@ OWN = 0.95  # [E] share of a sensor's own noise in its innovations at most, when
 GPS = "gps"  # position and velocity together
 GROUPS = {**dict.fromkeys((*VECTORS, GPS), GPS), "star_tracker": "star_tracker"}
 WAITS_S = {GPS: 0.0, "star_tracker": 4.0}  # [E] until anything grows: stars tell of gyros by themselves
-LIMITS = {}
 
 
 class Finding(NamedTuple):
@@ -69,8 +68,8 @@ class Alarm(NamedTuple):
     mean: np.ndarray  # mean innovation, in its own unit
 
 
-class Stream:
-    """The last innovations of a sensor, changed in place.
+class Stream(Innovations):
+    """Innovations of a sensor, judged over `WINDOWS`.
 
     d : numbers of each;  sizes : whether their size counts, besides the run
     fed_s : s, of the last
@@ -78,23 +77,18 @@ class Stream:
     """
 
     def __init__(self, d, sizes=True):
-        self.d, self.n, self.kept = d, 0, np.empty((2 * WINDOWS[-1], d))
-        self.run, self.fed_s = limits(d, CHANCE)[1], -np.inf
+        super().__init__(WINDOWS[-1])
+        self.d, self.fed_s = d, -np.inf
         self.recent = deque(maxlen=adaptation.RECENT)
-        self.sizes = limits(d, CHANCE)[0] if sizes else np.full(len(WINDOWS), np.inf)
-
-    def forget(self):
-        """Begin anew."""
-        self.n = 0
+        self.sizes, self.run = limits(d, CHANCE)
+        if not sizes:
+            self.sizes = np.full(len(WINDOWS), np.inf)
 
     def take(self, w, now_s=0.0, own=1.0):
         """Take a whitened innovation (d,) in. -> Finding or None"""
-        if self.n == len(self.kept):
-            self.n = len(self.kept) // 2
-            self.kept[: self.n] = self.kept[-self.n :]
-        self.kept[self.n] = w
+        self.add(w)
         self.recent.append((w, own))
-        self.n, self.fed_s = self.n + 1, now_s
+        self.fed_s = now_s
         k, of_run, value = _worst(self.kept, self.n, WINDOWS, self.sizes, self.run)
         if k < 0:
             return None
@@ -102,10 +96,6 @@ class Stream:
         excess = (value / self.d - 1.0) / count if of_run else value / (count * self.d) - 1.0
         what = "on one side" if of_run else "too large"
         return Finding(f"{what}: of {count} fixes", excess, self.last(count).mean(axis=0), of_run)
-
-    def last(self, count):
-        """The last innovations: (count, d) at most."""
-        return self.kept[max(self.n - count, 0) : self.n]
 
     def calm(self):
         """Whether the last innovations are healthy; not before there are `CALM`."""
@@ -117,15 +107,11 @@ class Stream:
         return bool(small and total @ total / CALM < run)
 
 
+@cache
 def limits(d, chance, windows=None):
     """Chi-square limits of the size of each window, and of the run. -> (len(windows),), float"""
-    windows = tuple(WINDOWS) if windows is None else windows
-    if (d, chance, windows) not in LIMITS:
-        LIMITS[d, chance, windows] = (
-            special().chdtri(d * np.array(windows), chance),
-            float(special().chdtri(d, chance)),
-        )
-    return LIMITS[d, chance, windows]
+    sizes = [chi_square_limit(chance, d * n) for n in (WINDOWS.tolist() if windows is None else windows)]
+    return np.array(sizes), chi_square_limit(chance, d)
 
 
 @kernel

@@ -27,8 +27,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation, wgs84
-from shefex_nav.late_packages import special
-from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.integrity import Fate, chi_square_limit
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 
 PROBABILITY = 1e-10  # of finding a right constant wrong, per fix
@@ -38,7 +37,6 @@ EXPLAINED = 0.7  # [E] share of the squares beyond chance
 OVER = 0.25  # of the limit, below which a constant is right after all
 CONDITION = 1e8  # of J, beyond which nothing is said
 TIME, ARM = slice(0, 1), slice(1, 4)
-LIMITS = {}
 NOTHING, POSITION, VELOCITY = 0, 1, 2  # what a sensor shows of a wrong constant
 SHOWS = {"gps_position": POSITION, "gps_velocity": VELOCITY}
 NO_RATE = np.zeros(3)
@@ -201,10 +199,7 @@ def _of_velocity(H, x, a_i, omega_b):
 
 def _limit(part):
     """Of chi-square."""
-    dof = part.stop - part.start
-    if dof not in LIMITS:
-        LIMITS[dof] = float(special().chdtri(dof, PROBABILITY))
-    return LIMITS[dof]
+    return chi_square_limit(PROBABILITY, part.stop - part.start)
 
 
 def _time(value):

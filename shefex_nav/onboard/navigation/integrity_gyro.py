@@ -36,7 +36,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.late_packages import special
+from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.state import BG, X_MOUNTING, X_Q
 
 BASELINES_S = np.array([0.4, 2.0, 8.0])  # [E] from the first fix to the last
@@ -125,12 +125,8 @@ class GyroWatch:
                 0.0,
             ]
         )
-        self.limits = np.array(
-            [
-                float(special().chdtri(3, p))
-                for p in (PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY, HALF_PROBABILITY)
-            ]
-        )
+        chances = PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY, HALF_PROBABILITY
+        self.limits = np.array([chi_square_limit(p, 3) for p in chances])
         self.rows, self.n = np.empty((ROWS, WIDTH)), 0
         self.turned = deque([(-1, np.array([1.0, 0.0, 0.0, 0.0]))])  # tick, A of the module's text
         self.found_s = []  # of comparisons that called a gyro wrong

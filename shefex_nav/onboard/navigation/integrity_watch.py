@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_gps,
@@ -17,6 +16,7 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
     protected,
 )
+from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.records import Doubt, NavHealth
@@ -194,16 +194,6 @@ class Watch:
         self.constants.take(nav, now, name, z, H, S, fate)
         self.report(nav.history.ends_s[-1], "gps_constants", self.constants.found)
 
-    def back_to(self, number):
-        """The filter goes back to the end of a tick: corrections after it are not made yet."""
-        self.gyros.back_to(number)
-        self.path.back_to(number)
-
-    def corrected(self, number, oldest, t_s, x_before, x_after):
-        """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
-        self.gyros.corrected(number, oldest, x_before, x_after)
-        self.path.corrected(number, oldest, t_s, x_before, x_after)
-
     def level_axes(self, earth, t_s, x):
         """`protected.level_axes`, kept for AXES_S: in a second they turn by 1e-3 rad, also in orbit."""
         if not abs(t_s - self.axes_s) <= AXES_S:
@@ -218,17 +208,17 @@ class Watch:
             self.level = integrity_protection.after_fixes(self.level, self.used_now, now_s, history.P, axes)
             self.used_now.clear()
 
-    def graver_doubts(self, health, imu_blind):
+    def graver_doubts(self, health, imu_blind=None):
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
 
-        {sensor: Health};  imu_blind : as the attribute. While the IMU does not measure all three run away. A
-        star tracker that contradicts says that the attitude is wrong, or itself; position and velocity are
-        checked by GPS, where there is any. A GPS velocity contradicts an attitude as well, by the direction
-        of the thrust: any other sensor makes all three doubtful. A GPS position whose velocity goes on
-        contradicts the position alone: most likely it has jumped, but the filter may have followed it before.
-        So does one that was believed in the end.
+        {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the IMU does not measure
+        all three run away. A star tracker that contradicts says that the attitude is wrong, or itself;
+        position and velocity are checked by GPS, where there is any. A GPS velocity contradicts an attitude
+        as well, by the direction of the thrust: any other sensor makes all three doubtful. A GPS position
+        whose velocity goes on contradicts the position alone: most likely it has jumped, but the filter may
+        have followed it before. So does one that was believed in the end.
         """
-        if imu_blind:
+        if self.imu_blind if imu_blind is None else imu_blind:
             return ALL_OF[Doubt.IMU]
         if self.constants.found or self.step is not None or "gps" in self.alarms:
             return ALL_OF[Doubt.CONTRADICTED]
@@ -277,7 +267,7 @@ def start(params):
     """Watch of a filter that starts. NavParams -> Watch"""
     relative, sensed = integrity_gyro.relative_error(params), integrity_gyro.sensed_error(params)
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
-    limit = float(special().chdtri(3, integrity_gps.DRIFT_PROBABILITY))
+    limit = chi_square_limit(integrity_gps.DRIFT_PROBABILITY, 3)
     return Watch(params.integrity or DEFAULT, limit, gyros)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import sums
-from shefex_nav.late_packages import special
+from shefex_nav.onboard.navigation.integrity import Innovations, chi_square_limit
 
 LENGTHS = (20, 60)  # [E] innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -67,33 +67,15 @@ def _statistics(w):
     return size, (total @ total) / n, sums.pairwise(products) / size * np.sqrt(n * d)
 
 
-class Window:
-    """The last innovations of one sensor, changed in place.
-
-    limits : {degrees of freedom: chi-square that is exceeded with `CHANCE`}
-    """
+class Window(Innovations):
+    """Innovations of one sensor, judged over `LENGTHS`."""
 
     def __init__(self):
-        self.kept, self.n = np.empty((0, 0)), 0  # the last n rows of what is filled are meant
-        self.limits = {}
-
-    def forget(self):
-        """Begin anew: what came before was judged by another model."""
-        self.n = 0
-
-    def last(self):
-        """As many of the last as the shorter window has at most: (n, d)."""
-        return self.kept[max(self.n - LENGTHS[0], 0) : self.n].copy()
+        super().__init__(LENGTHS[-1])
 
     def take(self, w):
         """Take a whitened innovation (d,) in. -> Finding"""
-        if not self.n:
-            self.kept = np.empty((2 * LENGTHS[-1], len(w)))
-        elif self.n == len(self.kept):
-            self.n = LENGTHS[-1] - 1
-            self.kept[: self.n] = self.kept[-self.n :]
-        self.kept[self.n] = w
-        self.n += 1
+        self.add(w)
         found = QUIET
         for n in LENGTHS:
             if self.n >= n:
@@ -104,14 +86,8 @@ class Window:
     def _judged(self, n, longest):
         """Finding of the last n innovations; only the longest window tells white ones from others."""
         d = self.kept.shape[1]
-        size, run, near = _statistics(self.kept[self.n - n : self.n])
-        large, excess = size > self._limit(n * d), size / (n * d)
+        size, run, near = _statistics(self.last(n))
+        large, excess = size > chi_square_limit(CHANCE, n * d), size / (n * d)
         process = large and near > TOGETHER
-        one_sided = run > self._limit(d) and near > TOGETHER
+        one_sided = run > chi_square_limit(CHANCE, d) and near > TOGETHER
         return Finding(large, process or one_sided, longest and large and near < WHITE, excess, longest)
-
-    def _limit(self, dof):
-        """Chi-square limit."""
-        if dof not in self.limits:
-            self.limits[dof] = float(special().chdtri(dof, CHANCE))
-        return self.limits[dof]

@@ -18,6 +18,7 @@ from shefex_nav.onboard.navigation.state import (
     LATENCY,
     LEVER,
     MOUNTING,
+    NOTHING_TOLD,
     POS,
     VEL,
     X_GRAVITY,
@@ -30,6 +31,7 @@ from shefex_nav.onboard.navigation.state import (
     right_jacobian,
 )
 from shefex_nav.onboard.navigation.strapdown import gravity_i
+from shefex_nav.records import GpsFix, GpsRanges
 
 
 class Antenna(NamedTuple):
@@ -243,3 +245,27 @@ def _star_attitude(x, q_ic, P_c, C_bc, sigma_floor, n, first):
     for i in range(3):
         R[i, i] += sigma_floor**2
     return z, H, R
+
+
+def understood(told, message):
+    """A message of the GPS receiver as the filter takes it, by what it was told; what is of others passes.
+
+    By default a message is taken as it says itself: its instant and its covariances. A computer that was told
+    other noise scales the covariances; one that was told an offset of the receiver's clock takes it out; one
+    that was told a latency does not look at the stamp but counts back from the arrival.
+
+    GpsTold, record -> record
+    """
+    if told is NOTHING_TOLD or not isinstance(message, GpsFix | GpsRanges):
+        return message
+    t_valid_s = message.t_valid_s - told.clock_offset_s
+    if not math.isnan(told.latency_s):
+        t_valid_s = message.t_available_s - told.latency_s
+    near, fast = told.position_factor, told.velocity_factor
+    if isinstance(message, GpsRanges):
+        sigmas = {
+            "sigma_range": near * message.sigma_range,
+            "sigma_range_rate": fast * message.sigma_range_rate,
+        }
+        return message._replace(t_valid_s=t_valid_s, **sigmas)
+    return message._replace(t_valid_s=t_valid_s, R_r_e=near**2 * message.R_r_e, R_v_e=fast**2 * message.R_v_e)

@@ -29,11 +29,11 @@ def advance(bank, blocks, k):
         ticks.advance(member.nav, blocks, k, k + 1)
 
 
-def fuse(bank, gps_fixes, star_fixes):
+def fuse(bank, arrived):
     """Give all filters what has arrived. -> list of GateResult of the one that is best afterwards"""
     said = {}
     for member in bank.members:
-        said[member.number] = fusion.take(member.nav, gps_fixes, star_fixes)
+        said[member.number] = fusion.take(member.nav, arrived)
     bank.prune()
     return said[bank.best_member.number]
 

@@ -26,7 +26,7 @@ from shefex_nav.onboard.navigation.quantity import ATTITUDE, VECTORS, VELOCITY, 
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
-from shefex_nav.records import GpsFix, GpsRanges, Reason
+from shefex_nav.records import GpsFix, GpsRanges, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
@@ -302,40 +302,43 @@ ARRIVALS = {
 
 def table(params):
     """The sensors of a filter: `SENSORS`, and behind them its aids. NavParams -> {name: Sensor}"""
-    return SENSORS | {aid.name: aiding.sensor(aid) for aid in params.aids}
+    position = SENSORS["gps_position"]
+    if params.lasting_share:
+        position = position._replace(counted=_lasting_position)
+    return SENSORS | {"gps_position": position} | {aid.name: aiding.sensor(aid) for aid in params.aids}
 
 
-def arrivals(nav, received, star_fixes):
-    """What the filter takes of what has arrived, what is received first.
+def _lasting_position(nav, fix, R, gap_s):
+    """As `Sensor.counted`, of positions a part of whose errors lasts."""
+    params = nav.params
+    return measurements.lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s) * R
 
-    fusion.Filter, sequence of GpsFix, GpsRanges and readings of instruments, of StarFix
-    -> list of (arrival, fix)
+
+def arrivals(nav, arrived):
+    """What the filter takes of what has arrived, in the same order.
+
+    Of GPS the fixes, or the ranges if it is coupled tightly; of a StarFix the attitude, or each star by
+    itself; readings of aids. Before stars have been used for the first time it is the attitude in any case:
+    one fix is compared with another one there, and single stars have been named with the filter's own
+    prediction.
+
+    fusion.Filter, sequence of records -> list of (arrival, fix)
     """
-    return _of_received(nav.params, received) + _of_stars(nav, star_fixes)
+    params = nav.params
+    takes = {GpsRanges: ("gps_ranges", None)} if params.gps == "tight" else {GpsFix: ("gps", None)}
+    by_stars = params.stars != "attitude" and nav.health["star_tracker"].used
+    takes[StarFix] = ("star_vectors", _has_stars) if by_stars else ("star_tracker", _has_attitude)
+    takes |= {aid.record: (aid.name, aid.holds) for aid in params.aids}
+    known = [(*takes[type(one)], one) for one in arrived if type(one) in takes]
+    return [(arrival, one) for arrival, holds, one in known if holds is None or holds(one)]
 
 
-def _of_received(params, messages):
-    """Of GPS the fixes, or the ranges if it is coupled tightly; readings of aids. -> as `arrivals`"""
-    named = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
-    aids = {aid.record: aid for aid in params.aids}
-    named |= {record: aid.name for record, aid in aids.items()}
-    return [
-        (named[type(one)], one)
-        for one in messages
-        if type(one) in named and (type(one) not in aids or aiding.holds(aids[type(one)], one))
-    ]
+def _has_attitude(fix):
+    return fix.reason == Reason.NONE
 
 
-def _of_stars(nav, fixes):
-    """Of a StarFix the attitude, or each star by itself. -> as `arrivals`
-
-    Before stars have been used for the first time it is the attitude in any case: one fix is compared with
-    another one there, and single stars have been named with the filter's own prediction.
-    """
-    solved = [("star_tracker", fix) for fix in fixes if fix.reason == Reason.NONE]
-    if nav.params.stars == "attitude" or not nav.health["star_tracker"].used:
-        return solved
-    return [("star_vectors", fix) for fix in fixes if fix.reason == Reason.NONE or len(fix.stars.hip)]
+def _has_stars(fix):
+    return fix.reason == Reason.NONE or len(fix.stars.hip)
 
 
 def _says_single_stars(name):

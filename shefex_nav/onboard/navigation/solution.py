@@ -69,26 +69,26 @@ class Bounds(NamedTuple):
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
     newest = nav.history.newest
-    return solutions(nav, range(newest, newest + 1), nav.watch.imu_blind)[0]
+    return solutions(nav, range(newest, newest + 1))[0]
 
 
-def solutions(nav, ticks, imu_blind):
+def solutions(nav, ticks, imu_blind=None):
     """NavSolution of each of some ticks, as `fill` takes them: list."""
     rows = np.empty((len(ticks), WIDTH))
-    fill(nav, ticks, imu_blind, rows)
+    fill(nav, ticks, rows, imu_blind)
     return [_solution(row) for row in rows]
 
 
-def fill(nav, ticks, imu_blind, rows):
+def fill(nav, ticks, rows, imu_blind=None):
     """Write a row for each of some ticks, in one compiled call.
 
     Parameters
     ----------
     nav : fusion.Filter
     ticks : range of their numbers, as `History` counts them
-    imu_blind : as `Watch.imu_blind`, at all of these ticks. What else decides whether they can be trusted is
-        that of now: nothing may have arrived since the first of them.
     rows : (m, WIDTH) is written
+    imu_blind : as `Watch.imu_blind`, at all of these ticks; None: as it is now. What else decides whether
+        they can be trusted is that of now: nothing may have arrived since the first of them.
     """
     model, watch = nav.params.imu, nav.watch
     noise = Noise(model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration)

@@ -26,8 +26,6 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
-from shefex_nav.onboard.navigation.gps_told import NOTHING as NOTHING_TOLD
-from shefex_nav.onboard.navigation.gps_told import GpsTold
 from shefex_nav.onboard.navigation.settings import Releases
 
 POS = slice(0, 3)  # dr_i [m]
@@ -161,6 +159,18 @@ class ImuModel(NamedTuple):
     accel_quantum: float = 0.0  # m/s, smallest increment
 
 
+class GpsTold(NamedTuple):
+    """What the computer was told of its GPS receiver; the defaults change nothing."""
+
+    position_factor: float = 1.0  # on the standard deviations of positions and ranges that are reported
+    velocity_factor: float = 1.0  # on those of velocities and range rates
+    clock_offset_s: float = 0.0  # stamps are later than the instants that are measured by so much
+    latency_s: float = np.nan  # from the instant that is measured to the arrival; NaN: the stamp says it
+
+
+NOTHING_TOLD = GpsTold()
+
+
 class NavParams(NamedTuple):
     """Parameters of the navigation filter."""
 
@@ -189,11 +199,6 @@ class NavParams(NamedTuple):
     gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
     aids: tuple = ()  # of aid.Aid, instruments that the filter uses besides GPS and stars
     own_blocks: tuple = ()  # of blocks.Block, those that plug-ins bring without an instrument
-
-    @property
-    def aid_names(self):
-        """Names of all aids: tuple of str."""
-        return tuple(aid.name for aid in self.aids)
 
     @property
     def blocks(self):

@@ -1,6 +1,6 @@
-"""Star tracker software: from a frame to an attitude, lost in space, ten times a second (`tracker`).
+"""Star tracker software: from a frame to an attitude, lost in space, ten times a second (`tracker`,
+which sets the exposure of the next frame, too).
 
-exposure                         exposure and gain of the next frame
 objects                          which way a frame is searched:
   background, scan               spots above background and noise
   streaks, binned, matched, streak_*           streaks of a known rate

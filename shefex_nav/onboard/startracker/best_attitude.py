@@ -32,9 +32,10 @@ class Criteria(NamedTuple):
     spots: bool  # no streaks: only a misfit that is more than chance makes changes the covariance
 
 
-def centroid_covariance(params, detections):
-    """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
-    return detections.P_px + params.settings.centroid_floor**2 * np.eye(2)
+def centroid_covariance(params, detections, rate=None):
+    """Covariance of each centroid, (n, 2, 2) px^2: noise, what is wrong with every one, and `with_rate`."""
+    P_px = detections.P_px + params.settings.centroid_floor**2 * np.eye(2)
+    return with_rate(params, detections, P_px, rate)
 
 
 def focal_covariance(params, xy_px):

@@ -170,8 +170,7 @@ def _without(rows, xy_px, taken):
 
 def _covariance(params, P_c, detections, rate):
     """Covariance of each object relative to the place of its star, (n, 2, 2) px^2."""
-    P_px = best_attitude.centroid_covariance(params, detections)
-    P_px = best_attitude.with_rate(params, detections, P_px, rate)
+    P_px = best_attitude.centroid_covariance(params, detections, rate)
     P_px = P_px + best_attitude.focal_covariance(params, detections.xy_px)
     G = turn_jacobians(params.camera.pinhole, detections.xy_px)
     return P_px + G @ P_c @ G.transpose(0, 2, 1)

@@ -74,8 +74,8 @@ def _brightest_first(table, xy_px, flux_dn, P_px):
 
 
 def rules(settings):
-    """The settings of a scan, in the types of its kernel."""
-    return (
+    """The settings of a scan, in the types of its kernel. Detection -> scan.Rules"""
+    return scan.Rules(
         int(settings.tile),
         float(settings.seed_sigma),
         float(settings.grow_sigma),

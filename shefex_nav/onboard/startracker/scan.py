@@ -7,6 +7,8 @@ for the greatest block again and again. From there an object is grown over its n
 by recursion, here a list of pixels is its own queue, which has no depth limit.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -15,6 +17,19 @@ from shefex_nav.onboard.startracker.background import BLOCK, N_BLOCK
 # columns of the table of objects
 X, Y, FLUX, PIXELS, SATURATED, BACKGROUND, NOISE, XX, XY, YY = range(10)
 COLUMNS = 10
+
+
+class Rules(NamedTuple):
+    """By what a scan finds and takes objects."""
+
+    tile_px: int  # side of a tile of background and noise
+    seed_sigma: float  # of the noise of a block, above which an object begins
+    grow_sigma: float  # likewise, above which a block beside one belongs to it
+    min_pixels: int
+    max_pixels: int
+    max_peak_fraction: float  # of the light in the brightest pixel
+    saturation_dn: int
+    max_objects: int
 
 
 @kernel
@@ -26,20 +41,19 @@ def sequential(image_dn, blocks, background, sigma, rules):
     image_dn : (rows, columns) uint8 or uint16
     blocks : (rows, columns) block sums, changed
     background, sigma : of the blocks in tiles
-    rules : tile_px, seed_sigma, grow_sigma, min_pixels, max_pixels, max_peak_fraction, saturation_dn,
-        max_objects
+    rules : Rules
 
     Returns
     -------
     (n, COLUMNS) objects, brightest first
     """
     rows, columns = blocks.shape
-    tile_px, seed_sigma, grow_sigma, max_objects = rules[0], rules[1], rules[2], rules[7]
-    seed_limit = np.floor(background + seed_sigma * sigma).astype(np.int64)
-    grow_limit = np.floor(background + grow_sigma * sigma).astype(np.int64)
+    tile_px = rules.tile_px
+    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
     tile = np.arange(max(rows, columns)) // tile_px
     pixels = np.empty((rows * columns, 2), dtype=np.int32)
-    table, n_objects = np.empty((max_objects, COLUMNS)), 0
+    table, n_objects = np.empty((rules.max_objects, COLUMNS)), 0
     for r in range(1, rows - 1):
         i = tile[r]
         for j in range(seed_limit.shape[1]):
@@ -63,14 +77,14 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
     is never too short for the object with the highest peak.
     """
     rows, columns = blocks.shape
-    tile_px, seed_sigma, grow_sigma, max_objects = rules[0], rules[1], rules[2], rules[7]
+    tile_px = rules.tile_px
     level_of = np.floor(background).astype(np.int64)
-    seed_limit = np.floor(background + seed_sigma * sigma).astype(np.int64)
-    grow_limit = np.floor(background + grow_sigma * sigma).astype(np.int64)
+    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
     tile = np.arange(max(rows, columns)) // tile_px
     pixels = np.empty((rows * columns, 2), dtype=np.int32)
-    table, n_objects = np.empty((max_objects, COLUMNS)), 0
-    while n_objects < max_objects:
+    table, n_objects = np.empty((rules.max_objects, COLUMNS)), 0
+    while n_objects < rules.max_objects:
         highest, row, column = -1, -1, -1
         for r in range(1, rows - 1):
             i = tile[r]
@@ -131,9 +145,8 @@ def _take(image_dn, blocks, level, noise, pixels, rules, table, n_objects):
     noisy; the weight, which is the star's own smoothed shape, goes to zero at the cut and takes streaks as
     they come.
     """
-    n, min_pixels, max_pixels = pixels.shape[0], rules[3], rules[4]
-    max_peak_fraction, saturation_dn = rules[5], rules[6]
-    if n < min_pixels or n > max_pixels:
+    n = pixels.shape[0]
+    if n < rules.min_pixels or n > rules.max_pixels:
         return n_objects
     rows, columns = image_dn.shape
     r_0, c_0 = pixels[0, 0], pixels[0, 1]
@@ -154,8 +167,8 @@ def _take(image_dn, blocks, level, noise, pixels, rules, table, n_objects):
         sum_yy += weight * dy * dy
         flux += value
         peak = max(peak, value)
-        n_saturated += image_dn[r, c] >= saturation_dn
-    if sum_w <= 0.0 or peak > max_peak_fraction * flux:
+        n_saturated += image_dn[r, c] >= rules.saturation_dn
+    if sum_w <= 0.0 or peak > rules.max_peak_fraction * flux:
         return n_objects
     k = _insert(table, n_objects, flux)
     if k < 0:

@@ -1,12 +1,14 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
-next one. What comes from the navigation, the `Context`, corrects aberration, says where to look for the stars
-first, how they move (`objects`), and names the reason of a failure. The attitude is that of the stars alone;
-a prediction that they contradict is forgotten, the frame is lost in space. Only with rows exposed one after
-the other it rests on the rate too, whose error is solved for along. No attitude is given at rates for which
-the tracker is not made, nor of rows whose places no rate has brought to one instant: an error message is
-better than a wrong attitude.
+frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`. What comes from the navigation, the `Context`,
+corrects aberration, says where to look for the stars first, how they move (`objects`), and names the reason
+of a failure. The attitude is that of the stars alone; a prediction that they contradict is forgotten, the
+frame is lost in space. Only with rows exposed one after the other it rests on the rate too, whose error is
+solved for along. No attitude is given at rates for which the tracker is not made, nor of rows whose places no
+rate has brought to one instant: an error message is better than a wrong attitude.
+
+The flags of the frame set the exposure of the next one (SHEFEX-2 star tracker, section 3.1 and figure 2); the
+gain stays where the scenario puts it.
 """
 
 import math
@@ -23,7 +25,6 @@ from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.catalogue import StarPairs
-from shefex_nav.onboard.startracker.exposure import flags, next_exposure
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.onboard.startracker.methods import SCAN, STEPS, ways
@@ -264,8 +265,7 @@ def attitude_with_stars(tracker, detections, context, rate=None):
     """`attitude`, and the StarVectors of the stars that make it."""
     params = tracker.params
     u_c = unit_vectors(params.camera.pinhole, detections.xy_px)
-    P_px = best_attitude.centroid_covariance(params, detections)
-    ellipses = best_attitude.with_rate(params, detections, P_px, rate)
+    ellipses = best_attitude.centroid_covariance(params, detections, rate)
     found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
     return identified(tracker, detections, context, found, least, rate)
 
@@ -334,3 +334,26 @@ def explain(params, reason, mean_dn, context):
     if context.rate > params.settings.highest_rate:
         return Reason.SMEARED
     return reason
+
+
+def flags(settings, mean_dn, detections):
+    """(flagSaturated, flagNoStars) of one frame. ExposureControl, float, Detections
+
+    A planet saturates many pixels of one object; shortening the exposure for it would lose the fainter
+    stars, so several objects must be saturated. A frame that is bright as a whole is flagged by its mean.
+    """
+    saturated = np.count_nonzero(detections.n_saturated > settings.saturated_pixels)
+    flag_saturated = mean_dn > settings.brightest_mean or saturated >= settings.saturated_objects
+    return flag_saturated, len(detections.flux_dn) < settings.fewest_objects
+
+
+def next_exposure(settings, exposure_s, flag_saturated, flag_no_stars):
+    """Exposure of the next frame [s]: one step shorter, longer or the same.
+
+    flagSaturated goes first: a bright frame without stars must not be exposed longer.
+    """
+    if flag_saturated:
+        return max(settings.shortest, exposure_s - settings.step)
+    if flag_no_stars:
+        return min(settings.longest, exposure_s + settings.step)
+    return exposure_s

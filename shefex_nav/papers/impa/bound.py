@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from shefex_nav.geometry.shutter import row_start_s
-from shefex_nav.geometry.streak import place_at, seen_from_to, turn_jacobian, velocity
+from shefex_nav.geometry.streak import place_at, rate_lever, seen_from_to, velocity
 
 STEP_PX = 0.25  # between two spots of a streak
 DERIVATIVE_PX = 0.05
@@ -101,8 +101,7 @@ def bound(still_camera, omega_c, P_omega_c, xy_px, electrons):
     variance = variance + electronics.electrons_per_dn**2 / 12.0 + mean
     information = np.array([[(a * b / variance).sum() for b in by] for a in by])
     P_px = np.linalg.inv(information)[:2, :2]
-    middle_s = 0.5 * (begin_s + end_s)
-    J = turn_jacobian(camera, *xy_px) * middle_s
+    J = rate_lever(camera, times, omega_c, *xy_px)
     heading = float(np.arctan2(*velocity(camera, omega_c, *xy_px)[::-1]))
     return Bound(P_px + J @ P_omega_c @ J.T, float(np.sqrt(information[2, 2])), inside, heading)
 

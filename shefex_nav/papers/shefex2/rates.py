@@ -14,7 +14,7 @@ import numpy as np
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.geometry.shutter import row_times
-from shefex_nav.onboard.startracker import exposure, objects, streaks, tracker
+from shefex_nav.onboard.startracker import objects, streaks, tracker
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Experiment
@@ -84,8 +84,8 @@ def fly(way, sky, q_ic, omega_c, known_omega_c, rng):
         motion = streaks.Motion(known_omega_c, RATE_ERROR**2 * np.eye(3), camera.times)
         found, mean_dn = found_by(way, image, motion)
         if number < SETTLING:
-            flags = exposure.flags(CONTROL, mean_dn, found)
-            exposure_s = exposure.next_exposure(CONTROL, exposure_s, *flags)
+            flags = tracker.flags(CONTROL, mean_dn, found)
+            exposure_s = tracker.next_exposure(CONTROL, exposure_s, *flags)
     return end_to_end.verdict(solved_by(way, found, motion), q_ic), exposure_s
 
 

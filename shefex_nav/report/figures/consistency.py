@@ -6,20 +6,13 @@ from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import metrics, trust
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
+from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.nees import nees as normalised
 
 LEVEL = 0.95  # of the bounds
 _BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
 _DOUBTS = ((1, style.SKY, "level"), (2, style.RED, "contradicted"), (3, style.ORANGE, "IMU"))
 _MOST_LANES = 12
-
-
-def chi2_bounds(dof, level=LEVEL):
-    """Interval that holds a chi-square variable with a probability. Degrees of freedom -> low, high"""
-    from scipy.special import gammaincinv  # scipy.stats would take a second to import
-
-    tail = 0.5 * (1.0 - level)
-    return tuple((2.0 * gammaincinv(0.5 * dof, np.array([tail, 1.0 - tail]))).tolist())
 
 
 def nees_of_blocks(data):
@@ -44,7 +37,7 @@ def nees(data):
     figure, rows = style.panels(data, len(values), words, height=1.5)
     for axes, (name, value) in zip(rows[:, 0], values.items(), strict=True):
         dof = 9 if name == "all" else 3
-        low, high = chi2_bounds(dof)
+        low, high = chi2_bounds(dof, LEVEL)
         axes.axhspan(low, high, color=style.BAND, lw=0, label=f"{LEVEL:.0%} of χ² of {dof}")
         axes.axhline(dof, color=style.BLACK, lw=0.9, ls="--", label="expected mean")
         style.curve(axes, t_s, value, color=style.BLUE, lw=0.9, label="NEES")
@@ -77,7 +70,7 @@ def _nis_of(axes, sensor, gates):
     dof = np.array([gate.dof for gate in gates])
     accepted = np.array([gate.accepted for gate in gates])
     order = np.argsort(t_s, kind="stable")
-    bounds = {n: chi2_bounds(n) for n in set(dof.tolist())}
+    bounds = {n: chi2_bounds(n, LEVEL) for n in set(dof.tolist())}
     low, high = np.array([bounds[n] for n in dof.tolist()]).T
     times, low, high, edge = style.gapped(t_s[order], low[order], high[order], limit[order])
     axes.fill_between(times, low, high, color=style.BAND, lw=0, label=f"{LEVEL:.0%} of χ²")

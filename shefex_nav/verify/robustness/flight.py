@@ -241,7 +241,7 @@ def _only_faults(situation):
 def _begun(job, scenario, world, vehicle):
     """_Flight that has not begun yet."""
     from shefex_nav import simulate
-    from shefex_nav.onboard.telemetry import Columns
+    from shefex_nav.onboard.navigator import Columns
 
     seen = {}
     with innovations.watched(seen):

@@ -8,6 +8,7 @@ counts with its mean over a piece; but for that the numbers are those of `bound`
 
 import numpy as np
 
+from shefex_nav.clock import sample_s
 from shefex_nav.verify import bound, bound_model, linear
 from shefex_nav.verify.bound_model import N_NAV
 
@@ -19,7 +20,7 @@ class Growth:
     """Intervals and updates of one flight under one vibration. flight : bound.Flight, any that flies it"""
 
     def __init__(self, flight):
-        self._dt_s = bound.sample_s(flight.trajectory)
+        self._dt_s = sample_s(flight.trajectory.t_s)
         self._piece = round(PIECE_S / self._dt_s)
         self._layout = bound_model.sources(flight.imu, flight.camera, 0.0, np.inf)
         self._pieces, self._intervals, self._updates = {}, {}, {}

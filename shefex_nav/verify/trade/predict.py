@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import prepare
-from shefex_nav.clock import SAME_S
+from shefex_nav.clock import SAME_S, sample_s
 from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
 from shefex_nav.report import imu_range, metrics, programme, track
@@ -229,7 +229,7 @@ def _errors(along, growth, process):
     whats = [END] if entry is None else [ENTRY, END]
     times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
     wanted = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
-    look = round(LOOK_S / bound.sample_s(trajectory))
+    look = round(LOOK_S / sample_s(trajectory.t_s))
     looks, starred = np.union1d(wanted, np.arange(look, wanted[0], look)), _at_stars(along)
     levels, found, in_stars, widest = bound.swings(along), [], [], 0.0
     for k, output in bound.outputs_at(along, layout, np.union1d(looks, starred), growth):
@@ -248,7 +248,7 @@ def _at_stars(along):
 
     bound.Flight -> (n,) int
     """
-    begin_s, dt_s, fixes = along.trajectory.t_s[0], bound.sample_s(along.trajectory), along.star_fixes
+    begin_s, dt_s, fixes = along.trajectory.t_s[0], sample_s(along.trajectory.t_s), along.star_fixes
     known_s = fixes[0].t_available_s if fixes else 0.0
     later = [round((fix.t_valid_s - begin_s) / dt_s) for fix in fixes if fix.t_valid_s > known_s]
     return np.array(later, dtype=int)
