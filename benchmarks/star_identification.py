@@ -56,7 +56,7 @@ def stars_needed(case):
 
 
 def solve_all(method, camera, fields):
-    """One of our methods over fields: q_ci (n, 4), NaN if unsolved, and processor time (n,) [ms] of each call."""
+    """One of our methods over fields: q_ci (n, 4), NaN if unsolved; processor time (n,) [ms] a call."""
     q_ci, elapsed_ms = np.full((len(fields), 4), np.nan), np.empty(len(fields))
     for k, field in enumerate(fields):
         tracked = field.prediction is not None and method == "default"  # the others have no tracking

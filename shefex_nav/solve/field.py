@@ -106,7 +106,8 @@ def detected(flat, grey, noise, settings):
 
     The scan sees 8 bits; the fit of the spots sees FINER steps, up to where the picture itself is saturated.
     """
-    full = float(grey.min()) + FULL_SHARE * float(grey.max() - grey.min())
+    darkest, brightest = float(grey.min()), float(grey.max())
+    full = darkest + FULL_SHARE * (brightest - darkest)
     frame, fine = frames_of(flat, grey, full, NOISE_DN / noise)
     fitted = []
 
@@ -129,15 +130,25 @@ def detected(flat, grey, noise, settings):
 
 @kernel
 def frames_of(flat, grey, full, gain):
-    """8-bit frame of the detection and 16-bit frame of the fit: their noise is NOISE_DN, and FINER times."""
+    """8-bit frame of the detection and 16-bit frame of the fit: their noise is NOISE_DN, and FINER times.
+
+    In float32, as the picture: eight pixels at a time.
+    """
     rows, columns = flat.shape
     frame, fine = np.empty((rows, columns), dtype=np.uint8), np.empty((rows, columns), dtype=np.uint16)
+    black, gain, half, finer = np.float32(BLACK_DN), np.float32(gain), np.float32(0.5), np.float32(FINER)
+    full, least = np.float32(full), np.float32(0.0)
+    white, most = np.float32(WHITE_DN), np.float32(FULL_DN - 1.0)
     for r in range(rows):
+        line, seen, coarse, deep = flat[r], grey[r], frame[r], fine[r]
         for c in range(columns):
-            value = BLACK_DN + gain * flat[r, c] + 0.5
-            frame[r, c] = min(max(value, 0.0), WHITE_DN)
-            value = FINER * (value - 0.5) + 0.5
-            fine[r, c] = FULL_DN if grey[r, c] >= full else min(max(value, 0.0), FULL_DN - 1.0)
+            value = black + gain * line[c]
+            dn, fine_dn = value + half, finer * value + half
+            dn = dn if dn > least else least
+            fine_dn = fine_dn if fine_dn > least else least
+            coarse[c] = np.int32(dn if dn < white else white)
+            fine_dn = fine_dn if fine_dn < most else most
+            deep[c] = np.int32(FULL_DN) if seen[c] >= full else np.int32(fine_dn)
     return frame, fine
 
 
