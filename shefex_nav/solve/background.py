@@ -109,7 +109,7 @@ def _quantiles(bits, edges_r, edges_c):
 
 @inner
 def _key(bits):
-    """Whole number in the order of float32 values, from their bits; of negative ones these are turned over."""
+    """Whole number in the order of float32 values, from their bits; of negative ones turned over."""
     return bits if bits >= 0 else bits ^ GREATEST
 
 
