@@ -46,7 +46,7 @@ Stages = Annotated[
     typer.Option(
         metavar="DIR",
         help="Draw every step of one picture into a folder: why is it not solved? "
-        "Of a frame of a log what its star tracker shows: objects, centroids, names.",
+        "Of a frame of a log: objects, centroids, names by its star tracker.",
     ),
 ]
 Epoch = Annotated[

@@ -4,6 +4,8 @@ In: grey values. Out: the picture without its background, by the medians of smal
 followed, too.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -18,8 +20,22 @@ EDGE_SIGMA = 8.0  # of the noise: what bends more from tile to tile has somethin
 LAG, EDGE_TILES = 2, 12  # tiles, over which it bends; so far from an edge there may be gaps in it
 
 
+class Below(NamedTuple):
+    """The background of a picture, at nodes; in between it is linear, outside of them constant."""
+
+    tiles: np.ndarray  # (n, m) grey values
+    at_r: np.ndarray  # (n,) rows of the nodes
+    at_c: np.ndarray  # (m,) columns
+
+
 def flatten(grey, step=None):
-    """Picture without its background, the noise of one pixel, and what a star has to outshine.
+    """Picture without its background, and noise and sky of `measured`. (rows, columns) float32"""
+    below, noise, sky = measured(grey, step)
+    return subtract(grey, below), noise, sky
+
+
+def measured(grey, step=None):
+    """Background of a picture: Below; the noise of one pixel; and what a star has to outshine.
 
     step : between grey values, before anything was averaged: rounding leaves that much of structure; None:
         `grey_step` of this picture
@@ -38,15 +54,13 @@ def flatten(grey, step=None):
     middle, low = tile_quantiles(grey, edges_r, edges_c)
     noise = max(np.median(middle - low) / APART, FLAT_SIGMA * step)
     smooth = smoothed(middle)
-    flat = subtract(
-        grey, smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1)
-    )
+    below = Below(smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1))
     edge = bent(smooth) > EDGE_SIGMA * max(noise, step)
     if not edge.any():
-        return flat, noise, np.full(edge.shape, -np.inf)
+        return below, noise, np.full(edge.shape, -np.inf)
     reach = 2 * EDGE_TILES + 1
     near = maximum_filter(edge, reach, mode="nearest")
-    return flat, noise, np.where(near, maximum_filter(middle, reach, mode="nearest"), -np.inf)
+    return below, noise, np.where(near, maximum_filter(middle, reach, mode="nearest"), -np.inf)
 
 
 def bent(tiles):
@@ -90,16 +104,21 @@ def _quantiles(bits, edges_r, edges_c):
         _looked_at((edges_r[1:] - edges_r[:-1]).max()),
         _looked_at((edges_c[1:] - edges_c[:-1]).max()),
     )
+    column = np.empty((wide, n_c), dtype=np.int64)
+    for k in range(wide):
+        column[k] = np.minimum(edges_c[:-1] + EVERY * k, edges_c[1:] - 1)
     at_once = -(-n_c // AT_ONCE) * AT_ONCE
     values = np.zeros((high * wide, at_once), bits.dtype)  # of a tile one below the other
     for i in range(n_r):
         rows = _looked_at(edges_r[i + 1] - edges_r[i])
         for r in range(rows):
             line = bits[edges_r[i] + EVERY * r]
+            for k in range(wide):
+                for j in range(n_c):
+                    values[r * wide + k, j] = _key(line[column[k, j]])
             for j in range(n_c):
-                for k in range(wide):
-                    c = edges_c[j] + EVERY * k
-                    values[r * wide + k, j] = _key(line[c]) if c < edges_c[j + 1] else GREATEST
+                for k in range(_looked_at(edges_c[j + 1] - edges_c[j]), wide):
+                    values[r * wide + k, j] = GREATEST
         _sort_columns(values[: rows * wide])
         for j in range(n_c):
             n = rows * _looked_at(edges_c[j + 1] - edges_c[j])
@@ -164,32 +183,51 @@ def smoothed(tiles):
 
 
 @kernel
-def subtract(grey, tiles, at_r, at_c):
-    """Picture minus a background that is known at the rows at_r and the columns at_c. (rows, columns) float32
+def subtract(grey, below):
+    """Picture minus its background, Below. (rows, columns) float32"""
+    flat = np.empty(grey.shape, dtype=np.float32)
+    lines = new_lines(below, grey.shape[1])
+    for r in range(grey.shape[0]):
+        take_away(below, lines, r, grey[r], flat[r])
+    return flat
 
-    In float32, as the picture: eight pixels at a time.
-    """
-    rows, columns = grey.shape
-    flat = np.empty((rows, columns), dtype=np.float32)
+
+class Lines(NamedTuple):
+    """What is known of each column, for the pair of nodes that the rows are between."""
+
+    left: np.ndarray  # int64, node before the column
+    share: np.ndarray  # of the way to the next
+    level: np.ndarray  # float32, background at the node above
+    rise: np.ndarray  # float32, from there to the node below
+    row: np.ndarray  # (1,) int64, number of the node above, -1 before the first
+
+
+@inner
+def new_lines(below, columns):
+    """Lines of a picture with so many columns, before its first row."""
     left, share = np.empty(columns, dtype=np.int64), np.empty(columns)
     for c in range(columns):
-        left[c], share[c] = _between(at_c, c)
+        left[c], share[c] = _between(below.at_c, c)
     level, rise = np.empty(columns, dtype=np.float32), np.empty(columns, dtype=np.float32)
-    known = -1
-    for r in range(rows):
-        i, way = _between(at_r, r)
-        if i != known:
-            known = i
-            here, below = tiles[i], tiles[min(i + 1, len(at_r) - 1)]
-            for c in range(columns):
-                k = left[c]
-                m = min(k + 1, len(at_c) - 1)
-                first = (1.0 - share[c]) * here[k] + share[c] * here[m]
-                level[c], rise[c] = first, (1.0 - share[c]) * below[k] + share[c] * below[m] - first
-        line, out, way = grey[r], flat[r], np.float32(way)
-        for c in range(columns):
-            out[c] = line[c] - (level[c] + way * rise[c])
-    return flat
+    return Lines(left, share, level, rise, np.full(1, -1))
+
+
+@inner
+def take_away(below, lines, r, line, flat):
+    """Write row r of a picture less its background to `flat`; in float32, as the picture: eight at a time."""
+    i, way = _between(below.at_r, r)
+    level, rise = lines.level, lines.rise
+    if i != lines.row[0]:
+        lines.row[0] = i
+        here, then = below.tiles[i], below.tiles[min(i + 1, len(below.at_r) - 1)]
+        for c in range(len(line)):
+            k, s = lines.left[c], lines.share[c]
+            m = min(k + 1, len(below.at_c) - 1)
+            first = (1.0 - s) * here[k] + s * here[m]
+            level[c], rise[c] = first, (1.0 - s) * then[k] + s * then[m] - first
+    share = np.float32(way)
+    for c in range(len(line)):
+        flat[c] = line[c] - (level[c] + share * rise[c])
 
 
 @inner

@@ -32,7 +32,7 @@ def test_a_background_between_tiles_is_linear():
     """Known at two rows and three columns: a plane comes back, constant outside; by NumPy's interpolation."""
     at_r, at_c = np.array([5.0, 15.0]), np.array([3.5, 10.0, 20.0])
     tiles = np.array([[100.0, 120.0, 90.0], [80.0, 300.0, 95.0]])
-    flat = background.subtract(np.zeros((20, 24), dtype=np.float32), tiles, at_r, at_c)
+    flat = background.subtract(np.zeros((20, 24), dtype=np.float32), background.Below(tiles, at_r, at_c))
     rows = np.array([np.interp(np.arange(24), at_c, line) for line in tiles])
     wanted = np.array([np.interp(np.arange(20), at_r, column) for column in rows.T]).T
     np.testing.assert_allclose(-flat, wanted, rtol=1e-6)
