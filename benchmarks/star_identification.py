@@ -1,8 +1,8 @@
 """Star identification on random fields: our methods and other packages on the same ones, side by side.
 
 'possible' is a field with at least four catalogue stars (three with a good prediction): the ceiling; 'wrong'
-is an attitude more than 0.5 deg off, or any from noise. A time is that of one call as its user sees it. Peers
-have environments of their own (`peers/`), made at the first run, and see the first --peer-samples fields.
+is an attitude more than 0.5 deg off, or any from noise. A time is the processor's for one call. Peers have
+environments of their own (`peers/`), made at the first run, and see the first --peer-samples fields.
 
     uv run python benchmarks/star_identification.py [--samples 1000] [--methods default tetra3rs] [--markdown]
 """
@@ -56,15 +56,15 @@ def stars_needed(case):
 
 
 def solve_all(method, camera, fields):
-    """One of our methods over fields: q_ci (n, 4), NaN if unsolved, and wall time (n,) [ms] of each call."""
+    """One of our methods over fields: q_ci (n, 4), NaN if unsolved; processor time (n,) [ms] a call."""
     q_ci, elapsed_ms = np.full((len(fields), 4), np.nan), np.empty(len(fields))
     for k, field in enumerate(fields):
         tracked = field.prediction is not None and method == "default"  # the others have no tracking
         options = {"prediction": field.prediction} if tracked else {}
         options |= {} if field.P_px is None else {"centroid_covariance_px": field.P_px}
-        begin = time.perf_counter()
+        begin = time.process_time()
         found = solve_centroids(field.xy_px, field.flux, camera=camera, epoch=EPOCH, method=method, **options)
-        elapsed_ms[k] = 1e3 * (time.perf_counter() - begin)
+        elapsed_ms[k] = 1e3 * (time.process_time() - begin)
         if found.status == "ok":
             q_ci[k] = found.q_ci
     return q_ci, elapsed_ms
@@ -183,7 +183,7 @@ def markdown(results, missing, seed):
             "case",
             lambda r: r["case"],
         ),
-        "Wall time of a call in ms, median / p95 / p99 / max:",
+        "Processor time of a call in ms, median / p95 / p99 / max:",
         matrix(
             results,
             lambda r: " / ".join(f"{r['ms'][name]:.3g}" for name in QUANTILES),

@@ -43,7 +43,11 @@ Mirrored = Annotated[
 ]
 Stages = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Draw every step of one picture into a folder: why is it not solved?"),
+    typer.Option(
+        metavar="DIR",
+        help="Draw every step of one picture into a folder: why is it not solved? "
+        "Of a frame of a log: objects, centroids, names by its star tracker.",
+    ),
 ]
 Epoch = Annotated[
     str | None,
@@ -87,7 +91,7 @@ def solve(
     _check(images, (camera, fov, frame, mirrored, stages), overlay, force)
     epoch = None if epoch is None else julian_year(epoch)
     if frame is not None or is_log(images[0]):
-        raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), overlay, json))
+        raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), (overlay, stages), json))
     fov_deg = None if fov is None else field_of_view(fov)
     options = {"fov_deg": fov_deg, "epoch": epoch, "mirrored": mirrored}
     solve_one = _told(camera, epoch) if camera else _blind(options, stages)
@@ -123,8 +127,12 @@ def _draw(image, solution, camera, overlay):
     say(f"wrote {overlay}")
 
 
-def _frame_of_log(logs, frame, of_pictures, overlay, json):
-    """Solve a frame of a log. of_pictures : values of the options that belong to pictures -> exit code"""
+def _frame_of_log(logs, frame, of_pictures, drawn, json):
+    """Solve a frame of a log -> exit code.
+
+    of_pictures : values of the options that belong to pictures;  drawn : overlay, stages
+    """
+    overlay, stages = drawn
     log = logs[0]
     if frame is None:
         raise typer.BadParameter(f"{log} is a log; --frame 240s solves its frame of that time")
@@ -137,8 +145,10 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
     from shefex_nav.frames import of_log
     from shefex_nav.solve import overlay as drawing
     from shefex_nav.solve import table
+    from shefex_nav.solve.image import Record
 
-    again = of_log.solve(log, t_s)
+    record = Record()
+    again = of_log.solve(log, t_s, record)
     if abs(again.t_s - t_s) > NEAR_S:
         say(f"{log}: the nearest frame that is kept whole is that of T{again.t_s:+.2f} s")
     if json:
@@ -148,8 +158,13 @@ def _frame_of_log(logs, frame, of_pictures, overlay, json):
         _show([(name, again.solution)], told=True)
         if again.solution.status == "ok":
             stdout(100).print(table.again(again))
+    grey = again.image_dn.astype("f4")
+    if stages is not None:
+        from shefex_nav.solve import stages as steps
+
+        _write_stages(grey, record, again.solution, stages, steps.OF_TRACKER)
     if overlay is not None:
-        drawing.draw(again.image_dn.astype("f4"), again.solution, overlay)
+        drawing.draw(grey, again.solution, overlay)
         say(f"wrote {overlay}")
     return 0 if again.solution.status == "ok" else 1
 
@@ -158,7 +173,7 @@ def _check(images, options, overlay, force):
     """Refuse options that are wrong, or do not go together. options : camera, fov, frame, mirrored, stages"""
     camera, fov, frame, mirrored, stages = options
     if stages is not None:
-        _check_stages(stages, len(images), camera or frame)
+        _check_stages(stages, len(images), camera)
     if mirrored and (camera is not None or frame is not None):
         words = "not together with --camera or --frame: their pictures are as they are"
         raise typer.BadParameter(words, param_hint="--mirrored")
@@ -175,7 +190,7 @@ def _check_stages(folder, n_images, told):
     from shefex_nav.solve.stages import NAMES
 
     if told is not None:
-        raise typer.BadParameter("not together with --camera or --frame", param_hint="--stages")
+        raise typer.BadParameter("not together with --camera", param_hint="--stages")
     if n_images > 1:
         raise typer.BadParameter("is of one picture; give one", param_hint="--stages")
     make_folder(folder, "--stages")
@@ -192,20 +207,24 @@ def _blind(options, stages):
         return lambda path: solve_picture(picture.read(path), **options)
 
     def draw(path):
-        from shefex_nav.solve import overlay
-        from shefex_nav.solve import stages as steps
-
         seen, record = picture.read(path), Record()
         found = solve_picture(seen, **options, record=record)
         grey = seen.grey[:, ::-1] if options["mirrored"] else seen.grey  # as it was solved
-        written = steps.draw(grey, record, found, stages)
-        if found.status == "ok":
-            overlay.draw(seen.grey, found, stages / f"{NAMED}.png")
-            written.append(f"{NAMED}.png")
-        say(f"wrote {', '.join(written)} to {stages}")
+        _write_stages(grey, record, found, stages, shown=seen.grey)
         return found
 
     return draw
+
+
+def _write_stages(grey, record, found, folder, steps=None, shown=None):
+    """Draw the steps to an ImageSolution. steps : of `stages.draw`;  shown : of the names, if not grey"""
+    from shefex_nav.solve import overlay, stages
+
+    written = stages.draw(grey, record, found, folder, steps)
+    if found.status == "ok":
+        overlay.draw(grey if shown is None else shown, found, folder / f"{NAMED}.png")
+        written.append(f"{NAMED}.png")
+    say(f"wrote {', '.join(written)} to {folder}")
 
 
 def _told(camera, epoch):
@@ -242,6 +261,9 @@ def field_of_view(text):
     parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
     if parts is None or parts[2] not in DEGREES:
         words = f"expected an angle such as '11.4 deg', or a number of degrees, got {text!r}"
+        with_point = re.sub(r"(\d),(\d)", r"\1.\2", text)
+        if with_point != text:
+            words += f"; decimals follow a point: '{with_point}'"
         raise typer.BadParameter(words, param_hint="--fov")
     fov_deg = float(parts[1]) * DEGREES[parts[2]]
     if not low <= fov_deg <= high:

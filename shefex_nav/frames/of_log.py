@@ -32,8 +32,10 @@ class Again(NamedTuple):
     from_truth: float | None  # rad
 
 
-def solve(log, t_s):
+def solve(log, t_s, record=None):
     """Again, of the frame nearest to a mission time that a log keeps as it was read out.
+
+    record : solve.image.Record, of `told.solve`
 
     Raises LogError, ScenarioError, PictureError.
     """
@@ -45,7 +47,7 @@ def solve(log, t_s):
     frame = run.frames[_nearest_full(log, run.data.frames, scenario.log.frames.full_every, t_s)]
     moment = datetime.fromisoformat(mission.epoch_utc) + timedelta(seconds=frame.t_s)
     taken = Taken(julian_year(moment), frame.exposure_s, _velocity(run.data.nav, frame.t_s))
-    solution = told.solve(frame.image_dn, camera_file.of_scenario(scenario), taken)
+    solution = told.solve(frame.image_dn, camera_file.of_scenario(scenario), taken, record)
     flight = None if frame.fix is None or frame.fix.reason != Reason.NONE else frame.fix.q_ic
     truth = None if frame.truth is None else frame.truth.q_ic
     return Again(

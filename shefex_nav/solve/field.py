@@ -21,7 +21,7 @@ from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS,
 from shefex_nav.onboard.startracker.settings import Detection
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.solve import foreground
-from shefex_nav.solve.background import FLAT_SIGMA, flatten, grey_step
+from shefex_nav.solve.background import FLAT_SIGMA, grey_step, measured, new_lines, take_away
 
 LARGEST_PX = 2048  # of the longer side; larger pictures are binned
 BLACK_DN, NOISE_DN, WHITE_DN = 20.0, 3.0, 255.0  # of the 8-bit frame
@@ -73,8 +73,11 @@ def find(grey):
     step = grey_step(grey)
     if binning > 1:
         grey = binned(grey, binning)
-    flat, noise, sky = flatten(grey, step)
-    found, at_full, fitted_flux = detected(flat, grey, noise, DETECTION if binning == 1 else BINNED)
+    below, noise, sky = measured(grey, step)
+    darkest, brightest = float(grey.min()), float(grey.max())
+    full = darkest + FULL_SHARE * (brightest - darkest)
+    flat, frame, fine = frames_of(grey, below, full, NOISE_DN / noise)
+    found, at_full, fitted_flux = detected(frame, fine, noise, DETECTION if binning == 1 else BINNED)
     radius_px = np.sqrt(found.n_pixels / np.pi)
     flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
     flux[at_full] = np.maximum(flux, fitted_flux)[at_full]
@@ -101,13 +104,11 @@ def find(grey):
     )  # fmt: skip
 
 
-def detected(flat, grey, noise, settings):
+def detected(frame, fine, noise, settings):
     """Objects of a picture without its background: Detections, which are saturated, flux of the fit [grey].
 
     The scan sees 8 bits; the fit of the spots sees FINER steps, up to where the picture itself is saturated.
     """
-    full = float(grey.min()) + FULL_SHARE * float(grey.max() - grey.min())
-    frame, fine = frames_of(flat, grey, full, NOISE_DN / noise)
     fitted = []
 
     def centres(settings, camera, image_dn, table):
@@ -128,17 +129,31 @@ def detected(flat, grey, noise, settings):
 
 
 @kernel
-def frames_of(flat, grey, full, gain):
-    """8-bit frame of the detection and 16-bit frame of the fit: their noise is NOISE_DN, and FINER times."""
-    rows, columns = flat.shape
+def frames_of(grey, below, full, gain):
+    """Picture without its background, 8-bit frame of the detection, 16-bit frame of the fit, in one pass.
+
+    The noise of the second is NOISE_DN, that of the third FINER times that. In float32, as the picture: eight
+    pixels at a time.
+    """
+    rows, columns = grey.shape
+    flat = np.empty((rows, columns), dtype=np.float32)
     frame, fine = np.empty((rows, columns), dtype=np.uint8), np.empty((rows, columns), dtype=np.uint16)
+    black, gain, half, finer = np.float32(BLACK_DN), np.float32(gain), np.float32(0.5), np.float32(FINER)
+    full, least = np.float32(full), np.float32(0.0)
+    white, most = np.float32(WHITE_DN), np.float32(FULL_DN - 1.0)
+    lines = new_lines(below, columns)
     for r in range(rows):
+        seen, line, coarse, deep = grey[r], flat[r], frame[r], fine[r]
+        take_away(below, lines, r, seen, line)
         for c in range(columns):
-            value = BLACK_DN + gain * flat[r, c] + 0.5
-            frame[r, c] = min(max(value, 0.0), WHITE_DN)
-            value = FINER * (value - 0.5) + 0.5
-            fine[r, c] = FULL_DN if grey[r, c] >= full else min(max(value, 0.0), FULL_DN - 1.0)
-    return frame, fine
+            value = black + gain * line[c]
+            dn, fine_dn = value + half, finer * value + half
+            dn = dn if dn > least else least
+            fine_dn = fine_dn if fine_dn > least else least
+            coarse[c] = np.int32(dn if dn < white else white)
+            fine_dn = fine_dn if fine_dn < most else most
+            deep[c] = np.int32(FULL_DN) if seen[c] >= full else np.int32(fine_dn)
+    return flat, frame, fine
 
 
 @kernel

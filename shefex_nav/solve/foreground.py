@@ -7,7 +7,6 @@ certain: `field` puts what is doubted behind the rest.
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.solve.background import nth
 
 RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
 ABOVE_SIGMA = 5.0  # of the noise, the peak of a star over the brightest tile near an edge
@@ -42,8 +41,8 @@ def crowding(flat, xy_px, radius_px, limit):
 
 def brighter_than_sky(grey, xy_px, sky, noise):
     """Whether the brightest pixel around each centroid is above the sky of its tile. -> (n,) bool."""
-    if len(xy_px) == 0:
-        return np.zeros(0, dtype=bool)
+    if len(xy_px) == 0 or not np.isfinite(sky).any():
+        return np.ones(len(xy_px), dtype=bool)
     column, row = np.rint(xy_px).astype(int).T
     near = [(row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]  # detections are not at the border
     peak = np.max([grey[r, c] for r, c in near], axis=0)
@@ -55,23 +54,26 @@ def brighter_than_sky(grey, xy_px, sky, noise):
 def prominence(flat, xy_px, radius_px, floor):
     """Height of each object above what is around it, over the scatter of that. -> (n,), 0 where little is.
 
-    Both of means of nine pixels, the latter on a grid: a block of a JPEG, a cloud's ridge or a gap between
-    leaves is no higher than others beside it, whatever the noise of single pixels. The scatter is by the
-    quantile of 90 %, which stars do not reach; it is not below the floor.
+    Both of means of nine pixels, the latter on a grid over the picture: a block of a JPEG, a cloud's ridge or
+    a gap between leaves is no higher than others beside it, whatever the noise of single pixels. The scatter
+    is by the quantile of 90 %, which stars do not reach; it is not below the floor.
     """
     rows, columns = flat.shape
+    grid = _means(flat)
     found = np.zeros(xy_px.shape[0])
-    means = np.empty((2 * AROUND_PX // EVERY_PX + 1) ** 2)
+    means = np.empty((2 * AROUND_PX // EVERY_PX + 1) ** 2, dtype=grid.dtype)
     for k in range(xy_px.shape[0]):
         column, row, m = int(xy_px[k, 0] + 0.5), int(xy_px[k, 1] + 0.5), 0
         if row < 1 or column < 1 or row > rows - 2 or column > columns - 2:
             continue
         own2 = (radius_px[k] + OWN_PX) ** 2
-        for i in range(-AROUND_PX, AROUND_PX + 1, EVERY_PX):
-            for j in range(-AROUND_PX, AROUND_PX + 1, EVERY_PX):
-                r, c = row + i, column + j
-                if i * i + j * j >= own2 and 1 <= r <= rows - 2 and 1 <= c <= columns - 2:
-                    means[m] = _nine(flat, r, c)
+        top, bottom = _nodes(row, grid.shape[0])
+        left, right = _nodes(column, grid.shape[1])
+        for i in range(top, bottom):
+            r2 = (1 + EVERY_PX * i - row) ** 2
+            for j in range(left, right):
+                if r2 + (1 + EVERY_PX * j - column) ** 2 >= own2:
+                    means[m] = grid[i, j]
                     m += 1
         if m < LEAST_AROUND:
             continue
@@ -81,6 +83,52 @@ def prominence(flat, xy_px, radius_px, floor):
         scatter = nth(means, int(QUANTILE * m), m) / OF_SIGMA
         found[k] = (_nine(flat, row, column) - middle) / max(scatter, floor)
     return found
+
+
+@inner
+def _means(flat):
+    """Means of nine pixels about every EVERY_PX-th row and column, from 1 on."""
+    rows, columns = flat.shape
+    grid = np.empty(((rows - 3) // EVERY_PX + 1, (columns - 3) // EVERY_PX + 1), dtype=np.float32)
+    for i in range(grid.shape[0]):
+        for j in range(grid.shape[1]):
+            grid[i, j] = _nine(flat, 1 + EVERY_PX * i, 1 + EVERY_PX * j)
+    return grid
+
+
+@inner
+def _nodes(at, n):
+    """First node of the grid within AROUND_PX of a row or column, and the one after the last. n : nodes"""
+    return max((at - 1 - AROUND_PX + EVERY_PX - 1) // EVERY_PX, 0), min(
+        (at - 1 + AROUND_PX) // EVERY_PX + 1, n
+    )
+
+
+@inner
+def nth(values, k, n):
+    """Number k, counted from 0, of the first n values in ascending order; those before it become no larger.
+
+    Hoare's selection: only the side of the pivot that holds it is looked at again.
+    """
+    low, high = 0, n - 1
+    while low < high:
+        pivot, i, j = values[(low + high) // 2], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    return values[k]
 
 
 @inner
@@ -125,15 +173,16 @@ def in_line(xy_px, n):
     are none by chance.
     """
     beads, m = np.zeros(n, dtype=np.bool_), min(n, MOST_IN_LINE)
+    x, y = xy_px[:m, 0].copy(), xy_px[:m, 1].copy()
     for i in range(m):
         for j in range(i):
-            dx, dy = xy_px[j, 0] - xy_px[i, 0], xy_px[j, 1] - xy_px[i, 1]
+            dx, dy = x[j] - x[i], y[j] - y[i]
             reach = LINE_PX * np.sqrt(dx * dx + dy * dy)
             near = 0
             for k in range(m):
-                near += abs(dx * (xy_px[k, 1] - xy_px[i, 1]) - dy * (xy_px[k, 0] - xy_px[i, 0])) < reach
+                near += abs(dx * (y[k] - y[i]) - dy * (x[k] - x[i])) < reach
             if near >= LINE_OF:
                 for k in range(m):
-                    if abs(dx * (xy_px[k, 1] - xy_px[i, 1]) - dy * (xy_px[k, 0] - xy_px[i, 0])) < reach:
+                    if abs(dx * (y[k] - y[i]) - dy * (x[k] - x[i])) < reach:
                         beads[k] = True
     return beads

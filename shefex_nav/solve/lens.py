@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
-from shefex_nav.solve import steps
+from shefex_nav.solve import edges, steps
 from shefex_nav.solve.camera import Camera, pinhole_of, undistort, undistorted
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
@@ -101,21 +101,6 @@ def camera_of(lens, size_px):
     return Camera(*size_px, lens.focal_px, None, lens.k if any(lens.k) else None)
 
 
-def match(seen_px, xy_px, gate_px):
-    """Mutually nearest stars and detections within the gate: rows of the stars (n,), -1 where none."""
-    from scipy.spatial import cKDTree
-
-    star = np.full(len(xy_px), -1)
-    if len(seen_px) == 0 or len(xy_px) == 0:
-        return star
-    distance, nearest = cKDTree(seen_px).query(xy_px, distance_upper_bound=gate_px)
-    back = cKDTree(xy_px).query(seen_px, distance_upper_bound=gate_px)[1]
-    known = np.flatnonzero(np.isfinite(distance))
-    known = known[back[nearest[known]] == known]
-    star[known] = nearest[known]
-    return star
-
-
 def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
     """Least squares from a proposal, with gates from wide to narrow; None when fewer than `least` match.
 
@@ -160,24 +145,16 @@ def rays(lens, size_px, xy_px):
     return unit_vectors(hole, xy_px)
 
 
-def corners_of(size_px):
-    """Corners of a picture: (4, 2) px."""
-    w, h = size_px
-    return np.array([[-0.5, -0.5], [w - 0.5, -0.5], [-0.5, h - 0.5], [w - 0.5, h - 0.5]])
-
-
 def corner_angle(lens, size_px):
     """Angle from the axis to the farthest corner [rad]."""
-    return float(np.arccos(rays(lens, size_px, corners_of(size_px))[:, 2].min()))
+    return edges.corner_angle(float(lens.focal_px), np.array(lens.k), tuple(map(float, size_px)))
 
 
 def is_lens(lens, size_px):
     """Whether each corner is the image of one direction: a polynomial may fold, where few stars hold it."""
-    corners = corners_of(size_px)
-    u_c = rays(lens, size_px, corners)
-    if not (np.isfinite(u_c).all() and u_c[:, 2].min() > steps.BEHIND):
-        return False
-    again = middle(size_px) + lens.focal_px * bent(lens.k, u_c[:, :2] / u_c[:, 2:])
-    along = np.linspace(0.05, 1.0, 20)[:, None] * (u_c[:, :2] / u_c[:, 2:]).reshape(1, -1)
-    grows = np.linalg.det(slopes(lens.k, along.reshape(-1, 2))) > 0.0
-    return bool(np.abs(again - corners).max() < 1.0 and grows.all())
+    return edges.is_lens(float(lens.focal_px), np.array(lens.k), tuple(map(float, size_px)))
+
+
+def across(lens, size_px):
+    """Field of view between the middles of the left and the right edge [rad]."""
+    return edges.across(float(lens.focal_px), np.array(lens.k), tuple(map(float, size_px)))

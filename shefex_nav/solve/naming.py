@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
@@ -44,10 +45,8 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
     if record is not None:
         record.adjusted, record.known, record.u_i = best, known, u_i
         record.residual_px = xy_px[known] - lens.project(best.lens, seen_i, size_px)[0]
-    matched = [
-        Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
-        for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)
-    ]
+    columns = sky.hip[star[known]], *found.xy_px[known].T, sky.vmag[star[known]]
+    matched = [Match(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
     ra, dec, roll, fov_x, fov_y = _pointing(best.lens, size_px, camera)
     if camera is None:
         camera = lens.camera_of(best.lens, size_px)
@@ -70,19 +69,13 @@ def against(C_ci, velocity_i):
 def _fov_sigma(best, size_px):
     """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
     sigma = np.sqrt(np.diag(best.covariance)[3:])
-    at, slope, before = best.lens, np.zeros(6), _across(best.lens, size_px)
+    at, slope, before = best.lens, np.zeros(6), lens.across(best.lens, size_px)
     for n in np.flatnonzero(sigma > 0.0):
         step = 0.01 * sigma[n]
         k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
         moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
-        slope[n] = (_across(moved, size_px) - before) / step
-    return float(np.sqrt(slope @ best.covariance[3:, 3:] @ slope))
-
-
-def _across(at, size_px):
-    """Field of view between the middles of the left and the right edge [deg]."""
-    left, right = lens.rays(at, size_px, pointing.marks(size_px)[2:4])
-    return float(np.degrees(2.0 * np.arcsin(0.5 * np.linalg.norm(left - right))))
+        slope[n] = (lens.across(moved, size_px) - before) / step
+    return float(np.degrees(np.sqrt(slope @ best.covariance[3:, 3:] @ slope)))
 
 
 def all_stars(fit, found, xy_px, size_px, year):
@@ -97,7 +90,7 @@ def all_stars(fit, found, xy_px, size_px, year):
     predicted, _ = lens.project(fit.lens, sky.u_i, size_px)
     inside = np.flatnonzero(((predicted > -1.0) & (predicted < size_px)).all(axis=1))
     gate_px = max(steps.NOISE_GATE * fit.noise_px, steps.LEAST_GATE_PX)
-    star = lens.match(predicted[inside], xy_px, gate_px)
+    star = matched(predicted[inside], xy_px, gate_px)
     known = np.flatnonzero(star >= 0)
     star[known] = inside[star[known]]
     difference = -2.5 * np.log10(flux[known]) - sky.vmag[star[known]]
@@ -107,6 +100,33 @@ def all_stars(fit, found, xy_px, size_px, year):
     off = difference - zero
     star[known[(off < -BRIGHTNESS) | (off > np.where(full, SATURATED, BRIGHTNESS))]] = -1
     return star, sky
+
+
+@kernel
+def matched(seen_px, xy_px, gate_px):
+    """Mutually nearest stars (m, 2) and detections (n, 2) within the gate: rows of the stars (n,), -1.
+
+    Of the stars in the order of their rows of pixels only those within the gate are looked at.
+    """
+    n, m, limit2 = xy_px.shape[0], seen_px.shape[0], gate_px * gate_px
+    order = np.argsort(seen_px[:, 1])
+    down = seen_px[order, 1]
+    star, back, nearest = np.full(n, -1), np.full(m, -1), np.full(m, limit2)
+    for i in range(n):
+        least = limit2
+        for p in range(np.searchsorted(down, xy_px[i, 1] - gate_px), m):
+            if down[p] > xy_px[i, 1] + gate_px:
+                break
+            s = order[p]
+            d2 = (seen_px[s, 0] - xy_px[i, 0]) ** 2 + (seen_px[s, 1] - xy_px[i, 1]) ** 2
+            if d2 < least:
+                star[i], least = s, d2
+            if d2 < nearest[s]:
+                back[s], nearest[s] = i, d2
+    for i in range(n):
+        if star[i] >= 0 and back[star[i]] != i:
+            star[i] = -1
+    return star
 
 
 def _pointing(at, size_px, camera):

@@ -17,7 +17,6 @@ from shefex_nav.environment.stars import (
     StarCatalogue,
     at_epoch,
     load_catalogue,
-    select,
     silicon_magnitude,
 )
 from shefex_nav.onboard.startracker import skygrid
@@ -67,27 +66,20 @@ def catalogue(julian_year):
 def merged(stars, max_magnitude, radius):
     """Stars to a magnitude with close neighbours merged into one, brightest first.
 
-    The same as `photocentres`; the stars without neighbours are not looked at one by one.
+    The same as `photocentres`, in compiled code.
     """
-    from scipy.spatial import cKDTree
-
-    close = np.zeros(len(stars.hip), dtype=bool)
-    close[cKDTree(stars.u_i).query_pairs(2.0 * np.sin(0.5 * radius), output_type="ndarray").ravel()] = True
-    groups = select(stars, close)
-    flux = 10.0 ** (-0.4 * silicon_magnitude(groups.vmag, groups.bv))
-    order, by_z = (np.argsort(column, kind="stable") for column in (groups.vmag, groups.u_i[:, 2]))
-    bright = order[: np.searchsorted(groups.vmag[order], max_magnitude, side="right")]
-    *columns, stays = _centres(groups[1:-1], flux, bright, by_z, radius)
-    groups = select(groups._replace(**dict(zip(groups._fields[1:-1], columns, strict=True))), stays)
-    alone = select(stars, ~close & (stars.vmag <= max_magnitude))
-    columns = [np.concatenate(pair) for pair in zip(groups[:-1], alone[:-1], strict=True)]
-    order = np.argsort(columns[3], kind="stable")  # vmag
-    return StarCatalogue(*(np.ascontiguousarray(column[order]) for column in columns), stars.epoch)
+    flux = 10.0 ** (-0.4 * silicon_magnitude(stars.vmag, stars.bv))
+    order, by_z = (np.argsort(column, kind="stable") for column in (stars.vmag, stars.u_i[:, 2]))
+    bright = order[: np.searchsorted(stars.vmag[order], max_magnitude, side="right")]
+    *columns, stays, alone = _centres(stars[1:-1], flux, bright, by_z, radius)
+    rows = np.flatnonzero(stays)
+    rows = rows[np.lexsort((alone[rows], columns[2][rows]))]  # vmag
+    return StarCatalogue(stars.hip[rows], *(column[rows] for column in columns), stars.epoch)
 
 
 @kernel
 def _centres(columns, flux, bright, by_z, radius):
-    """u_i, pm_i, vmag, hpmag, bv of stars with their neighbours in them, and which of them stay: (n,) bool.
+    """u_i, pm_i, vmag, hpmag, bv of stars with their neighbours in them; which stay, which have none: (n,).
 
     columns : u_i, pm_i, vmag, hpmag, bv of n stars;  flux : (n,), weights
     bright : rows that take others, brightest first;  by_z : (n,) rows in the order of z;  radius : rad
@@ -95,22 +87,24 @@ def _centres(columns, flux, bright, by_z, radius):
     at_i, moves_i, v, hp, colours = columns
     u_i, pm_i, vmag, hpmag, bv = at_i.copy(), moves_i.copy(), v.copy(), hp.copy(), colours.copy()
     n, cosine = len(flux), np.cos(radius)
-    place = np.empty(n, dtype=np.int64)
+    place, x, y, z = np.empty(n, dtype=np.int64), np.empty(n), np.empty(n), np.empty(n)
     for p in range(n):
-        place[by_z[p]] = p
-    taken, stays = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+        t = by_z[p]
+        place[t], x[p], y[p], z[p] = p, at_i[t, 0], at_i[t, 1], at_i[t, 2]
+    taken, stays, alone = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
     near = np.empty(n, dtype=np.int64)
     for s in bright:
         if taken[s]:
             continue
-        m = 0
+        own, near[0], m = place[s], s, 1
         for way in (-1, 1):
-            p = place[s] + (way if way > 0 else 0)
-            while 0 <= p < n and abs(at_i[by_z[p], 2] - at_i[s, 2]) <= radius:
-                t = by_z[p]
-                if not taken[t] and (t == s or (at_i[s] * at_i[t]).sum() >= cosine):
-                    near[m] = t
-                    m += 1
+            p = own + way
+            while 0 <= p < n and abs(z[p] - z[own]) <= radius:
+                if x[own] * x[p] + y[own] * y[p] + z[own] * z[p] >= cosine:
+                    alone[s] = False
+                    if not taken[by_z[p]]:
+                        near[m] = by_z[p]
+                        m += 1
                 p += way
         taken[near[:m]] = True
         stays[s] = True
@@ -130,7 +124,7 @@ def _centres(columns, flux, bright, by_z, radius):
         pm_i[s] /= total
         vmag[s], hpmag[s] = -2.5 * np.log10(light), -2.5 * np.log10(hp_light)
         bv[s] = -2.5 * np.log10(b_light) - vmag[s]
-    return u_i, pm_i, vmag, hpmag, bv, stays
+    return u_i, pm_i, vmag, hpmag, bv, stays, alone
 
 
 @lru_cache(maxsize=1)

@@ -10,6 +10,7 @@ picture of a lens with distortion as a patch with curved borders: what the recta
 area than the patch, chance does not get.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -61,17 +62,22 @@ class Canvas(NamedTuple):
     log_excess: float  # ln of its area over that of the picture on it
 
 
+@lru_cache(maxsize=1)
+def border():
+    """Points around a picture, in shares of its width and height: (4 ALONG, 2)."""
+    along, one = np.linspace(0.0, 1.0, ALONG, endpoint=False), np.ones(ALONG)
+    return np.concatenate([
+        np.column_stack([along, 0.0 * one]), np.column_stack([one, along]),
+        np.column_stack([1.0 - along, one]), np.column_stack([0.0 * one, 1.0 - along]),
+    ])  # fmt: skip
+
+
 def canvas_of(camera):
     """Canvas of a Camera with distortion; the picture itself without."""
     w, h = camera.width_px, camera.height_px
     if camera.distortion is None:
         return Canvas(0.0, 0.0, float(w), float(h), 0.0)
-    along, one = np.linspace(0.0, 1.0, ALONG, endpoint=False), np.ones(ALONG)
-    share = np.concatenate([
-        np.column_stack([along, 0.0 * one]), np.column_stack([one, along]),
-        np.column_stack([1.0 - along, one]), np.column_stack([0.0 * one, 1.0 - along]),
-    ])  # fmt: skip
-    x, y = undistorted(camera, share * [w, h] - 0.5).T
+    x, y = undistorted(camera, border() * [w, h] - 0.5).T
     area = 0.5 * abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
     left, top, width, height = x.min() + 0.5, y.min() + 0.5, np.ptp(x), np.ptp(y)
     excess = float(np.log(max(width * height / area, 1.0)))
@@ -126,12 +132,17 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range, lenses_tried=1):
 
 def stars_of(sky, C_ci):
     """Stars as the identification takes them; every direction near the axis of the picture has all."""
-    middle, reach = patterns.directions_of_cells()
-    is_near = middle @ C_ci[2] > np.cos(reach + NEAR)
+    is_near = patterns.directions_of_cells()[0] @ C_ci[2] > least_cosine()
     n = len(sky.vmag)
     start = np.concatenate([[0], np.cumsum(n * is_near)])
     row = np.tile(np.arange(n, dtype=np.uint16), is_near.sum())
     return Stars(sky.u_i, sky.vmag, skygrid.log_density(sky.vmag), start, row)
+
+
+@lru_cache(maxsize=1)
+def least_cosine():
+    """Of the angle between the middle of each cell of the sky grid and an axis that may be in it: (n,)"""
+    return np.cos(patterns.directions_of_cells()[1] + NEAR)
 
 
 @kernel

@@ -125,6 +125,8 @@ def lens_of(proposal, size_px):
 def _best(kept, least, done):
     """The best proposals with at least these odds that are not in `done`, where they are put."""
     chosen = []
+    if kept[:, 0].max() < least:  # nearly always
+        return chosen
     for proposal in kept[np.argsort(-kept[:, 0])]:
         if len(chosen) == TRIED or proposal[0] < least:
             break
@@ -158,4 +160,4 @@ def sky_of(at, n_stars, size_px, year):
     vmag = patterns.magnitude_of(n_stars / solid_angle)
     radius = lens.corner_angle(at, size_px) + MARGIN
     near = (stars.u_i @ at.C_ci[2] > np.cos(radius)) & (stars.vmag <= vmag + FAINT_NEIGHBOUR)
-    return patterns.merged(select(stars, near), vmag, BLEND_PX / at.focal_px)
+    return patterns.merged(select(stars, np.flatnonzero(near)), vmag, BLEND_PX / at.focal_px)

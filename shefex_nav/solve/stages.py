@@ -12,18 +12,24 @@ from shefex_nav.solve.names import name_of
 from shefex_nav.solve.overlay import stretched
 
 NAMES = ("1-background", "2-objects", "3-centroids", "4-hypotheses", "5-residuals")
+OF_TRACKER = NAMES[1:3]
 GREEN, ORANGE, RED, BLUE, GREY = "#009e73", "#e69f00", "#d55e00", "#56b4e9", "#767676"
 SHOWN, HALF_PX = 24, 10  # centroids, and the pixels around each
 LEAST_SHOWN = 1e-120  # probability
 LEAST_ROWS, MOST_TRIALS = 12, 60
 
 
-def draw(grey, record, solution, folder):
-    """Write the pictures of all steps that were reached; names of the files."""
+def draw(grey, record, solution, folder, steps=None):
+    """Write the pictures of all steps that were reached, or of those of them that are wanted; their files.
+
+    steps : some of NAMES; a star tracker that is told its camera has no others than OF_TRACKER to show
+    """
     from matplotlib.figure import Figure
 
     written = []
     for name, step in zip(NAMES, (_background, _objects, _centroids, _hypotheses, _residuals), strict=True):
+        if steps is not None and name not in steps:
+            continue
         figure = Figure(figsize=(11.0, 8.0), dpi=110, layout="constrained")
         if step(figure, grey, record, solution):
             figure.savefig(folder / f"{name}.png")

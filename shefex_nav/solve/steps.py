@@ -60,6 +60,18 @@ def bent_one(k, x, y):
 
 
 @inner
+def slopes_one(k, x, y):
+    """d distorted / d ideal at an ideal place: xx, xy, yy of a symmetric matrix. k : (5,)"""
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    growth = 2.0 * (k[0] + r2 * (2.0 * k[1] + 3.0 * k[4] * r2))
+    xx = radial + growth * x * x + 2.0 * k[2] * y + 6.0 * k[3] * x
+    xy = growth * x * y + 2.0 * k[2] * x + 2.0 * k[3] * y
+    yy = radial + growth * y * y + 6.0 * k[2] * y + 2.0 * k[3] * x
+    return xx, xy, yy
+
+
+@inner
 def project(C_ci, focal_px, k, u_i, size_px, ideal, seen_px, inside):
     """Fill ideal x, y (m, 2), pixels (m, 2), and which are in the picture (m,), of the stars (m, 3)."""
     cx, cy = 0.5 * (size_px[0] - 1.0), 0.5 * (size_px[1] - 1.0)
@@ -74,11 +86,7 @@ def project(C_ci, focal_px, k, u_i, size_px, ideal, seen_px, inside):
 def fill_jacobian(focal_px, k, x, y, J):
     """Derivatives of a pixel by the nine unknowns. J : (2, 9), filled"""
     r2 = x * x + y * y
-    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
-    growth = 2.0 * (k[0] + r2 * (2.0 * k[1] + 3.0 * k[4] * r2))
-    xx = radial + growth * x * x + 2.0 * k[2] * y + 6.0 * k[3] * x
-    xy = growth * x * y + 2.0 * k[2] * x + 2.0 * k[3] * y
-    yy = radial + growth * y * y + 6.0 * k[2] * y + 2.0 * k[3] * x
+    xx, xy, yy = slopes_one(k, x, y)
     by_x, by_y = turn_slopes(x, y)
     for a in range(3):  # the stars turn against the camera
         J[0, a] = -(xx * by_x[a] + xy * by_y[a])

@@ -15,8 +15,9 @@ ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
     "too_few_stars": "fewer than five point-like objects were found",
     "too_few_stars_told": "fewer objects were found than an attitude needs",
-    "no_match": "the objects found fit no stars of the catalogue, for any field of view {looked}; where a "
-    "landscape hides them among its lights, crop the picture to the sky or tell --camera",
+    "no_match": "the objects found fit no stars of the catalogue, for any field of view {looked}; perhaps "
+    "they are no stars; where a landscape hides stars among its lights, crop the picture to the sky or tell "
+    "--camera",
     "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
     "--camera its field of view is found as well",
     "focal_length": "the stars contradict the focal length of the camera that is told",

@@ -28,6 +28,7 @@ from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Reason
 from shefex_nav.solve import pointing
 from shefex_nav.solve.camera import Camera, undistorted
+from shefex_nav.solve.field import Field
 from shefex_nav.solve.header import Taken, says_day
 from shefex_nav.solve.lens import slopes
 from shefex_nav.solve.picture import PictureError
@@ -59,7 +60,7 @@ class StarCamera:
     distortion: tuple | None = None
 
 
-def solve(image, camera, taken=None):
+def solve(image, camera, taken=None, record=None):
     """Attitude of a picture of a StarCamera.
 
     Parameters
@@ -68,6 +69,7 @@ def solve(image, camera, taken=None):
     camera : StarCamera
     taken : Taken; without an instant the camera's is meant, without an exposure the longest, without a
         velocity that of the centre of the Earth
+    record : image.Record; its field is filled with the objects that the star tracker found
 
     Returns
     -------
@@ -89,16 +91,19 @@ def solve(image, camera, taken=None):
     if image_dn.dtype not in _ready:  # compiled code is loaded before the clock runs
         _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s)
         _ready.add(image_dn.dtype)
-    return _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s)._replace(julian_year=year)
+    found = _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s, record)
+    return found._replace(julian_year=year)
 
 
-def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
+def _solve(image_dn, camera, tracker, velocity_i, exposure_s, record=None):
     """`solve` when all is ready."""
     began = perf_counter()
     settings, model = tracker.params.settings, tracker.params.camera
     exposure_s = settings.exposure.longest if exposure_s is None else exposure_s
     seen, statistics, length_px = _detect(settings.detection, model, image_dn)
     detections = seen if camera.distortion is None else straightened(camera, seen)
+    if record is not None:
+        record.field = _field_of(seen, statistics)
 
     def refused(reason):
         return failed(reason, 1e3 * (perf_counter() - began), seen.xy_px)
@@ -138,6 +143,15 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s):
         "ok", "", *pointing.angles(marks_i), matched, float(np.exp(-found.log_odds)),
         1e3 * (perf_counter() - began), q_ci, told, seen.xy_px, noise + constant, noise, residual_px,
         aberration_removed=bool(np.any(velocity_i)),
+    )  # fmt: skip
+
+
+def _field_of(seen, statistics):
+    """Detections of the star tracker as a Field; what it refuses it does not keep."""
+    nobody = np.zeros((0, 2)), np.zeros(0, dtype=int)
+    return Field(
+        seen.xy_px, seen.P_px, seen.flux_dn, seen.n_saturated > 0, np.ones(len(seen.flux_dn), dtype=bool),
+        seen.n_pixels, 1, statistics.noise_dn, *nobody,
     )  # fmt: skip
 
 

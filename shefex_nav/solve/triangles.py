@@ -166,37 +166,54 @@ def directions(xy_px, size_px, focal_px, xi):
     s = (xi + sqrt(1 + (1 - xi^2) m^2)) / (1 + m^2).
     """
     u_c = np.empty((xy_px.shape[0], 3))
-    unit = focal_px * (1.0 + xi)
     for k in range(xy_px.shape[0]):
-        x = (xy_px[k, 0] - 0.5 * (size_px[0] - 1.0)) / unit
-        y = (xy_px[k, 1] - 0.5 * (size_px[1] - 1.0)) / unit
-        m2 = x * x + y * y
-        s = (xi + np.sqrt(max(1.0 + (1.0 - xi * xi) * m2, 0.0))) / (1.0 + m2)
-        u_c[k, 0], u_c[k, 1], u_c[k, 2] = s * x, s * y, s - xi
+        u_c[k, 0], u_c[k, 1], u_c[k, 2] = _direction(xy_px, k, size_px, focal_px, xi)
     return u_c
+
+
+@inner
+def _direction(xy_px, k, size_px, focal_px, xi):
+    """`directions` of number k: x, y, z."""
+    unit = focal_px * (1.0 + xi)
+    x = (xy_px[k, 0] - 0.5 * (size_px[0] - 1.0)) / unit
+    y = (xy_px[k, 1] - 0.5 * (size_px[1] - 1.0)) / unit
+    m2 = x * x + y * y
+    s = (xi + np.sqrt(max(1.0 + (1.0 - xi * xi) * m2, 0.0))) / (1.0 + m2)
+    return s * x, s * y, s - xi
+
+
+@inner
+def _chord(u, v):
+    """Chord between two unit vectors, three numbers each."""
+    return np.sqrt((u[0] - v[0]) ** 2 + (u[1] - v[1]) ** 2 + (u[2] - v[2]) ** 2)
 
 
 @inner
 def fit_three(xy_px, size_px, xi, corner, sides, focal_px):
     """Focal length that gives three detections the sides of a catalogue triangle, and the largest misfit.
 
-    sides: (3,) chords opposite the corners. The misfit is relative to the tolerance; beyond 1 it is none.
+    sides: chords opposite the three corners. The misfit is relative to the tolerance; beyond 1 it is none.
+    Third: their directions, three numbers each. Tuples, as arrays would cost more than what is done here.
     """
-    three = np.empty((3, 2))
-    for k in range(3):
-        three[k, 0], three[k, 1] = xy_px[corner[k], 0], xy_px[corner[k], 1]
-    u = directions(three, size_px, focal_px, xi)
+    a, b, c = corner
     for _ in range(2):
-        ratio = 0.0
-        for k in range(3):
-            ratio += side(u, (k + 1) % 3, (k + 2) % 3)
-        focal_px *= ratio / (sides[0] + sides[1] + sides[2])
-        u = directions(three, size_px, focal_px, xi)
-    worst = 0.0
-    for k in range(3):
-        seen = side(u, (k + 1) % 3, (k + 2) % 3)
-        worst = max(worst, abs(seen - sides[k]) / (CENTROID_PX / focal_px + LENS * sides[k]))
-    return focal_px, worst, u
+        p, q, r = (
+            _direction(xy_px, a, size_px, focal_px, xi),
+            _direction(xy_px, b, size_px, focal_px, xi),
+            _direction(xy_px, c, size_px, focal_px, xi),
+        )
+        focal_px *= (_chord(q, r) + _chord(r, p) + _chord(p, q)) / (sides[0] + sides[1] + sides[2])
+    p, q, r = (
+        _direction(xy_px, a, size_px, focal_px, xi),
+        _direction(xy_px, b, size_px, focal_px, xi),
+        _direction(xy_px, c, size_px, focal_px, xi),
+    )
+    worst = max(
+        abs(_chord(q, r) - sides[0]) / (CENTROID_PX / focal_px + LENS * sides[0]),
+        abs(_chord(r, p) - sides[1]) / (CENTROID_PX / focal_px + LENS * sides[1]),
+        abs(_chord(p, q) - sides[2]) / (CENTROID_PX / focal_px + LENS * sides[2]),
+    )
+    return focal_px, worst, (p, q, r)
 
 
 @kernel
@@ -230,12 +247,11 @@ def propose(spots, focal_range, first, last, band, kept, n):
     for i in range(first, last):
         for j in range(i):
             for k in range(j):
-                corner = np.array([i, j, k])
-                sides = np.array([side(u_c, j, k), side(u_c, i, k), side(u_c, i, j)])
+                sides = side(u_c, j, k), side(u_c, i, k), side(u_c, i, j)
                 longest = max(sides[0], sides[1], sides[2])
                 if longest > LONGEST * unit or longest < SHORTEST * unit:
                     continue
-                n, more = _try_triangle(spots, band, guess, corner, sides, kept, n)
+                n, more = _try_triangle(spots, band, guess, (i, j, k), sides, kept, n)
                 tried += more
     return n, tried
 
@@ -244,7 +260,7 @@ def propose(spots, focal_range, first, last, band, kept, n):
 def _try_triangle(spots, band, guess, corner, sides, kept, n):
     """All catalogue triangles with the shape of three detections, whichever of its sides is the longest.
 
-    corner : (3,) the detections;  sides : (3,) chords opposite to them, for the focal length of the guess
+    corner : three detections;  sides : chords opposite to them, for the focal length of the guess
     """
     tried, xy_px, mag = 0, spots.xy_px, spots.mag
     orders = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
@@ -254,7 +270,7 @@ def _try_triangle(spots, band, guess, corner, sides, kept, n):
         middle, short = b / a, c / a
         if middle > 1.0 + slack or short > middle + slack or short < SLIVER - slack:
             continue
-        at = np.array([corner[p], corner[q], corner[r]])
+        at = corner[p], corner[q], corner[r]
         left = volume(guess.u_c, at[0], at[1], at[2]) < 0.0
         for m in range(
             int(max(middle - slack, 0.0) / CELL), min(int((middle + slack) / CELL), COLUMNS - 1) + 1
@@ -262,18 +278,18 @@ def _try_triangle(spots, band, guess, corner, sides, kept, n):
             begin = cell_of_shape((m + 0.5) * CELL, max(short - slack, 0.0), left)
             end = cell_of_shape((m + 0.5) * CELL, min(short + slack, 1.0), left)
             for t in range(band.cell[begin], band.cell[end + 1]):
-                shape = band.shape[t]
-                if abs(shape[1] - middle) > slack or abs(shape[2] - short) > slack:
+                longest, by_middle, by_short = band.shape[t, 0], band.shape[t, 1], band.shape[t, 2]
+                if abs(by_middle - middle) > slack or abs(by_short - short) > slack:
                     continue
-                focal_px = guess.focal_px * a / shape[0]
+                focal_px = guess.focal_px * a / longest
                 if focal_px < guess.shortest_px or focal_px > guess.longest_px:
                     continue
-                s0, s1, s2 = band.corner[t]
+                s0, s1, s2 = band.corner[t, 0], band.corner[t, 1], band.corner[t, 2]
                 first = (mag[at[0]] - mag[at[1]]) - (band.vmag[s0] - band.vmag[s1])
                 second = (mag[at[0]] - mag[at[2]]) - (band.vmag[s0] - band.vmag[s2])
                 if max(abs(first), abs(second), abs(first - second)) > MAGNITUDES:
                     continue
-                true = np.array([shape[0], shape[0] * shape[1], shape[0] * shape[2]])
+                true = longest, longest * by_middle, longest * by_short
                 focal_px, misfit, u = fit_three(xy_px, spots.size_px, spots.xi, at, true, focal_px)
                 if misfit > 1.0:
                     continue
@@ -287,10 +303,10 @@ def _try_triangle(spots, band, guess, corner, sides, kept, n):
 def _weigh(spots, band, at, u, t, focal_px):
     """Odds of the attitude that puts catalogue triangle number t onto the detections `at`, and its 9 numbers.
 
-    u : (3, 3) directions of these detections, by row
+    u : directions of these three detections
     """
-    T = triad(u[1, 0], u[1, 1], u[1, 2], u[2, 0], u[2, 1], u[2, 2])  # the longest side
-    x, y = band.u_i[band.corner[t, 1]], band.u_i[band.corner[t, 2]]
-    C = join(T, triad(x[0], x[1], x[2], y[0], y[1], y[2]))
+    T = triad(u[1][0], u[1][1], u[1][2], u[2][0], u[2][1], u[2][2])  # the longest side
+    x, y, u_i = band.corner[t, 1], band.corner[t, 2], band.u_i
+    C = join(T, triad(u_i[x, 0], u_i[x, 1], u_i[x, 2], u_i[y, 0], u_i[y, 1], u_i[y, 2]))
     middle = (spots.xy_px[at[0]] + spots.xy_px[at[1]] + spots.xy_px[at[2]]) / 3.0
     return compare(band, spots, C, focal_px, (middle[0], middle[1])), C

@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from shefex_nav import runs
 from shefex_nav.errors import UserError
 from shefex_nav.frames import of_log
 from shefex_nav.geometry.rotation import quat_conjugate, quat_normalise, rotvec_between
 from shefex_nav.scenario import load
+from shefex_nav.solve.image import Record
 
 EVERY = "log.frames.full_every=10"
 
@@ -47,6 +49,21 @@ def test_command_prints_both(flown, command):
     again = of_log.solve(flown.log, 4.0)
     assert found["frame"] == again.number and found["status"] == "ok"
     assert found["from_truth_arcsec"] == pytest.approx(np.degrees(again.from_truth) * 3600.0)
+
+
+def test_the_steps_of_a_frame_are_drawn(flown, command, tmp_path):
+    """The objects are those of the star tracker that solved the frame; no step of another way is drawn."""
+    folder = tmp_path / "steps"
+    result = command("solve", flown.log, "--frame", "4s", "--stages", folder)
+    assert result.code == 0, result.err
+    drawn = sorted(path.name for path in folder.iterdir())
+    assert drawn == ["2-objects.png", "3-centroids.png", "6-names.png"]
+    for name in drawn:
+        assert np.asarray(Image.open(folder / name).convert("L")).std() > 5.0
+    record = Record()
+    again = of_log.solve(flown.log, 4.0, record)
+    np.testing.assert_array_equal(record.field.xy_px, again.solution.xy_px)
+    assert command("solve", flown.log, "--frame", "4s", "--stages", folder).code == 2
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm, rotvec_from_quat
-from shefex_nav.solve import lens, proof, steps
+from shefex_nav.solve import lens, naming, proof, steps
 
 SIZE = (1024, 768)
 
@@ -102,6 +102,25 @@ def test_lenses_that_fold_are_none():
         assert lens.is_lens(lens.Lens(turn, 900.0, (k1, 0.0, 0.0, 0.0, 0.0)), SIZE) == is_one
 
 
+def mutually_nearest(stars, xy_px, gate_px):
+    """Rows of the stars (n,), -1 where none, by all distances."""
+    apart = np.hypot(*(xy_px[:, None] - stars[None]).transpose(2, 0, 1))
+    nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
+    rows = np.arange(len(xy_px))
+    return np.where((apart[rows, nearest] < gate_px) & (back[nearest] == rows), nearest, -1)
+
+
+@pytest.mark.parametrize("k", [(0.0,) * 5, (-0.2, 0.1, 0.003, -0.002, -0.03)])
+def test_angles_at_the_edges_are_those_of_the_rays(k):
+    """Between left and right, and of the farthest corner, by the dot products of their directions."""
+    at = lens.Lens(np.eye(3), 900.0, k)
+    w, h = SIZE
+    left, right = lens.rays(at, SIZE, np.array([[-0.5, 0.5 * (h - 1)], [w - 0.5, 0.5 * (h - 1)]]))
+    assert lens.across(at, SIZE) == pytest.approx(np.arccos(left @ right), rel=1e-9)
+    corners = np.array([[x, y] for x in (-0.5, w - 0.5) for y in (-0.5, h - 0.5)])
+    assert lens.corner_angle(at, SIZE) == pytest.approx(np.arccos(lens.rays(at, SIZE, corners)[:, 2].min()))
+
+
 def test_the_compiled_steps_see_the_lens_that_the_module_sees():
     """Pixels, their slopes and who is near whom: `steps` for the adjustment, `lens` for everybody else."""
     rng = np.random.default_rng(8)
@@ -130,6 +149,7 @@ def test_the_compiled_steps_see_the_lens_that_the_module_sees():
     for gate_px in (2.0, 10.0, 60.0):
         star = np.empty(300, dtype=np.int64)
         known = steps.match(stars, np.ones(len(stars), dtype=np.bool_), xy_px, gate_px, star)
-        np.testing.assert_array_equal(star, lens.match(stars, xy_px, gate_px))
+        np.testing.assert_array_equal(star, mutually_nearest(stars, xy_px, gate_px))
+        np.testing.assert_array_equal(star, naming.matched(stars, xy_px, gate_px))
         assert known == (star >= 0).sum()
     assert known > 50
