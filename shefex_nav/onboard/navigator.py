@@ -239,7 +239,9 @@ def _full_context(constants, memory, ticks, C_bc_nominal, shot, sky):
         P_c[i, i] += PREDICTION_FLOOR**2
     v_i += sky.earth_velocity_i
     q_ic = rotation.quat_from_dcm(C_ic)
-    return Context(v_i, rate, sun_angle, limb_angle, q_ic, P_c, omega_c, P_omega_c, unsteady_c, variance), known
+    return Context(
+        v_i, rate, sun_angle, limb_angle, q_ic, P_c, omega_c, P_omega_c, unsteady_c, variance
+    ), known
 
 
 @kernel

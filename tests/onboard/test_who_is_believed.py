@@ -163,6 +163,9 @@ def test_positions_without_velocity_agree_if_their_offset_stays(off_m, agree):
     assert integrity.positions_agree(first, later, 0.7) == agree
 
 
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
 def star(t_s, turned_i=ZERO, sigma=1e-4):
     return StarEvidence(t_s, rotation.quat_from_rotvec(np.array(turned_i)), sigma**2 * ONE)
 
@@ -188,14 +191,30 @@ def test_star_fixes_agree_by_what_is_between_them_and_within_a_minute():
 
 
 def test_star_evidence_is_in_inertial_axes():
-    """The measured attitude is C exp(z); seen from inertia it is turned by C z, with a covariance C R C^T."""
+    """The measured attitude is M = C exp(z), seen from inertia turned by C z, with a covariance M R M^T."""
     q, z, R = (
         rotation.quat_from_rotvec(np.array([0.4, 1.0, -0.3])),
         np.array([0.1, -0.2, 0.05]),
         np.diag([1.0, 4.0, 9.0]),
     )
     state = SimpleNamespace(t_s=12.5, q_ib=q)
-    got, C = integrity.star_evidence(state, z, R), rotation.dcm_from_quat(q)
+    got, C = integrity.star_evidence(state, z, R, IDENTITY), rotation.dcm_from_quat(q)
     np.testing.assert_allclose(rotation.rotvec_from_quat(got.error_i), C @ z, atol=1e-12)
-    np.testing.assert_allclose(got.R_i, C @ R @ C.T, atol=1e-12)
+    M = C @ rotation.dcm_from_rotvec(z)
+    np.testing.assert_allclose(got.R_i, M @ R @ M.T, atol=1e-12)
     assert got.t_valid_s == 12.5
+
+
+def test_corrections_between_two_star_fixes_are_no_disagreement():
+    """The filter turns its attitude by 4 deg between two fixes; the gyros have turned by nothing."""
+    wrong, turn, R = np.array([0.02, -0.01, 0.03]), np.array([0.0, 0.07, 0.0]), 1e-10 * ONE
+    true = rotation.quat_from_rotvec(np.array([0.4, 1.0, -0.3]))
+    before = rotation.quat_multiply(rotation.quat_from_rotvec(wrong), true)
+    after = rotation.quat_multiply(rotation.quat_from_rotvec(turn), before)
+    found = []
+    for t_s, q, turned_i in ((0.0, before, IDENTITY), (1.0, after, rotation.quat_from_rotvec(turn))):
+        z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q), true))
+        found.append(integrity.star_evidence(SimpleNamespace(t_s=t_s, q_ib=q), z, R, turned_i))
+    assert integrity.star_fixes_agree(*found, np.zeros((3, 3)), 0.01)
+    uncorrected = integrity.star_evidence(SimpleNamespace(t_s=1.0, q_ib=after), z, R, IDENTITY)
+    assert not integrity.star_fixes_agree(found[0], uncorrected, np.zeros((3, 3)), 16.0)

@@ -48,10 +48,10 @@ class GpsEvidence(NamedTuple):
 
 
 class StarEvidence(NamedTuple):
-    """A star fix against the attitude that the filter had."""
+    """A star fix against the attitude that the gyros alone have carried on, without corrections."""
 
     t_valid_s: float
-    error_i: np.ndarray  # (4,) rotation from the estimated to the measured attitude, inertial axes
+    error_i: np.ndarray  # (4,) rotation from that to the measured attitude, inertial axes
     R_i: np.ndarray  # (3, 3) rad^2
 
 
@@ -251,19 +251,23 @@ def positions_agree(earlier, later, slack):
     return float(gap @ gap) <= 9.0 * (variance + (slack * dt_s) ** 2)
 
 
-def star_evidence(state, z, R):
-    """StarEvidence of a fix with residual z (3,) rad and covariance R (3, 3) rad^2 in body axes."""
-    C_ib = rotation.dcm_from_quat(state.q_ib)
+def star_evidence(state, z, R, turned_i):
+    """StarEvidence of a fix with residual z (3,) rad and covariance R (3, 3) rad^2 in body axes.
+
+    turned_i : (4,) what corrections have turned the camera by until then, inertial axes
+    """
     measured = rotation.quat_multiply(state.q_ib, rotation.quat_from_rotvec(z))
+    C_ib = rotation.dcm_from_quat(measured)
     error_i = rotation.quat_multiply(measured, rotation.quat_conjugate(state.q_ib))
-    return StarEvidence(state.t_s, error_i, C_ib @ R @ C_ib.T)
+    return StarEvidence(state.t_s, rotation.quat_multiply(error_i, turned_i), C_ib @ R @ C_ib.T)
 
 
 def star_fixes_agree(earlier, later, P_rate, limit, noise=0.0):
     """Whether two star fixes differ by the rotation that the gyros saw.
 
-    The strapdown turns with the gyros, so its attitude error in inertial axes is the same at both fixes,
-    but for their noise and for what the gyros are still wrong by.
+    Without corrections the strapdown turns with the gyros, so its attitude error in inertial axes is the same
+    at both fixes, but for their noise and for what the gyros are still wrong by. The attitude of the filter
+    is no measure: while it knows little of it, other sensors turn it by degrees from one fix to the next.
 
     earlier, later : StarEvidence
     P_rate : (3, 3) rad^2/s^2, covariance of the corrected rate
@@ -274,7 +278,7 @@ def star_fixes_agree(earlier, later, P_rate, limit, noise=0.0):
     if not 0.0 < dt_s <= LONGEST_STAR_PAIR_S:
         return False
     d = rotation.rotvec_from_quat(
-        rotation.quat_multiply(rotation.quat_conjugate(earlier.error_i), later.error_i)
+        rotation.quat_multiply(later.error_i, rotation.quat_conjugate(earlier.error_i))
     )
     # the largest rate variance stands for every axis, so that no frame has to be chosen for it
     drift = np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 + noise * dt_s

@@ -206,7 +206,7 @@ def _star_trial(nav, now, z, R, fix):
     def agree(earlier, later):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
-    return Trial(rule, integrity.star_evidence(state, z, R), agree)
+    return Trial(rule, integrity.star_evidence(state, z, R, nav.watch.gyros.turned[-1][1]), agree)
 
 
 def _vectors_trial(nav, now, z, R, fix):
@@ -227,7 +227,8 @@ def _vectors_alone(nav, S):
 
 def _star_confirmed(nav, now, fix):
     z, _, R = _star_attitude(nav, now, fix)
-    return nav.health["star_tracker"]._replace(held=integrity.star_evidence(now.state, z, R))
+    held = integrity.star_evidence(now.state, z, R, nav.watch.gyros.turned[-1][1])
+    return nav.health["star_tracker"]._replace(held=held)
 
 
 def _star_alone(nav, S):
