@@ -12,6 +12,7 @@ times the noise of a sum of 3x3 pixels, of a pixel where the scan looks at singl
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from shefex_nav.world.camera import detector
 
 BLOCK = 3.0  # pixels, side of the sums that are searched (onboard.startracker.background)
 SPHERE = 4.0 * math.pi
+SURE = 20.0  # stars in the field on average: there are pairs enough
 
 
 class Light(NamedTuple):
@@ -41,10 +43,10 @@ def of(scenario):
     camera, tracker = settings(scenario.star_camera), settings(scenario.star_tracker)
     chip, optics = camera.detector, camera.optics
     half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
-    year = ephemeris.julian_year(scenario.mission.epoch)
-    known = catalogue.build(tracker.catalogue, stars.load_catalogue(8.0), year)
-    catalogue.pair_table(known, 2.0 * math.atan(math.hypot(*half)))
+    known = _known(tracker.catalogue, ephemeris.julian_year(scenario.mission.epoch))
     share = _solid_angle(*half) / SPHERE
+    if share * len(known.hip) < SURE:
+        catalogue.pair_table(known, 2.0 * math.atan(math.hypot(*half)))
     faintest = _faintest(camera, tracker)
     electrons_per_dn = detector.electronics(chip, tracker.exposure.gain).electrons_per_dn
     return Light(
@@ -54,6 +56,12 @@ def of(scenario):
         chip.black_level + chip.background * tracker.exposure.shortest / electrons_per_dn,
         tuple(math.degrees(2.0 * math.atan(one)) for one in half),
     )
+
+
+@lru_cache(maxsize=8)  # `trade` asks for hundreds of cameras with one catalogue
+def _known(of_catalogue, julian_year):
+    """OnboardCatalogue of settings.Catalogue."""
+    return catalogue.build(of_catalogue, stars.load_catalogue(8.0), julian_year)
 
 
 def _solid_angle(x, y):
