@@ -123,11 +123,11 @@ def fly(k):
     from missions import flown
 
     from shefex_nav.records import Reason
-    from shefex_nav.report import metrics
+    from shefex_nav.report import star_metrics
 
     began = time.process_time()
     data = flown((PATH, overrides(k), k))
-    fixes = metrics.star_errors(data)
+    fixes = star_metrics.star_errors(data)
     error = np.linalg.norm(fixes.rotation_c, axis=1)
     clear = {frame.number for frame in data.frame_truths if frame.exclusion_met}
     reasons = Counter(Reason(fix.reason).name.lower() for fix in data.star_fixes if fix.number in clear)

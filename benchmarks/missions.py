@@ -27,12 +27,12 @@ def flown(job):
 
 def fly(job):
     """(scenario path, overrides, seed) -> summary of `report.metrics`, and errors of the window's fixes."""
-    from shefex_nav.report import metrics
+    from shefex_nav.report import metrics, star_metrics
 
     data = flown(job)
     summary = metrics.summarise(data)
-    fixes = metrics.star_errors(data)
-    window, _ = metrics.window_frames(data)
+    fixes = star_metrics.star_errors(data)
+    window, _ = star_metrics.window_frames(data)
     summary["fix_errors_c"] = fixes.rotation_c[[n in window for n in fixes.number]]
     summary["fix_sigmas_c"] = fixes.sigma_c[[n in window for n in fixes.number]]
     return summary

@@ -33,6 +33,7 @@ from shefex_nav.world.flight import fly
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
 PLANNED = 1  # seed of the planned flight
+BEGIN_S = 900.0  # of an orbit that is looked at before it is flown
 
 
 class World(NamedTuple):
@@ -230,6 +231,14 @@ def fly_vehicle(scenario, seed, *, brief=False):
         flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
     rng = noise.generator(seed, "attitude_control")
     return fly.fly(flight_params, earth_rotation(scenario), rng)
+
+
+def fly_begin(scenario, seed):
+    """The first BEGIN_S of a flight in orbit, without sensors. -> Flight"""
+    flight_params = params.flight_params(scenario)
+    end_s = min(flight_params.time_limit_s, flight_params.t_start_s + BEGIN_S)
+    flight_params = flight_params._replace(time_limit_s=end_s)
+    return fly.fly(flight_params, earth_rotation(scenario), noise.generator(seed, "attitude_control"))
 
 
 def constellation(scenario):

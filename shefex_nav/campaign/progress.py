@@ -10,7 +10,7 @@ class Tally:
     """What is known of the runs so far."""
 
     def __init__(self, total, badness=lambda record: None, clock=time.monotonic):
-        self.total, self.done, self.failed, self.flown = total, 0, 0, 0
+        self.total, self.done, self.failed, self.flown, self.missed = total, 0, 0, 0, 0
         self.worst = None  # (badness, run)
         self.scores = {}  # run -> badness, None of one that failed
         self._badness, self._clock, self._began = badness, clock, clock()
@@ -25,6 +25,7 @@ class Tally:
         self.flown += flown
         self.failed += record["status"] == "failed"
         bad = self.scores[record["run"]] = self._badness(record)
+        self.missed += bad is not None and bad[0] >= 1.0  # `running.badness`: requirements not met
         if bad is not None and (self.worst is None or bad > self.worst[0]):
             self.worst = (bad, record["run"])
 
@@ -35,9 +36,11 @@ class Tally:
         return (self._clock() - self._began) / self.flown * (self.total - self.done)
 
     def words(self):
-        """Success rate, worst run and time left, as text."""
+        """Share that flew to its end, runs that miss a requirement, worst run and time left, as text."""
         rate = 100.0 * (self.done - self.failed) / self.done if self.done else 100.0
-        parts = [f"{rate:.1f} % succeeded"]
+        parts = [f"{rate:.1f} % flew to their end"]
+        if self.missed:
+            parts.append(f"{self.missed} {'misses' if self.missed == 1 else 'miss'} a requirement")
         if self.worst is not None:
             parts.append(f"worst run {self.worst[1]}")
         left = self.left_s()

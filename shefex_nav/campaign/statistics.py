@@ -15,6 +15,7 @@ from shefex_nav.report.requirements import words
 QUANTILES = (50.0, 95.0, 99.0)
 CONFIDENCE = 0.95
 FLAT = 1e-9  # km; a dispersion below this is none
+CURVED_KM = 5.0  # km that the mean of places may lie below them: of more no plane is near
 ENTRY = "summary.navigation.at_entry"
 ATTITUDE = tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3))  # columns, axis by axis
 PLACE = ("latitude_deg", "longitude_deg", "altitude_km")
@@ -208,7 +209,9 @@ def ellipses(campaign):
 
 
 def ellipse(what, places):
-    """Ellipse of places (n, 3) latitude [deg], longitude [deg], height [km], n > 2; None if all are one.
+    """Ellipse of places (n, 3) latitude [deg], longitude [deg], height [km], n > 2.
+
+    None if all are one, and of places that no plane holds: over so much of the Earth there is no ellipse.
 
     The 95 % ellipse is the one that holds the next run with that probability if the dispersion is normal: its
     size is Hotelling's 2 (n^2 - 1) / (n (n - 2)) F_{2, n-2}, which tends to chi-square with the number of
@@ -222,6 +225,8 @@ def ellipse(what, places):
     r_e = np.array([wgs84.ecef_from_geodetic(*a, 1e3 * h) for a, h in zip(angles, places[:, 2], strict=True)])
     mean_e = r_e.mean(axis=0)
     latitude, longitude, height = wgs84.geodetic_from_ecef(mean_e)
+    if float(places[:, 2].mean()) - height / 1e3 > CURVED_KM:
+        return None
     offsets = (r_e - mean_e) @ wgs84.dcm_en(latitude, longitude) / 1e3 * (1.0, 1.0, -1.0)
     n, covariance = len(places), np.cov(offsets.T)
     variances, axes = np.linalg.eigh(covariance[:2, :2])

@@ -10,14 +10,18 @@ from shefex_nav.stopping import wishes
 
 @contextmanager
 def about(scenario, loaded=None):
-    """A flight that cannot be is told with the name of its scenario file.
+    """A flight that cannot be, or a star catalogue, is told with the name or the line of its scenario file.
 
     loaded : the Scenario; what is odd about its vehicle is told first, as it may be why
     """
+    from shefex_nav.onboard.startracker.catalogue import CatalogueError
     from shefex_nav.world.flight.fly import FlightError
 
     try:
         yield
+    except CatalogueError as error:
+        words = f"{scenario}: {error}" if loaded is None else loaded.line_about(error.field, error.words)
+        raise CatalogueError(words) from None
     except FlightError as error:
         if loaded is not None:
             from shefex_nav.report import programme

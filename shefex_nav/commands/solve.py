@@ -279,11 +279,13 @@ def _show(found, *, told, fov_deg=None):
     console = stdout(100, highlight=False)
     if len(found) > 1:
         console.print(table.brief(found))
+        if not told and any(one.covariance is not None for _, one in found):
+            console.print(f"attitudes are of {table.MIDDLE}", markup=False)
     for name, solution in found:
         if solution.status != "ok":
             console.print(f"{name}: not solved, {table.why(solution, told, fov_deg)}", markup=False)
             if len(found) == 1:
                 console.print(f"{len(solution.xy_px)} objects, {table.duration(solution.wall_ms)}")
         elif len(found) == 1:
-            console.print(table.field(solution, name))
+            console.print(table.field(solution, name, told=told))
             console.print(table.stars(solution))

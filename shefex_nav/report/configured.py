@@ -18,6 +18,7 @@ class Configured(NamedTuple):
     limb_exclusion_rad: float | None
     problem: str  # why the scenario cannot be read; empty otherwise
     scenario: object = None  # Scenario
+    given: frozenset = frozenset()  # quantities of which the scenario itself gives the limit
 
 
 NOTHING = Configured("", None, {}, None, None, "")
@@ -27,9 +28,19 @@ def configured(data):
     """Configured of a RunData. The scenario of a replay of external data has no such limits."""
     text, mission = data.mission.scenario_text, data.mission
     found = NOTHING if local_level.is_replay(data) or not text.strip() else _read(text)
+    return _limits(found, mission)
+
+
+def _limits(found, mission):
+    """Configured with the exclusion angles of a Mission, where it has them."""
     if math.isnan(mission.sun_exclusion) or math.isnan(mission.limb_exclusion):  # a log that does not say
         return found
     return found._replace(sun_exclusion_rad=mission.sun_exclusion, limb_exclusion_rad=mission.limb_exclusion)
+
+
+def of_run(data, scenario=None):
+    """The same; scenario : that of the run, where it is at hand and its text need not be read."""
+    return configured(data) if scenario is None else _limits(_of(scenario), data.mission)
 
 
 def judged(data, summary, scenario=None):
@@ -50,6 +61,11 @@ def _read(text):
         scenario = load.load_text(text, "scenario.yaml")
     except load.ScenarioError as error:
         return NOTHING._replace(problem=str(error))
+    return _of(scenario)
+
+
+def _of(scenario):
+    """Configured of a Scenario."""
     stray = scenario.star_camera.stray_light
     return Configured(
         description=scenario.mission.description,
@@ -59,4 +75,10 @@ def _read(text):
         limb_exclusion_rad=stray.earth_exclusion,
         problem="",
         scenario=scenario,
+        given=frozenset(q for q in QUANTITIES if _gives_limit(scenario.requirements, q)),
     )
+
+
+def _gives_limit(stated, quantity):
+    """Whether the limit of a quantity is not that of the program. stated : section `requirements`"""
+    return quantity in stated.model_fields_set and "limit" in getattr(stated, quantity).model_fields_set

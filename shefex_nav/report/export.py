@@ -216,7 +216,7 @@ def _inner_ending(shape, index):
 
 def _errors(data):
     """Errors of the navigation at every tick that has truth and estimate, and of the star fixes."""
-    from shefex_nav.report import metrics
+    from shefex_nav.report import metrics, star_metrics
     from shefex_nav.report.figures import errors as levelled
 
     errors = metrics.navigation_errors(data)
@@ -234,7 +234,7 @@ def _errors(data):
         ):
             columns += [Column(f"{name}_{axis}", values[:, k], comment) for k, axis in enumerate(axes)]
         out["errors"] = columns
-    stars = metrics.star_errors(data)
+    stars = star_metrics.star_errors(data)
     if len(stars.t_s):
         columns = [
             Column("t_s", stars.t_s, "middle of the exposure [s]"),

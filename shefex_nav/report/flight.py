@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from shefex_nav.geometry import wgs84
 from shefex_nav.report import geodesic
 from shefex_nav.report.track import earth_fixed
 
@@ -23,7 +24,7 @@ def of_truth(data, track, entry):
         range_km = length / 1e3
     return {
         "of": "truth",
-        **_rise(data, data.truth.t_s, track, *np.zeros((2, len(data.truth.t_s)))),
+        **_rise(data, data.truth, track, *np.zeros((2, len(data.truth.t_s)))),
         "range_km": range_km,
         "at_entry": None if entry is None else _place(data.truth.t_s, track, entry),
         "at_impact": None if k is None else _place(data.truth.t_s, track, k),
@@ -41,7 +42,7 @@ def of_solution(data):
     errors = (3.0 * np.linalg.norm(sigma, axis=1) for sigma in (nav.sigma_r_e, nav.sigma_v_e))
     return {
         "of": "solution",
-        **_rise(data, nav.t_s, track, *errors),
+        **_rise(data, nav, track, *errors),
         "range_km": None,
         "at_entry": None,
         "at_impact": None,
@@ -55,10 +56,10 @@ def _events(data):
     ]
 
 
-def _rise(data, t_s, track, of_height, of_speed):
-    """Apogee, height where the data end while it still climbs, and highest speed.
+def _rise(data, states, track, of_height, of_speed):
+    """Apogee, height where the data end while it still climbs, heights between which it flew, highest speed.
 
-    of_height, of_speed : (N,) m, m/s, so much is no difference
+    states : of the track, t_s, r_i, v_i;  of_height, of_speed : (N,) m, m/s, so much is no difference
     """
     speed = np.linalg.norm(track.v_e, axis=1)
     fastest = int(np.argmax(speed - of_speed)) if len(speed) else 0
@@ -68,12 +69,35 @@ def _rise(data, t_s, track, of_height, of_speed):
         of_height[top], of_height[-1]
     )  # at the end
     rose = moved and not climbs and _seen_to_apogee(data)
+    if moved and in_orbit(states.r_i[top], states.v_i[top]):
+        turns = _turns(states.r_i, states.v_i)
+        rose, climbs = bool(len(turns)), False
+        top = int(turns[np.argmax(np.linalg.norm(states.r_i[turns], axis=1))]) if rose else top
+    elif rose and not track.height[top] - track.height[0] > max(of_height[top], of_height[0]):
+        rose = False  # it came from where it was highest
+    height_km = track.height / 1e3
     return {
+        "height_km": {"min": float(height_km.min()), "max": float(height_km.max())} if moved else None,
         "apogee_km": float(track.height[top]) / 1e3 if rose else None,
         "climbs_at_km": float(track.height[-1]) / 1e3 if climbs else None,
         "max_speed_m_s": float(speed[fastest]) if moved else None,
-        "at_apogee": _place(t_s, track, top) if rose else None,
+        "at_apogee": _place(states.t_s, track, top) if rose else None,
     }
+
+
+def in_orbit(r_i, v_i):
+    """Whether the perigee of a state (3,) m, (3,) m/s is above the ground, by the two-body problem."""
+    distance, energy = np.linalg.norm(r_i), 0.5 * v_i @ v_i
+    momentum = np.cross(r_i, v_i)
+    eccentricity = np.cross(v_i, momentum) / wgs84.GM - r_i / distance
+    perigee = momentum @ momentum / wgs84.GM / (1.0 + np.linalg.norm(eccentricity))
+    return bool(perigee > wgs84.A and energy < wgs84.GM / distance)
+
+
+def _turns(r_i, v_i):
+    """Samples (k,) at which what has receded from the Earth begins to come nearer. (N, 3), (N, 3)"""
+    away = np.einsum("ij,ij->i", r_i, v_i) > 0.0
+    return np.flatnonzero(away[:-1] & ~away[1:])
 
 
 def _seen_to_apogee(data):

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.records import QUANTITIES, Doubt, Reason, protected
-from shefex_nav.report import metrics, trust
+from shefex_nav.records import QUANTITIES, Reason, protected
+from shefex_nav.report import doubts, star_metrics, trust
+from shefex_nav.report.configured import configured
 from shefex_nav.report.pairing import stretches
 
 _TOGETHER_S = (
@@ -70,15 +71,12 @@ def _doubts(data):
     nav = data.nav
     if not len(nav.t_s):
         return
-    words = {
-        Doubt.LEVEL: "its protection level is above what is required",
-        Doubt.CONTRADICTED: "a sensor contradicts the solution",
-        Doubt.IMU: "the IMU does not measure",
-        Doubt.SOFTWARE: "the navigation software says so",
-    }
+    limits = trust.limits_of(configured(data))
     for quantity in QUANTITIES:
         said = protected(nav, quantity)
-        for doubt, text in words.items():
+        limit, by_default = limits[quantity].values()
+        for doubt in doubts.WORDS:
+            text = doubts.words(doubt, quantity, limit, by_default)
             for start, end in _joined(_runs(nav.t_s, said.do_not_use & (said.doubt == doubt))):
                 yield Incident(start, end, f"{quantity} not to be used: {text}")
 
@@ -108,9 +106,9 @@ def _runs(t_s, flags):
 
 def _stars(data):
     """Frames of the window without an attitude, in runs of one reason, and wrong attitudes."""
-    window, _ = metrics.window_frames(data)
-    errors = metrics.star_errors(data)
-    wrong = errors.t_s[np.linalg.norm(errors.rotation_c, axis=1) > metrics.WRONG_ANGLE]
+    window, _ = star_metrics.window_frames(data)
+    errors = star_metrics.star_errors(data)
+    wrong = errors.t_s[np.linalg.norm(errors.rotation_c, axis=1) > star_metrics.WRONG_ANGLE]
     for t_s in wrong.tolist():
         yield Incident(t_s, t_s, "wrong star fix, given as good")
     for (bad, _), fixes in groupby(data.star_fixes, lambda fix: (_is_bad(fix, window), fix.reason)):

@@ -15,6 +15,7 @@ Definitions
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else too fast.
 - The star phase is from the first frame in the window to the last, whatever software flies.
+- `star_aided` has the errors from the second star fix to the end: an attitude begins with two that agree.
 - `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
   that the filter accepts to entry, or to the end of a run without one. Software that tells of no gates begins
@@ -30,29 +31,30 @@ Definitions
 """
 
 import math
-from collections import Counter
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
-from shefex_nav.records import Reason
-from shefex_nav.report import flight, local_level, programme, trust, while_pointing
-from shefex_nav.report.configured import configured
+from shefex_nav.report import (
+    flight,
+    local_level,
+    programme,
+    star_aided,
+    star_metrics,
+    trust,
+    while_pointing,
+)
+from shefex_nav.report.configured import of_run
 from shefex_nav.report.instrument_use import instrument_use
 from shefex_nav.report.nees import nees
 from shefex_nav.report.pairing import pointing_error, same_times
+from shefex_nav.report.sizes import largest, rms
 from shefex_nav.report.track import earth_fixed
 
-WRONG_ANGLE = math.radians(0.5)
-WINDOW_RATE = math.radians(2.0)  # rad/s
-RATES_DEG_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, math.inf)  # bounds of by_rate
 ENTRY_HEIGHT = 100e3  # m
 NEES_DOF = 9  # position, velocity, attitude
-_ARCSEC = math.degrees(1.0) * 3600.0
 
 
 class NavErrors(NamedTuple):
@@ -62,15 +64,6 @@ class NavErrors(NamedTuple):
     position_i: np.ndarray  # (N, 3) m
     velocity_i: np.ndarray  # (N, 3) m/s
     attitude_b: np.ndarray  # (N, 3) rad
-
-
-class StarErrors(NamedTuple):
-    """The M fixes given as good, against the true attitude of the camera."""
-
-    number: np.ndarray  # (M,) of the frame
-    t_s: np.ndarray  # (M,) middle of the exposure
-    rotation_c: np.ndarray  # (M, 3) rad
-    sigma_c: np.ndarray  # (M, 3) rad, as the star tracker reports it
 
 
 def navigation_errors(data):
@@ -85,21 +78,6 @@ def navigation_errors(data):
     )
 
 
-def star_errors(data):
-    """StarErrors of a RunData."""
-    true_q_ic = {truth.number: truth.q_ic for truth in data.frame_truths}
-    good = [fix for fix in data.star_fixes if fix.reason == Reason.NONE and fix.number in true_q_ic]
-    if not good:
-        return StarErrors(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    estimates = np.array([fix.q_ic for fix in good])
-    return StarErrors(
-        np.array([fix.number for fix in good]),
-        np.array([fix.t_valid_s for fix in good]),
-        rotvec_between(estimates, np.array([true_q_ic[fix.number] for fix in good])),
-        np.sqrt(np.array([np.diag(fix.P_c) for fix in good])),
-    )
-
-
 def summarise(data, *, log=None, from_s=None, scenario=None):
     """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
 
@@ -107,7 +85,7 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
     `from_s`, gets the errors in local level axes from then on as well (`local_level`). `scenario` is that of
     the run, where it is at hand; otherwise the one in the log is read.
     """
-    truth = data.truth
+    truth, known = data.truth, of_run(data, scenario)
     track = earth_fixed(data.mission.earth, truth)
     entry = entry_index(truth.t_s, track.height)
     t_s = truth.t_s if len(truth.t_s) else data.nav.t_s
@@ -132,9 +110,9 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
         "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
         "flight": flight.of_truth(data, track, entry) if len(truth.t_s) else flight.of_solution(data),
         "attitude_control": _attitude_control(data),
-        "star_tracker": _star_tracker(data),
-        "navigation": _navigation(data, track.height, entry),
-        "warnings": _warnings(data, scenario),
+        "star_tracker": star_metrics.summarise(data, known),
+        "navigation": _navigation(data, track.height, entry, known),
+        "warnings": _warnings(data, known.scenario),
     }
     if from_s is not None or local_level.is_replay(data):
         result["navigation"] |= local_level.summarise(data, from_s)
@@ -143,7 +121,6 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
 
 def _warnings(data, scenario):
     """What the scenario gets wrong of the flight: list of field and text."""
-    scenario = configured(data).scenario if scenario is None else scenario
     if scenario is None:
         return None
     found = programme.warnings(scenario, programme.of_data(data))
@@ -167,122 +144,11 @@ def _attitude_control(data):
     error_deg = np.degrees(pointing_error(control, data.truth))
     return {
         "propellant_kg": float(control.propellant_kg[-1]),
-        "pointing_error_deg": {"rms": _rms(error_deg), "max": _max(error_deg)},
+        "pointing_error_deg": {"rms": rms(error_deg), "max": largest(error_deg)},
     }
 
 
-def window_frames(data):
-    """Numbers of the frames in the star tracker's window, and how many ticks in it had no frame."""
-    inside = [frame.exclusion_met and frame.rate <= WINDOW_RATE for frame in data.frame_truths]
-    numbers = {frame.number for frame, is_in in zip(data.frame_truths, inside, strict=True) if is_in}
-    t_s = np.array([frame.t_valid_s for frame in data.frame_truths])
-    if len(t_s) < 3:
-        return numbers, 0
-    steps = np.diff(t_s)
-    missing = np.maximum(np.round(steps / np.median(steps)).astype(int) - 1, 0)
-    both = np.array(inside[1:]) & np.array(inside[:-1])
-    return numbers, int(missing[both].sum())
-
-
-def _star_tracker(data):
-    window, n_missing = window_frames(data)
-    reasons = {fix.number: fix.reason for fix in data.star_fixes}
-    no_fix = Counter({"no_frame": n_missing} if n_missing else {})
-    for number in window:
-        reason = reasons.get(number)
-        if reason is None:
-            no_fix["no_result"] += 1
-        elif reason != Reason.NONE:
-            no_fix[Reason(reason).name.lower()] += 1
-    errors = star_errors(data)
-    angle = np.linalg.norm(errors.rotation_c, axis=1)
-    in_window = np.isin(errors.number, list(window))
-    chosen = errors.rotation_c[in_window]
-    return {
-        "frames": len(data.frame_truths),
-        "in_window": len(window) + n_missing,
-        "outside": _outside(data, window),
-        "solved": int(in_window.sum()),
-        "fixes": len(angle),  # of the whole flight
-        "wrong": int((angle > WRONG_ANGLE).sum()),
-        "no_fix": dict(sorted(no_fix.items())),
-        "error_arcsec": {
-            "cross_axis_rms": _rms(chosen[:, :2].ravel()) * _ARCSEC,
-            "boresight_rms": _rms(chosen[:, 2]) * _ARCSEC,
-            "max": _max(angle[in_window]) * _ARCSEC,
-            "mean": (np.mean(chosen, axis=0) * _ARCSEC).tolist() if len(chosen) else None,  # x, y, z
-            # without the run's mean, which is mounting and principal point and not in the covariance
-            "normalised_rms": _rms(((chosen - np.mean(chosen, axis=0)) / errors.sigma_c[in_window]).ravel())
-            if len(chosen)
-            else None,
-        },
-        "by_rate": by_rate(data, errors),
-        "chain_ms": _chain_ms(data.compute_times.chain_s),
-    }
-
-
-def _outside(data, window):
-    """Frames out of the window by the first reason that holds: {sun, earth_limb, excluded, rate: count}."""
-    limits = configured(data)
-    reasons = Counter()
-    for frame in data.frame_truths:
-        if frame.number in window:
-            continue
-        if frame.exclusion_met:
-            reasons["rate"] += 1
-        else:
-            sun_limit = limits.sun_exclusion_rad
-            if sun_limit is None:
-                reasons["excluded"] += 1
-            else:
-                reasons["sun" if frame.sun_angle < sun_limit else "earth_limb"] += 1
-    return dict(sorted(reasons.items()))
-
-
-def by_rate(data, errors):
-    """Frames and fixes by the true rate: list of dicts, slowest first, of the intervals that have frames.
-
-    RunData, its StarErrors -> from_deg_s, to_deg_s (None: no limit), frames, solved, wrong, and of the fixes
-    that are not wrong cross_axis_rms_arcsec, boresight_rms_arcsec and nees, the mean squared normalised
-    error of three degrees of freedom, without the mean error of the run.
-    """
-    frames = [frame for frame in data.frame_truths if frame.exclusion_met]
-    number = np.array([frame.number for frame in frames], dtype=int)
-    rate_deg_s = np.degrees([frame.rate for frame in frames])
-    wrong = np.linalg.norm(errors.rotation_c, axis=1) > WRONG_ANGLE
-    good = np.isin(errors.number, number) & ~wrong
-    mean = np.mean(errors.rotation_c[good], axis=0) if good.any() else np.zeros(3)
-    covariances = {fix.number: fix.P_c for fix in data.star_fixes}
-    result = []
-    for low, high in pairwise(RATES_DEG_S):
-        inside = number[(rate_deg_s >= low) & (rate_deg_s < high)]
-        fixed = np.isin(errors.number, inside)
-        if not len(inside):
-            continue
-        rotation = errors.rotation_c[fixed & ~wrong]
-        P_c = [covariances[k] for k in errors.number[fixed & ~wrong].tolist()]
-        squares = [e @ np.linalg.solve(P, e) for e, P in zip(rotation - mean, P_c, strict=True)]
-        result.append(
-            {
-                "from_deg_s": low,
-                "to_deg_s": high if math.isfinite(high) else None,
-                "frames": len(inside),
-                "solved": int(fixed.sum()),
-                "wrong": int((fixed & wrong).sum()),
-                "cross_axis_rms_arcsec": _rms(rotation[:, :2].ravel()) * _ARCSEC,
-                "boresight_rms_arcsec": _rms(rotation[:, 2]) * _ARCSEC,
-                "nees": float(np.mean(squares)) if squares else None,
-            }
-        )
-    return result
-
-
-def _chain_ms(chain_s):
-    median, p99 = np.percentile(chain_s * 1e3, [50, 99]).tolist() if len(chain_s) else (None, None)
-    return {"median": median, "p99": p99}
-
-
-def _navigation(data, height, entry):
+def _navigation(data, height, entry, known):
     errors = navigation_errors(data)
     position, velocity, attitude = (
         np.linalg.norm(error, axis=1) for error in (errors.position_i, errors.velocity_i, errors.attitude_b)
@@ -291,21 +157,22 @@ def _navigation(data, height, entry):
     ticks = len(data.truth.t_s)
     return {
         "solution_share": len(errors.t_s) / ticks if ticks else None,
-        "position_error_m": {"rms": _rms(position), "max": _max(position)},
-        "velocity_error_m_s": {"rms": _rms(velocity), "max": _max(velocity)},
-        "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
+        "position_error_m": {"rms": rms(position), "max": largest(position)},
+        "velocity_error_m_s": {"rms": rms(velocity), "max": largest(velocity)},
+        "attitude_error_deg": {"rms": rms(attitude_deg), "max": largest(attitude_deg)},
         "star_phase": _star_phase(data, errors.t_s, position, velocity, attitude_deg),
+        "star_aided": star_aided.errors(data, errors),
         "while_pointing": while_pointing.errors(data.truth, errors),
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
         "instruments": instrument_use(data.gates),
-        "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry])),
+        "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry]), known),
     }
 
 
 def _star_phase(data, t_s, position, velocity, attitude_deg):
     """Errors of the star phase; None without one. t_s (N,) s of sizes (N,) m, m/s, deg"""
-    numbers, _ = window_frames(data)
+    numbers, _ = star_metrics.window_frames(data)
     times = [frame.t_valid_s for frame in data.frame_truths if frame.number in numbers]
     inside = (
         (t_s >= min(times) - SAME_S) & (t_s <= max(times) + SAME_S) if times else np.zeros(len(t_s), bool)
@@ -315,9 +182,9 @@ def _star_phase(data, t_s, position, velocity, attitude_deg):
     return {
         "from_s": float(min(times)),
         "to_s": float(max(times)),
-        "position_rms_m": _rms(position[inside]),
-        "velocity_rms_m_s": _rms(velocity[inside]),
-        "attitude_rms_deg": _rms(attitude_deg[inside]),
+        "position_rms_m": rms(position[inside]),
+        "velocity_rms_m_s": rms(velocity[inside]),
+        "attitude_rms_deg": rms(attitude_deg[inside]),
     }
 
 
@@ -352,7 +219,7 @@ def normalised_errors(data, errors):
 
 def _nees_summary(data, errors, end_s):
     nothing = {"mean": None, "dof": NEES_DOF, "samples": 0}
-    since = _star_aided_from(data)
+    since = star_aided.begins(data)
     if since is None:
         return nothing
     t_s, squares, _ = normalised_errors(data, errors)
@@ -369,24 +236,6 @@ def _seconds(since_s):
     if whole.any():
         return whole
     return np.diff(np.floor(since_s), prepend=-np.inf) > 0.0
-
-
-def _star_aided_from(data):
-    """Mission time from which a solution knows the stars; None if it never does."""
-    accepted = [gate.t_s for gate in data.gates if fix_of(gate.sensor) is ATTITUDE and gate.accepted]
-    if data.gates:
-        return accepted[0] if accepted else None
-    aided = data.nav.t_s[np.asarray(data.nav.star_aided, dtype=bool)]
-    fixes = [fix.t_available_s for fix in data.star_fixes if fix.reason == Reason.NONE]
-    return float(aided[0]) if len(aided) else min(fixes, default=None)
-
-
-def _rms(values):
-    return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
-
-
-def _max(values):
-    return float(np.abs(values).max()) if len(values) else math.nan
 
 
 def _without_nan(value):

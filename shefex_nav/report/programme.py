@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_sight
+from shefex_nav.clock import SAME_S
+from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
@@ -80,16 +81,23 @@ def astray_deg(control, truth):
 def foreseen(scenario, flown=None):
     """The warnings of a scenario whose states are settled, as `check` gives them.
 
-    flown : of its flight; None: its vehicle is flown for them, without sensors, unless it is in orbit or at
-        rest, which raises FlightError as a run does
+    flown : of its flight; None: its vehicle is flown for them, without sensors, which raises FlightError as a
+        run does; one at rest is not, and of an orbit the first `prepare.BEGIN_S` are
+
+    Raises CatalogueError where the star tracker can have no catalogue.
     """
-    if scenario.launch is None and scenario.trajectory is None:
+    if scenario.ground is not None:
         flown = Flown((), 0.0, scenario.mission.time_limit)
     elif flown is None:
         from shefex_nav import prepare
 
-        flown = of_flight(prepare.fly_vehicle(scenario, prepare.PLANNED))
-    return (*of_files(scenario), *warnings(scenario, flown))
+        begin = prepare.fly_begin if scenario.orbit is not None else prepare.fly_vehicle
+        flown = of_flight(begin(scenario, prepare.PLANNED))
+    light = (Warned(*one) for one in star_light.warnings(scenario))
+    whole = flown._replace(end_s=scenario.mission.time_limit) if scenario.orbit is not None else flown
+    cut = f"; looked at until T{flown.end_s:+.0f} s" if whole.end_s > flown.end_s + SAME_S else ""
+    by_flight = (one._replace(text=f"{one.text}{cut}") for one in _by_flight(scenario, whole))
+    return (*of_files(scenario), *light, *_by_itself(scenario), *by_flight)
 
 
 def of_files(scenario):
@@ -119,17 +127,29 @@ def warnings(scenario, flown):
     The programmes of vehicles that are not launched have no such moments; nothing is said of what a cut log
     has not seen.
     """
+    return (*_by_itself(scenario), *_by_flight(scenario, flown))
+
+
+def _by_itself(scenario):
+    """What is odd whatever the flight: list of Warned."""
     found = _of_epoch(scenario.mission.epoch) + _of_acceptance(scenario.star_tracker)
-    found += of_parts(scenario)
+    return found + of_parts(scenario)
+
+
+def _by_flight(scenario, flown):
+    """What does not fit the flight: list of Warned."""
+    found = []
     if scenario.launch is not None:
         found += _of_programme(scenario, flown)
+    elif scenario.orbit is not None:
+        found += _of_sight(scenario, flown)
     if flown.motion is not None:
         found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, flown.motion)]
     if flown.track is not None:
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
-    return tuple(found)
+    return found
 
 
 def _of_epoch(epoch_utc):
@@ -160,10 +180,17 @@ def _of_programme(scenario, flown):
     if not found and flown.astray_deg > ASTRAY_DEG:
         words = f"the vehicle was up to {flown.astray_deg:.1f} deg off the attitude that it was to hold"
         found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))
-    elif flown.sight is not None:
-        looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
-        found += [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
+    else:
+        found += _of_sight(scenario, flown)
     return found
+
+
+def _of_sight(scenario, flown):
+    """Where the star camera looks: list of Warned."""
+    if flown.sight is None:
+        return []
+    looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
+    return [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
 
 
 def _moments(flown):

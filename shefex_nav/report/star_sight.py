@@ -12,6 +12,7 @@ from shefex_nav.geometry import frames, rotation, wgs84
 
 STEP_S = 1.0
 SHARE = 0.3  # of the time: a slew that begins near the Sun is not told
+IN_ORBIT = 0.7  # for the Earth: each direction that a vehicle in orbit holds meets its limb for a while
 
 
 class Sight(NamedTuple):
@@ -58,9 +59,10 @@ def excluded(scenario, seen, looks):
     sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
     found = angles(pointed, params.mounting(scenario), sun_i, earth_rotation(scenario))
     limits = stray.sun_exclusion, stray.earth_exclusion
-    for what, angle, limit in zip(("the Sun", "the Earth's limb"), found, limits, strict=True):
+    shares = SHARE, SHARE if scenario.orbit is None else IN_ORBIT
+    for what, angle, limit, share in zip(("the Sun", "the Earth's limb"), found, limits, shares, strict=True):
         inside = angle < limit
-        if inside.mean() > SHARE:
+        if inside.mean() > share:
             name = _aims(looks, float(np.median(pointed.t_s[inside])))
             yield ("programme", name), _words(what, pointed.t_s, angle, limit, inside)
 
@@ -75,8 +77,11 @@ def _aims(looks, t_s):
 def _words(what, t_s, angle, limit, inside):
     k, seconds = int(angle.argmin()), inside.size * float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
     part = "all of" if inside.all() else f"{100.0 * inside.mean():.0f} % of"
+    nearest = f"as near as {np.degrees(angle[k]):.0f} deg"
+    if angle[k] < 0.0:
+        nearest = f"{-np.degrees(angle[k]):.0f} deg below it, into the Earth"
     return (
         f"for {part} the {seconds:.0f} s in which the star camera is pointed and its tracker is "
-        f"on, it looks within {np.degrees(limit):.0f} deg of {what}, at T{t_s[k]:+.0f} s as near as "
-        f"{np.degrees(angle[k]):.0f} deg: such frames are not of the window; point it elsewhere"
+        f"on, it looks within {np.degrees(limit):.0f} deg of {what}, at T{t_s[k]:+.0f} s {nearest}: "
+        "such frames are not of the window; point it elsewhere"
     )

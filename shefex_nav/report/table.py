@@ -4,8 +4,11 @@ from rich.text import Text
 
 from shefex_nav import event_words
 from shefex_nav.instruments import TABLE
-from shefex_nav.records import QUANTITIES
-from shefex_nav.report import columns, requirements, start_rows
+from shefex_nav.records import QUANTITIES, Doubt
+from shefex_nav.report import columns, doubts, requirements, start_rows, trust
+from shefex_nav.report.losses import is_loss, loss_rows
+from shefex_nav.report.sizes import number
+from shefex_nav.report.star_rows import star_rows
 
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
@@ -15,19 +18,8 @@ _FLOWN = (  # name, key, digits, unit
 
 
 MOST_FAULTS = 12  # in the table
-DOUBTS = {  # records.Doubt for people
-    "level": "protection level above requirements.{quantity}.limit",
-    "contradicted": "contradicted by a sensor",
-    "imu": "motion beyond the IMU's range",
-}
-MANY = 0.2  # of the frames: refused for one reason, which is explained
+HALF_TURN_DEG = 180.0
 TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in words
-FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
-
-
-def number(value, digits, unit=""):
-    """A figure with its unit, for people; '-' of None."""
-    return "-" if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
 
 
 def _pair(values, digits, unit):
@@ -46,7 +38,7 @@ def rows(summary, judged=()):
     if summary["attitude_control"]:
         yield "attitude control", _control_rows(summary["attitude_control"])
     own = summary["software"]
-    yield "star tracker", [*_own_rows(own, "star_tracker"), *_star_rows(summary["star_tracker"])]
+    yield "star tracker", [*_own_rows(own, "star_tracker"), *star_rows(summary["star_tracker"])]
     of = "computer" if "computer" in own else "navigation"
     yield "navigation", [*_own_rows(own, of), *_navigation_rows(summary["navigation"])]
     if judged:
@@ -82,6 +74,9 @@ def _flight_rows(flight, *, stood):
     estimated = flight["of"] == "solution"
     if flight["climbs_at_km"] is not None:
         yield "height at the end", f"{number(flight['climbs_at_km'], 1, 'km')}, no apogee before it"
+    elif flight["apogee_km"] is None and (heights := flight.get("height_km")):
+        low, high = (number(heights[key], 1) for key in ("min", "max"))
+        yield "height", f"{low} to {high} km"
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
             yield name, number(flight[key], digits, unit)
@@ -108,53 +103,6 @@ def _control_rows(control):
     yield "pointing error while pointing", _pair(control["pointing_error_deg"], 2, "deg")
 
 
-def _star_rows(star):
-    if not star["frames"]:
-        yield "frames", "none taken"
-        return
-    share = f" ({100.0 * star['solved'] / star['in_window']:.1f} %)" if star["in_window"] else ""
-    yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
-    yield "solved in the window", f"{star['solved']}{share}"
-    if outside := star.get("outside"):
-        beyond = star["fixes"] - star["solved"]
-        yield "outside it", f"{beyond} of {sum(outside.values())} solved; {_outside(outside)}"
-    yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
-    yield from _rate_rows(star["by_rate"])
-    if star["no_fix"]:
-        reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
-        yield "no fix", ", ".join(reasons)
-        if star["no_fix"].get("residuals", 0) > MANY * star["frames"]:
-            words = "stars lie farther from their places than their centroids are said to be wrong by; "
-            yield "residuals", Text(f"{words}star_tracker.centroid_floor allows for it", style="bold yellow")
-    error = star["error_arcsec"]
-    yield "error across the boresight", number(error["cross_axis_rms"], 1, '" rms')
-    yield "error about the boresight", number(error["boresight_rms"], 1, '" rms')
-    chain = star["chain_ms"]
-    if chain["median"] is not None:
-        median, p99 = (number(chain[key], 2, "ms") for key in ("median", "p99"))
-        yield "time per frame", f"{median} median, 99 % below {p99}"
-
-
-def _outside(counts):
-    """Why frames are out of the window, in words."""
-    words = {"sun": "too near to the Sun", "earth_limb": "to the Earth's limb"}
-    words |= {"excluded": "too near to Sun or limb", "rate": "too fast"}  # a log that does not say to which
-    if "sun" not in counts:
-        words["earth_limb"] = "too near to the Earth's limb"
-    return ", ".join(f"{counts[name]} {words[name]}" for name in words if name in counts)
-
-
-def _rate_rows(by_rate):
-    """Success against rate, of a star tracker that fixes well beyond the window's 2 deg/s."""
-    if not any(row["solved"] for row in by_rate if row["from_deg_s"] >= FAST_DEG_S):
-        return
-    for row in by_rate:
-        low, high = row["from_deg_s"], row["to_deg_s"]
-        name = f"solved above {low:.0f} deg/s" if high is None else f"solved at {low:.0f} to {high:.0f} deg/s"
-        share = 100.0 * row["solved"] / row["frames"]
-        yield name, f"{row['solved']} of {row['frames']} ({share:.1f} %)"
-
-
 def _own_rows(software, section):
     """Software of a user's own that flew in a section."""
     if section in software:
@@ -165,11 +113,17 @@ def _navigation_rows(navigation):
     yield "position error", _pair(navigation["position_error_m"], 1, "m")
     yield "velocity error", _pair(navigation["velocity_error_m_s"], 3, "m/s")
     yield "attitude error", _pair(navigation["attitude_error_deg"], 3, "deg")
+    aided = navigation.get("star_aided")
+    if aided:
+        words = f"{_pair(aided['attitude_deg'], 3, 'deg')}, T{aided['from_s']:+.1f} s to the end"
+        yield "since two star fixes", words
     if pointing := navigation.get("while_pointing"):
         sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
         largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)
         when = f"T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
-        yield "while pointing", f"at most {', '.join(largest)}; {when}"
+        early = aided and pointing["from_s"] < aided["from_s"]
+        early = f", star fixes since T{aided['from_s']:+.1f} s" if early else ""
+        yield "while pointing", f"at most {', '.join(largest)}; {when}{early}"
     entry = navigation["at_entry"]
     if entry:
         axes = ", ".join(f"{angle:+.3f}" for angle in entry["attitude_error_deg"])
@@ -222,7 +176,8 @@ def _integrity_rows(integrity):
             share = 100.0 * one["misleading_share"]
             yield f"{quantity} misleading", Text(f"{share:.2f} % of the time", style="bold red")
         if one["at_entry"]:
-            yield f"{quantity} at entry", _entry_words(quantity, one["at_entry"])
+            yield f"{quantity} at entry", _entry_words(quantity, one)
+    yield from loss_rows(integrity["noticed"])
     faults = _joined(integrity["noticed"])
     for entry in faults[:MOST_FAULTS]:
         until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
@@ -235,7 +190,7 @@ def _joined(noticed):
     """What was noticed, without losses of GPS; what goes on after such a loss is one entry."""
     out, last = [], {}
     for entry in noticed:
-        if entry["reason"].startswith(("no fix", "no ranges")):
+        if is_loss(entry):
             continue
         before = last.get(entry["source"])
         lost = before is not None and before["reason"] == entry["reason"]
@@ -253,7 +208,7 @@ def _only_lost(noticed, before, entry):
         one
         for one in noticed
         if one["source"] == entry["source"]
-        and one["reason"].startswith(("no fix", "no ranges"))
+        and is_loss(one)
         and before["until_s"] - 1e-6 <= one["from_s"] < entry["from_s"]
     ]
     covered_s = sum(one["until_s"] - one["from_s"] for one in gap)
@@ -267,23 +222,27 @@ LEVELS = {  # quantity: key of its levels, how they are shown
 }
 
 
-def _entry_words(quantity, entry):
-    """Whether a quantity may be used at entry, and its protection level."""
-    key, form = LEVELS[quantity]
-    words = "usable" if entry["usable"] else f"do not use: {_doubt(quantity, entry['doubt'])}"
+def _entry_words(quantity, one):
+    """Whether a quantity may be used at entry, and its protection level. one : of the integrity"""
+    (key, form), entry = LEVELS[quantity], one["at_entry"]
+    words = "usable" if entry["usable"] else f"do not use: {_doubt(quantity, entry['doubt'], one)}"
     known = None not in entry[key]
+    if quantity == "attitude" and known and max(entry[key]) > HALF_TURN_DEG:
+        known = False  # no attitude is farther off
     return f"{words}, protection level {form.format(*entry[key]) if known else 'unknown'}"
 
 
-def _doubt(quantity, name):
-    """A Doubt about a quantity, for people."""
-    return DOUBTS.get(name, name).format(quantity=quantity)
+def _doubt(quantity, name, one):
+    """A Doubt about a quantity, for people. one : of the summary's integrity"""
+    limit = one.get(f"limit_{trust.UNITS[quantity][0]}")
+    return doubts.words(Doubt[name.upper()], quantity, limit, one.get("limit_by_default", False))
 
 
 def _doubts(quantity, one):
     """Why a quantity was not usable: the two reasons that held longest."""
     longest = sorted(one["doubts"].items(), key=lambda one: -one[1])[:2]
-    reasons = [f"{100.0 * share:.1f} %, {_doubt(quantity, name)}" for name, share in longest if share >= 5e-4]
+    longest = [(name, share) for name, share in longest if share >= 5e-4]
+    reasons = [f"{100.0 * share:.1f} %, {_doubt(quantity, name, one)}" for name, share in longest]
     return f"; not usable: {'; '.join(reasons)}" if reasons else ""
 
 

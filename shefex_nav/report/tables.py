@@ -1,6 +1,7 @@
 """The tables of a log in Python: the same columns that `export` writes, in Arrow.
 
 run.tables["nav"]["r_i_m_x"]     # (N,) array
+run.tables.nav                   # the same as run.tables["nav"]
 run.tables["nav"].arrow          # pyarrow.Table
 run.tables["nav"].to_pandas()    # where pandas is installed
 """
@@ -72,6 +73,18 @@ class Tables(Mapping):
             return self._tables[name]
         except KeyError:
             raise KeyError(f"there is no table {name!r}; the run has: {', '.join(self)}") from None
+
+    def __getattr__(self, name):
+        """The same as an attribute; AttributeError with those that there are."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self[name]
+        except KeyError as error:
+            raise AttributeError(error.args[0]) from None
+
+    def __dir__(self):
+        return [*super().__dir__(), *self]
 
     def __iter__(self):
         return iter(self._tables)

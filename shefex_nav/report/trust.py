@@ -23,12 +23,13 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import QUANTITIES, Doubt, protected
-from shefex_nav.report import local_level
+from shefex_nav.report import doubts, local_level
+from shefex_nav.report.configured import NOTHING
 from shefex_nav.report.pairing import same_times, stretches
 
 TIME_TO_ALERT_S = 1.0  # [E] an error that is over sooner has misled nobody
 SHOWN = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
-UNITS = {"position": ("m", 1.0), "velocity": ("m_s", 1.0), "attitude": ("deg", math.degrees(1.0))}  # of SI
+UNITS = {name: (unit.replace("/", "_"), factor) for name, (unit, factor) in doubts.UNITS.items()}
 
 
 class Compared(NamedTuple):
@@ -84,10 +85,10 @@ def misleading(one):
     return marks, events
 
 
-def trust(data, entry_s):
+def trust(data, entry_s, known=NOTHING):
     """Figures of a RunData: dict of numbers and texts; None for a log that has no protection levels.
 
-    entry_s : mission time, None without an entry
+    entry_s : mission time, None without an entry;  known : Configured of the run
     """
     nav = data.nav
     if not has_levels(nav):
@@ -95,7 +96,8 @@ def trust(data, entry_s):
     compared = compare(data)
     wrong = {quantity: misleading(one) for quantity, one in compared.items()}
     usable = np.logical_and.reduce([~protected(nav, quantity).do_not_use for quantity in QUANTITIES])
-    found = {q: _of_quantity(nav, q, compared[q], *wrong[q], entry_s) for q in QUANTITIES}
+    limits = limits_of(known)
+    found = {q: limits[q] | _of_quantity(nav, q, compared[q], *wrong[q], entry_s) for q in QUANTITIES}
     any_wrong = np.logical_or.reduce([marks for marks, _ in wrong.values()])
     entries = [one["at_entry"] for one in found.values()]
     return found | {
@@ -106,6 +108,19 @@ def trust(data, entry_s):
     }
 
 
+def limits_of(known):
+    """{quantity: {"limit_...", "limit_by_default"}} of a Configured; None where nothing says it."""
+    found = {}
+    for quantity in QUANTITIES:
+        unit, factor = UNITS[quantity]
+        limit = known.limits.get(quantity)
+        found[quantity] = {
+            f"limit_{unit}": None if limit is None else factor * limit,
+            "limit_by_default": limit is not None and quantity not in known.given,
+        }
+    return found
+
+
 def _share(marks):
     return float(np.mean(marks)) if len(marks) else math.nan
 
@@ -113,12 +128,12 @@ def _share(marks):
 def _of_quantity(nav, quantity, one, marks, events, entry_s):
     """Figures of one quantity."""
     said, n = protected(nav, quantity), len(nav.t_s)
-    doubts = Counter(said.doubt[said.do_not_use].tolist())
+    found = Counter(said.doubt[said.do_not_use].tolist())
     step_s = float(np.median(np.diff(nav.t_s))) if n > 1 else 0.0
     return {
         "usable_share": float(np.mean(~said.do_not_use)),
         "usable_h": float(np.count_nonzero(one.usable)) * step_s / 3600.0,
-        "doubts": {Doubt(k).name.lower(): count / n for k, count in sorted(doubts.items())},
+        "doubts": {Doubt(k).name.lower(): count / n for k, count in sorted(found.items())},
         "misleading_share": _share(marks),
         "misleading_events": events if len(marks) else None,
         "over_level": float(one.over_level[one.usable].max()) if one.usable.any() else math.nan,

@@ -24,6 +24,15 @@ class SeenFrame(NamedTuple):
     fix: StarFix | None  # of the star tracker; None if the run ended before
     truth: FrameTruth | None
 
+    def __repr__(self):
+        shape = "no pixels, the log keeps none of it (log.frames in the scenario)"
+        if self.image_dn is not None:
+            rows, columns = self.image_dn.shape
+            shape = f"{columns} x {rows} pixels{'' if self.is_full else ', the sky cut off'}"
+        answer = "no answer" if self.fix is None else Reason(self.fix.reason).name.lower().replace("_", " ")
+        answer = "attitude" if answer == "none" else answer
+        return f"<SeenFrame {self.number} of T{self.t_s:+.2f} s, {shape}, star tracker: {answer}>"
+
     def plot(self):
         """Figure of the frame with what was found in it and what it really looked at."""
         from shefex_nav.report.figures import frame

@@ -176,8 +176,10 @@ class Run:
         summary = metrics.summarise(self.data, log=self.log, scenario=self.scenario)
         return summary if self.real_time is None else summary | {"real_time": self.real_time._asdict()}
 
-    def table(self):
-        """The closing table of `shefex-nav run`, a rich Table."""
+    def table(self, name=None):
+        """The closing table of `shefex-nav run`, a rich Table; with a name, that of `tables`."""
+        if name is not None:
+            return self.tables[name]
         from shefex_nav.report import configured, table
 
         summary = self.summary()

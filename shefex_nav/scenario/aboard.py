@@ -5,7 +5,7 @@ of it in the place of the truth. Of a block of states that a plug-in brings by i
 what is known.
 """
 
-from functools import cache
+from functools import cache, partial
 from typing import Literal
 
 from pydantic import Field, create_model
@@ -19,6 +19,7 @@ from shefex_nav.onboard.startracker.methods import STEPS, Method
 from shefex_nav.scenario import surroundings
 from shefex_nav.scenario.block import AUTOMATIC, kinds, with_word
 from shefex_nav.scenario.of_settings import section, settings
+from shefex_nav.scenario.partial import of_each
 from shefex_nav.scenario.told import part_of
 
 FAULT = "fault"  # key that tells kinds of faults apart
@@ -223,11 +224,14 @@ def _faults(scenario):
         several = getattr(scenario.faults, one.name, ())
         if several and getattr(scenario, one.name, None) is None:
             yield ("faults", one.name), f"there is none aboard; give section {one.name}, or leave it out"
-        for k, fault in enumerate(several):
-            fields = faults.fields_of(fault.SETTINGS)
-            if fields and all(getattr(fault, field) is None for field in fields):
-                words = f"a {fault.fault} of what? Give one of: {', '.join(fields)}"
-                yield ("faults", one.name, k), words
+        yield from of_each(several, partial(_fieldless, one.name))
+
+
+def _fieldless(name, k, fault):
+    fields = faults.fields_of(fault.SETTINGS)
+    if fields and all(getattr(fault, field) is None for field in fields):
+        words = f"a {fault.fault} of what? Give one of: {', '.join(fields)}"
+        yield ("faults", name, k), words
 
 
 def of_sensors(scenario):

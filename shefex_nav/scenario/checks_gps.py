@@ -1,10 +1,13 @@
 """Contradictions in the section `gps` of a scenario: (path of the field, text for people)."""
 
+from functools import partial
+
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.messages import close
+from shefex_nav.scenario.partial import of_each
 
 NOMINAL = 24  # satellites of the nominal constellation
 LONGEST_AGE_DAYS = 182.0  # of an almanac; its orbits are good to some kilometres in the week it is made for
@@ -13,17 +16,20 @@ LONGEST_AGE_DAYS = 182.0  # of an almanac; its orbits are good to some kilometre
 def _outages(scenario):
     """Outages after events that the flight can have, with durations the right way round."""
     events = possible(scenario)
-    for number, outage in enumerate(scenario.gps.outages):
-        path = ("gps", "outages", number)
-        if not events:
-            yield path, "a vehicle that stands on the ground has no events; write outages: []"
-        elif outage.event not in events:
-            known = f"choose from: {', '.join(events)}"
-            words = f"'{outage.event}' is no event of this flight{close(outage.event, events)}; {known}"
-            yield (*path, "event"), words
-        if outage.shortest > outage.longest:
-            words = f"{seconds(outage.shortest)} is longer than longest, {seconds(outage.longest)}"
-            yield (*path, "shortest"), words
+    yield from of_each(scenario.gps.outages, partial(_outage, events))
+
+
+def _outage(events, number, outage):
+    path = ("gps", "outages", number)
+    if outage.shortest > outage.longest:
+        words = f"{seconds(outage.shortest)} is longer than longest, {seconds(outage.longest)}"
+        yield (*path, "shortest"), words
+    if not events:
+        yield path, "a vehicle that stands on the ground has no events; write outages: []"
+    elif outage.event not in events:
+        known = f"choose from: {', '.join(events)}"
+        words = f"'{outage.event}' is no event of this flight{close(outage.event, events)}; {known}"
+        yield (*path, "event"), words
 
 
 def _almanac(scenario):
@@ -61,19 +67,25 @@ def _almanac(scenario):
 def _spans(scenario):
     """Times the right way round, limits that say one thing, satellites that there are."""
     gps = scenario.gps
-    for number, span in enumerate(gps.only):
-        if span.start >= span.end:
-            words = f"{seconds(span.end)} is not after from, {seconds(span.start)}"
-            yield ("gps", "only", number, "until"), words
+    yield from of_each(gps.only, _span)
     known = range(1, NOMINAL + 1) if gps.almanac is None else gps.almanac.prn
-    for number, limit in enumerate(gps.only):
-        path = ("gps", "only", number)
-        if (limit.satellites is None) == (limit.prn is None):
-            yield path, "give one of satellites (how many) and prn (which ones)"
-        for k, prn in enumerate(limit.prn or ()):
-            if prn not in known:
-                numbers = ", ".join(str(one) for one in known)
-                yield (*path, "prn", k), f"there is no satellite {prn}; choose from: {numbers}"
+    yield from of_each(gps.only, partial(_satellites, known))
+
+
+def _span(number, span):
+    if span.start >= span.end:
+        words = f"{seconds(span.end)} is not after from, {seconds(span.start)}"
+        yield ("gps", "only", number, "until"), words
+
+
+def _satellites(known, number, limit):
+    path = ("gps", "only", number)
+    if (limit.satellites is None) == (limit.prn is None):
+        yield path, "give one of satellites (how many) and prn (which ones)"
+    for k, prn in enumerate(limit.prn or ()):
+        if prn not in known:
+            numbers = ", ".join(str(one) for one in known)
+            yield (*path, "prn", k), f"there is no satellite {prn}; choose from: {numbers}"
 
 
 def _clock(scenario):

@@ -12,6 +12,14 @@ from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.kind import of_the_other
 from shefex_nav.scenario.quantity import describe, quoted
 
+WITHOUT = {  # how to fly without what a section describes, which has to be there
+    ("gps",): "without GPS a mission is flown with an outage of its whole time, such as "
+    "'faults: {gps: [{fault: outage, from: 0 s, until: 1000 s}]}'",
+    **dict.fromkeys(
+        (("star_tracker",), ("star_camera",)),
+        "without stars a mission is flown with star_tracker.enabled: false",
+    ),
+}
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 
@@ -242,7 +250,8 @@ def _example(model, location):
     if any(hasattr(one, "example") for one in metadata):
         return f"; expected for example '{_line(model, location)}'"
     if is_model(annotation) or get_origin(annotation) is dict or _is_form(annotation):
-        return "; this section is required"
+        how = WITHOUT.get(plain(location))
+        return f"; this section is required{f'; {how}' if how else ''}"
     return ""
 
 

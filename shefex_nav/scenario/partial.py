@@ -2,7 +2,7 @@
 
 A value that is wrong, missing, or perhaps given under a misspelt key is not there: to read it is an
 AttributeError, with which a check of values against each other ends (`known`). No other AttributeError is
-caught.
+caught. Items of a list are judged one by one (`of_each`): what is wrong with one hides nothing of the next.
 """
 
 from typing import Annotated, get_args, get_origin
@@ -38,6 +38,15 @@ def known(complaints):
     return found
 
 
+def of_each(items, check):
+    """Complaints of a check about the items of a list, each as far as it is known.
+
+    check : function of the number of an item and the item that yields complaints
+    """
+    for k, item in enumerate(items):
+        yield from known(check(k, item))
+
+
 def _left_out(section, name):
     """Whether a section has a field of this name and no value for it, or nobody knows which kind it is."""
     return isinstance(section, UnknownKind) or (
@@ -59,10 +68,25 @@ def _value(annotation, metadata, value, path, bad):
     annotation, metadata = chosen_form(*messages.bare(annotation, metadata), value)
     if messages.is_model(annotation) and isinstance(value, dict):
         return _section(annotation, value, path, bad)
+    if get_origin(annotation) is list and isinstance(value, list):
+        return _items(get_args(annotation)[0], value, path, bad)
     if get_origin(annotation) is dict and isinstance(value, dict):
         inner = get_args(annotation)[1]
         return {key: _value(inner, (), one, (*path, key), bad) for key, one in value.items()}
     raise _Unknown
+
+
+def _items(annotation, values, path, bad):
+    """A list of sections with the good values of each; _Unknown if it is one of anything else."""
+    found = []
+    for k, value in enumerate(values):
+        if not isinstance(value, dict):
+            raise _Unknown
+        try:
+            found.append(_value(annotation, (), value, (*path, k), bad))
+        except _Unknown:
+            found.append(UnknownKind())
+    return found
 
 
 def _section(model, tree, path, bad):

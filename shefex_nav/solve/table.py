@@ -129,13 +129,23 @@ def brief(found):
     return table
 
 
-def field(solution, name):
-    """rich Table of where a picture looks, by an ImageSolution; `name` is the picture's."""
+MIDDLE = (
+    "the middle of the picture; the axis of the lens is off it by a principal point that nobody has told "
+    "(`calibrate` measures it, --camera tells it)"
+)
+
+
+def field(solution, name, *, told=False):
+    """rich Table of where a picture looks, by an ImageSolution.
+
+    name : of the picture;  told : with a StarCamera, whose axis it is
+    """
     table = Table(title=str(name), show_header=False)
     rows = (
         ("right ascension", f"{solution.ra_deg:.4f} deg"),
         ("declination", f"{solution.dec_deg:+.4f} deg"),
         ("roll (up, from north through east)", f"{solution.roll_deg:.3f} deg"),
+        *(() if told or solution.covariance is None else (("attitude of", MIDDLE),)),
         *_accuracy(solution),
         *_turn(solution),
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),

@@ -205,3 +205,13 @@ def test_courses_end_at_the_estimate_and_narrow():
     assert np.isnan(course.high[0]) and np.isfinite(course.high[-1])
     with pytest.raises(ValueError):
         convergence.needed_for_rate(1, 2, 0.0)
+
+
+def test_places_all_over_the_earth_have_no_ellipse():
+    """Orbits whose node is dispersed by 20 deg: the mean of the places lay 100 km below each of them."""
+    rng = np.random.default_rng(3)
+    longitude = rng.uniform(-20.0, 20.0, 30)
+    wide = np.column_stack([rng.normal(50.0, 1.0, 30), longitude, np.full(30, 550.0)])
+    assert statistics.ellipse("apogee", wide) is None
+    near = wide * [1.0, 0.02, 1.0]
+    assert statistics.ellipse("apogee", near).altitude_km == pytest.approx(550.0, abs=2.0)

@@ -187,7 +187,7 @@ def test_rounding_is_no_difference():
     found = paired.difference(a, a * (1.0 + 2e-16 * np.array([1.0, -1.0, 2.0])))
     assert (found.mean, found.better, found.worse, found.verdict) == (0.0, 0, 0, paired.NOT_SEEN)
     seen = paired.difference(a, a + np.array([1e-9, 1.1e-9, 0.9e-9]))
-    assert (seen.worse, seen.verdict) == (3, paired.A_BETTER)
+    assert (seen.worse, seen.verdict) == (3, paired.EQUAL)
 
 
 def test_no_seed_in_common_is_one_line_and_exit_code_2(whole, scenario, tmp_path, command):

@@ -29,6 +29,15 @@ def test_what_is_better():
     assert paired.difference(a, b, larger_is_better=True).better == 10
 
 
+def test_certain_but_of_no_size_is_equal():
+    """1.2e-7 m/s in each pair, of 0.02 m/s; a hundredth of the figures is better, as ever."""
+    rng = np.random.default_rng(8)
+    a = rng.uniform(0.015, 0.025, RUNS)
+    tiny = a - 1.2e-7 * rng.uniform(0.9, 1.1, RUNS)
+    assert paired.difference(a, tiny).verdict == paired.EQUAL and paired.difference(a, tiny).high < 0.0
+    assert paired.difference(a, a - 2e-4 * rng.uniform(0.9, 1.1, RUNS)).verdict == paired.B_BETTER
+
+
 def test_pairs_see_what_runs_alone_do_not():
     """One noise in both of a seed goes out of the difference."""
     rng = np.random.default_rng(5)

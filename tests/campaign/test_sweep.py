@@ -5,8 +5,10 @@ import json
 import pytest
 from short_campaign import HereLane
 
-from shefex_nav.campaign.compare import sweep
+from shefex_nav.campaign import progress
+from shefex_nav.campaign.compare import sides, sweep
 from shefex_nav.campaign.compare.given import CompareError
+from shefex_nav.report.requirements import Judged
 from shefex_nav.scenario import sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.sweeps import SweepError
@@ -162,3 +164,34 @@ def test_values_that_are_one_scenario(tmp_path):
 def test_what_does_not_go_with_it(more, command):
     done = command("campaign", "night_sky", "--runs", "2", "--sweep", "imu=a,b", *more)
     assert done.code == 2 and done.err.strip().endswith("does not go with --sweep")
+
+
+def side(letter, found, rms_deg):
+    """A Side of two runs that both miss or meet a requirement."""
+    judged = (Judged("attitude", 0.1, found, "deg", found <= 0.1),)
+    figures = {"navigation.attitude_error_deg.rms": 2.45, "navigation.star_aided.attitude_deg.rms": rms_deg}
+    runs = {seed: sides.Flown(seed, seed, "", figures.get, judged, {}) for seed in (1, 2)}
+    return sides.Side(letter, letter, None, "campaign", "", {}, {}, runs)
+
+
+def test_that_no_run_met_what_is_required_is_not_that_nothing_is():
+    every = [side("A", 0.2, 0.3), side("B", 0.3, 0.01)]
+    part = sweep._combinations(every, [{"x": "1"}, {"x": "2"}])
+    assert [row[2] for row in part.rows] == ["0 of 2", "0 of 2"]
+    assert "the runs that met all that is required, then the attitude" in part.lines[0]
+
+
+def test_combinations_are_told_apart_by_what_the_stars_give():
+    """The errors before the first star fix are the same 2.45 deg in all of them."""
+    part = sweep._combinations([side("A", 0.2, 0.3), side("B", 0.3, 0.01)], [{"x": "1"}, {"x": "2"}])
+    assert part.heads[-1] == ">attitude, rms since two star fixes [deg]"
+    assert [(row[0], row[-1]) for row in part.rows] == [("B", "0.01"), ("A", "0.3")]
+
+
+def test_progress_counts_what_misses_a_requirement():
+    tally = progress.Tally(3, badness=lambda record: record["bad"], clock=lambda: 0.0)
+    for run, bad in enumerate([(0.4, 1.0), (2.1, 1.0)]):
+        tally.take({"run": run, "status": "succeeded", "bad": bad})
+    assert tally.words().startswith("100.0 % flew to their end, 1 misses a requirement, worst run 1")
+    tally.take({"run": 2, "status": "failed", "bad": None})
+    assert tally.words().startswith("66.7 % flew to their end, 1 misses")

@@ -220,6 +220,7 @@ def test_command(still, tmp_path):
         assert np.linalg.norm(error_c(np.array(line["q_ic"]) * [1, -1, -1, -1], shot.q_mean)) < 1e-3
     done = command(pictures[0], "--camera", camera)
     assert done.exit_code == 0 and "1 sigma about x, y, boresight" in done.stdout
+    assert "middle of the picture" not in done.stdout  # the camera that is told says where its axis is
     done = command(*pictures, "--camera", camera)
     assert done.exit_code == 0 and done.stdout.count("frame_0000") >= 3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cells import execute
 
-from shefex_nav.report import metrics
+from shefex_nav.report import star_metrics
 
 
 @pytest.mark.slow
@@ -18,7 +18,7 @@ def test_what_the_star_tracker_buys(monkeypatch):
         assert np.linalg.norm(entry.position_i) < 2.0
     assert worst["with"] < 0.02 and worst["blinded"] < 0.02 < worst["without"]
     angle, accepted = found["angle"], found["accepted"]
-    wrong = int((angle > metrics.WRONG_ANGLE).sum())
+    wrong = int((angle > star_metrics.WRONG_ANGLE).sum())
     assert len(found["wrong_at"]) == wrong > 10 and len(found["used_at"]) == accepted.sum() > 100
     assert found["wrong_and_used"] == 0
     assert wrong <= (~accepted).sum() <= wrong + 3  # right and refused: before the gate is up, two must agree

@@ -14,7 +14,7 @@ from scipy.stats import binom, chi2
 from shefex_nav import event_words
 from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import figures, local_level, metrics
+from shefex_nav.report import figures, local_level, metrics, star_metrics
 from shefex_nav.report.figures import consistency, errors, flight, flown, labels, sky, style
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.track import earth_fixed
@@ -157,7 +157,7 @@ def test_refused_measurements_are_marked_where_they_are(data):
 
 
 def test_star_errors_are_those_of_the_metrics_about_their_mean(data):
-    expected = metrics.star_errors(data)
+    expected = star_metrics.star_errors(data)
     arcsec = np.degrees(expected.rotation_c) * 3600.0
     axes = panels(figures.draw("star_errors", data))[0]
     np.testing.assert_allclose(drawn(axes, "error across the boresight, x")[1], arcsec[:, 0])

@@ -16,7 +16,7 @@ from shefex_nav.geometry.wgs84 import geodetic_from_ecef
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import metrics, pairing
+from shefex_nav.report import metrics, pairing, star_metrics
 from shefex_nav.report.table import rows, summary_table
 
 MISSION = synthetic_run.mission()
@@ -97,7 +97,7 @@ def test_window_counts(data, summary):
     star = summary["star_tracker"]
     # slow from 235 to 384 s, frames start at 235.0 ... 383.9 s
     numbers = set(range(130, 1620))
-    assert metrics.window_frames(data) == (numbers, 0)
+    assert star_metrics.window_frames(data) == (numbers, 0)
     assert star["in_window"] == 1490
     failed = sum(1 for n in numbers if n % 25 == 3)
     assert star["no_fix"] == {"too_few_stars": failed}
@@ -181,7 +181,7 @@ def test_error_axes_of_the_star_tracker():
     assert error["mean"] == pytest.approx([2.0, -2.0, -10.0 / 3.0], rel=1e-6)
     data = gathered([*frames, *fixes])
     np.testing.assert_allclose(
-        metrics.star_errors(data).rotation_c[1] / arcsec, [0.0, -6.0, 30.0], rtol=1e-6, atol=1e-9
+        star_metrics.star_errors(data).rotation_c[1] / arcsec, [0.0, -6.0, 30.0], rtol=1e-6, atol=1e-9
     )
 
 
@@ -193,7 +193,7 @@ def test_what_is_outside_the_window():
         frame_truth(2, 240.2, rate=math.radians(2.01)),
         frame_truth(3, 240.3, rate=math.radians(1.99)),
     ]
-    assert metrics.window_frames(gathered(frames))[0] == {0, 3}
+    assert star_metrics.window_frames(gathered(frames))[0] == {0, 3}
 
 
 def test_pointing_error_counts_while_pointing(data, summary):

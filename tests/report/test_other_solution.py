@@ -288,6 +288,9 @@ def test_tables_are_those_of_export_and_arrays_those_of_the_records(sky):
     assert np.array_equal(nav.arrow["t_s"].to_numpy(), sky.solution.t_s)
     with pytest.raises(KeyError, match=r"there is no table 'navi'; the run has: .*nav"):
         sky.tables["navi"]
+    assert sky.tables.nav is nav and sky.table("nav") is nav and "nav" in dir(sky.tables)
+    with pytest.raises(AttributeError, match=r"there is no table 'navi'; the run has: .*nav"):
+        sky.tables.navi  # noqa: B018
     with pytest.raises(KeyError, match="nav has no column 'r_x'; it has: t_s"):
         nav["r_x"]
     assert sky.imu.dtheta_b.shape == (len(sky.imu.t_valid_s), 4, 3)

@@ -3,10 +3,12 @@
 import numpy as np
 
 from shefex_nav.log import reader
-from shefex_nav.records import GateResult
-from shefex_nav.report import metrics
+from shefex_nav.records import Doubt, GateResult
+from shefex_nav.report import doubts, incidents, metrics, table
 from shefex_nav.report.instrument_use import instrument_use
-from shefex_nav.report.table import _navigation_rows, _star_rows
+from shefex_nav.report.losses import loss_rows
+from shefex_nav.report.star_rows import star_rows
+from shefex_nav.report.table import _navigation_rows
 
 NONE = np.empty(0)
 
@@ -37,5 +39,87 @@ def test_the_table_names_each_and_marks_one_that_is_mostly_refused(log):
 
 def test_frames_refused_for_their_residuals_are_explained(log):
     star = metrics.summarise(reader.read(log))["star_tracker"] | {"frames": 100, "no_fix": {"residuals": 21}}
-    assert "centroid_floor" in str(dict(_star_rows(star))["residuals"])
-    assert "residuals" not in dict(_star_rows(star | {"no_fix": {"residuals": 19}}))
+    assert "centroid_floor" in str(dict(star_rows(star))["residuals"])
+    assert "residuals" not in dict(star_rows(star | {"no_fix": {"residuals": 19}}))
+
+
+def test_frames_refused_for_their_light_are_explained(log):
+    """Saturated and too few stars say which figure is behind it, and what changes it."""
+    star = metrics.summarise(reader.read(log))["star_tracker"] | {"frames": 100}
+    grey = {"saturated_dn": {"median": 136.4, "limit": 100.0}}
+    words = str(dict(star_rows(star | grey | {"no_fix": {"saturated": 21}}))["saturated"])
+    assert "136 DN (median), above 100 DN (star_tracker.exposure.brightest_mean)" in words
+    few = {"no_fix": {"too_few_stars": 21}, "objects_without_fix": 2.0}
+    words = str(dict(star_rows(star | few))["too few stars"])
+    assert "such a frame: 2 (median)" in words and "exposure.longest" in words
+    assert "too few stars" not in dict(star_rows(star | few | {"no_fix": {"too_few_stars": 20}}))
+
+
+def test_the_constant_part_of_star_errors_is_told_apart(log):
+    """3, 4 arcsec of every fix are 5/sqrt(2) rms per axis; the rest is scatter."""
+    star = metrics.summarise(reader.read(log))["star_tracker"]
+    star["error_arcsec"] |= {"cross_axis_rms": 4.0, "boresight_rms": 5.0, "mean": [3.0, 4.0, -3.0]}
+    found = dict(star_rows(star))
+    assert found["error across the boresight"] == (
+        '4.0" rms: constant 3.5" (mounting, principal point), scatter 1.9"'
+    )
+    assert found["error about the boresight"] == '5.0" rms: constant 3.0" (mounting), scatter 4.0"'
+    star["error_arcsec"] |= {"cross_axis_rms": None, "mean": None}
+    assert dict(star_rows(star))["error across the boresight"] == "-"
+
+
+def test_frames_too_near_to_both_sun_and_limb_are_told(log):
+    star = metrics.summarise(reader.read(log))["star_tracker"]
+    star |= {"outside": {"sun": 1, "sun_and_earth_limb": 2, "earth_limb": 3}}
+    words = dict(star_rows(star))["outside it"]
+    assert words.endswith("1 too near to the Sun, 2 to both Sun and Earth's limb, 3 to the Earth's limb")
+    star["outside"] = {"sun_and_earth_limb": 2}
+    assert dict(star_rows(star))["outside it"].endswith("2 too near to both Sun and Earth's limb")
+
+
+def noticed(source, from_s, until_s, reason):
+    return {"source": source, "from_s": from_s, "until_s": until_s, "reason": reason}
+
+
+def test_lasting_losses_of_gps_have_a_row_and_short_ones_none():
+    short, long = noticed("gps", 5.0, 15.0, "no fix: spin"), noticed("gps", 240.2, 840.2, "no fix: outage")
+    never = noticed("gps", 0.1, None, "no fix: beyond its 50 km")
+    other = noticed("gyro y", 100.0, 300.0, "stuck")
+    assert list(loss_rows([short, other])) == []
+    assert list(loss_rows([short, long])) == [("gps", "T+240.2 s to T+840.2 s: no fix: outage")]
+    assert list(loss_rows([never])) == [("gps", "T+0.1 s to the end: no fix: beyond its 50 km")]
+
+
+def test_doubts_have_one_name_and_the_limit_with_it():
+    assert doubts.words(Doubt.LEVEL, "attitude", 0.17, True) == (
+        "protection level above 0.17 deg (requirements.attitude.limit, by default)"
+    )
+    assert doubts.words(Doubt.LEVEL, "velocity", 1.0) == (
+        "protection level above 1 m/s (requirements.velocity.limit)"
+    )
+    assert doubts.words(Doubt.LEVEL, "position") == "protection level above requirements.position.limit"
+    assert doubts.WORDS.keys() == set(Doubt) - {Doubt.NONE}
+
+
+def test_table_and_page_say_the_same_of_a_doubt(log):
+    """Of ticks at which the IMU is blind, with a limit that the scenario leaves to the program."""
+    data = reader.read(log)
+    blind, n = np.full(len(data.nav.t_s), int(Doubt.IMU)), len(data.nav.t_s)
+    nav = data.nav._replace(
+        do_not_use_attitude=np.ones(n, dtype=bool), doubt_attitude=blind,
+        protection_attitude=np.full((n, 3), 0.1),
+    )  # fmt: skip
+    data = data._replace(nav=nav)
+    one = metrics.summarise(data)["navigation"]["integrity"]["attitude"]
+    words = table._doubts("attitude", one)
+    (incident,) = [one for one in incidents.incidents(data) if one.what.startswith("attitude not to be")]
+    assert words.endswith("the IMU does not measure the motion")
+    assert incident.what.endswith("the IMU does not measure the motion")
+
+
+def test_levels_beyond_half_a_turn_are_unknown():
+    one = {"limit_deg": 0.17, "limit_by_default": False}
+    one["at_entry"] = {"usable": False, "doubt": "imu", "protection_deg": [0.4, 356.0, 3.2]}
+    assert table._entry_words("attitude", one).endswith("protection level unknown")
+    one["at_entry"]["protection_deg"][1] = 179.0
+    assert "0.400, 179.000, 3.200 deg" in table._entry_words("attitude", one)

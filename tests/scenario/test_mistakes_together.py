@@ -5,6 +5,7 @@ from broken import DEFAULT, messages
 
 from shefex_nav.scenario import document, partial
 from shefex_nav.scenario.load import Scenario, ScenarioError, load
+from shefex_nav.scenario.messages import WITHOUT
 
 
 def fields_of(path, overrides=()):
@@ -125,3 +126,49 @@ def test_a_check_that_is_broken_is_not_taken_for_one_that_needs_what_is_not_ther
 
     with pytest.raises(AttributeError, match="strat"):
         partial.known(check())
+
+
+def test_items_of_a_list_hide_nothing_of_each_other(tmp_path):
+    """Faults with wrong words beside faults whose times contradict each other, in several units."""
+    text = """faults:
+  imu:
+    - {fault: dead, sensor: gyro, axis: w, from: 200 s, until: 100 s}
+    - {fault: deaf, sensor: gyro, axis: x, from: 100 s, until: 200 s}
+    - {fault: dropout, from: 90 s, until: 80 s}
+  gps:
+    - {fault: outage, from: 5000 s, until: 6000 s}
+    - {fault: outage, from: 1, until: 2 s}
+  star_tracker: 3
+gps:
+  only:
+    - {from: 5 s, until: 3 s, satellites: x}
+    - {from: 9 s, until: 7 s, satellites: 3}
+"""
+    assert fields_of(written(tmp_path, text)) == {
+        "faults.imu.0.axis", "faults.imu.0.until", "faults.imu.1.fault", "faults.imu.2.until",
+        "faults.gps.0.from", "faults.gps.1.from", "faults.star_tracker", "gps.only.0.satellites",
+        "gps.only.0.until", "gps.only.1.until",
+    }  # fmt: skip
+
+
+def test_contradictions_of_one_fault_are_told_together(tmp_path):
+    text = "faults: {gps: [{fault: outage, from: 5000 s, until: 4000 s}]}\n"
+    assert fields_of(written(tmp_path, text)) == {"faults.gps.0.from", "faults.gps.0.until"}
+
+
+@pytest.mark.parametrize(
+    ("section", "how"),
+    [("gps", "fault: outage"), ("star_tracker", "star_tracker.enabled: false"),
+     ("star_camera", "star_tracker.enabled: false"), ("imu", "")],
+)  # fmt: skip
+def test_a_section_taken_away_says_how_to_fly_without(section, how):
+    (line,) = messages(DEFAULT, [f"{section}=null"])
+    assert line.startswith(f"--set {section}=null") or f" {section}: is missing" in line
+    assert "this section is required" in line and how in line
+    assert ("; without" in line) == bool(how)
+
+
+def test_the_outage_that_is_told_is_a_good_scenario():
+    text = WITHOUT["gps",].partition("'faults: {gps: ")[2].removesuffix("}'")
+    (fault,) = load("orbit", [f"faults.gps={text}"]).faults.gps
+    assert (fault.fault, fault.start) == ("outage", 0.0)

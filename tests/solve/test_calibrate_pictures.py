@@ -3,6 +3,7 @@
 import importlib
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from shefex_nav.frames import camera_file
 from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
 from shefex_nav.papers.stills import random_attitude
 from shefex_nav.scenario import load
-from shefex_nav.solve.calibration import calibrate, hot_pixels, lens_fit, noise, pictures
+from shefex_nav.solve.calibration import calibrate, hot_pixels, lens_fit, noise, pictures, table
 from shefex_nav.solve.header import Taken
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -210,6 +211,28 @@ def test_its_section_stands_in_a_scenario(folder):
     assert scenario.star_camera.optics.focal_length == pytest.approx(
         camera_file.base(out).camera.params.camera.pinhole.focal_length_px * 9.9e-6, rel=1e-9
     )
+
+
+def test_pictures_of_one_direction_are_remarked():
+    """0.3 deg about the boresight's x, and a roll that moves no boresight; a field of view of 15 deg."""
+    turn, angle = np.radians(0.3), np.radians(40.0)
+    about_x = np.array([[1, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]])
+    about_z = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    apart = calibrate._apart([np.eye(3), about_x, about_z])
+    assert apart == pytest.approx(turn) and calibrate._apart([np.eye(3)]) == 0.0
+    found = SimpleNamespace(
+        size_px=(1000, 1000), lens=SimpleNamespace(values=[3800.0]), apart=apart, pictures=["a", "b", "c"]
+    )
+    assert "turn the camera" in table._alike(found)
+    found.apart = np.radians(3.0)
+    assert table._alike(found) == ""
+
+
+def test_the_table_says_what_is_in_the_width_of_a_spot(folder):
+    shown = called(*sorted(folder.glob("p*.png")), "--epoch", YEAR)
+    assert shown.exit_code == 0, shown.output
+    words = " ".join(shown.output.replace("│", " ").split())
+    assert "moved during the exposure" in words and "pictures look apart by" in words
 
 
 def test_what_cannot_be_calibrated_is_said_with_its_exit_code(folder):

@@ -52,6 +52,7 @@ def test_table_and_field_of_view(sky, fov):
     assert done.exit_code == 0, done.output
     for text in (
         "right ascension",
+        "the middle of the picture",
         "declination",
         "field of view",
         "brightest stars",

@@ -149,7 +149,7 @@ def split(flown, first):
 def _fitted(scenario, fitted, held, without, seed):
     """(content of the file without tests, SightingModel); without : the runs that failed, those lost."""
     from shefex_nav.campaign.characterise import fit, model
-    from shefex_nav.report.metrics import WRONG_ANGLE
+    from shefex_nav.report.star_metrics import WRONG_ANGLE
 
     tracker, runs = scenario.star_tracker, [one.collected for one in fitted]
     sightings = fit.sightings(runs, tracker.highest_rate, tracker.detection.saturation)
@@ -164,7 +164,7 @@ def _fitted(scenario, fitted, held, without, seed):
 
 def _judged(scenario, sightings, held, statistical):
     from shefex_nav.campaign.characterise import judge
-    from shefex_nav.report.metrics import WRONG_ANGLE
+    from shefex_nav.report.star_metrics import WRONG_ANGLE
 
     rendered = [one.collected for one in held]
     fixes = [judge.of_frames(one.frames) for one in rendered]

@@ -17,6 +17,8 @@ ROUNDING = 1e-12  # of the figures: a smaller difference is the order in which o
 CONFIDENCE = intervals.CONFIDENCE
 A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is no interval
 NOT_JUDGED = 2  # verdict where the difference is not that of the two sides alone
+EQUAL = 3  # verdict of an interval without zero that is nowhere as large as NEGLIGIBLE
+NEGLIGIBLE = 1e-3  # of the larger of the two means: certain, and of no use to anybody
 
 
 class Sample(NamedTuple):
@@ -80,7 +82,10 @@ def difference(a, b, *, larger_is_better=False):
     if not found.any():  # without scatter there is no interval, nor anything to be certain of
         return Difference(n, 0.0, None, None, 0, 0, NOT_SEEN)
     low, high = intervals.mean(found)
-    return Difference(n, mean, low, high, *counts, _verdict(low, high, larger_is_better))
+    verdict = _verdict(low, high, larger_is_better)
+    if verdict != NOT_SEEN and max(-low, high) < NEGLIGIBLE * max(abs(a.mean()), abs(b.mean())):
+        verdict = EQUAL
+    return Difference(n, mean, low, high, *counts, verdict)
 
 
 def _no_interval(found):

@@ -92,6 +92,8 @@ def verdict(found, one):
         return f"no interval: {found.why}"
     if found.verdict == paired.NOT_JUDGED:
         return f"not judged: {found.why}"
+    if found.verdict == paired.EQUAL:
+        return f"equal within {100.0 * paired.NEGLIGIBLE:g} %"
     if found.verdict == paired.NOT_SEEN:
         undecided = found.low is not None and found.n < FEW
         return f"open: only {found.n} pairs" if undecided else "no difference seen"

@@ -10,6 +10,7 @@ VERDICTS = {
     paired.A_BETTER: "a",
     paired.B_BETTER: "b",
     paired.NOT_SEEN: "none",
+    paired.EQUAL: "none",
     paired.NOT_JUDGED: None,
     None: None,
 }

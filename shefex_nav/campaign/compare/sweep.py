@@ -16,7 +16,7 @@ from shefex_nav.campaign.parts import Part
 from shefex_nav.scenario import load, software, sweeps
 
 SHOWN = tuple(  # of `quantities`: the first that there is
-    (f"{quantity} at entry", f"{quantity}, rms of the run")
+    (f"{quantity} at entry", f"{quantity}, rms since two star fixes", f"{quantity}, rms of the run")
     for quantity in ("position", "velocity", "attitude")
 )
 
@@ -84,7 +84,7 @@ def _met(side):
 
 
 def _shown(every):
-    """Quantities that are told: of those of the entry that a side has, else of the run."""
+    """Quantities that are told: of the entry, since two star fixes     or of the run, as a side has them."""
     by_name = {one.name: one for one in QUANTITIES}
     for names in SHOWN:
         there = (name for name in names if any(_median(side, by_name[name]) is not None for side in every))
@@ -110,11 +110,10 @@ def _combinations(every, settings):
         rows.append(((-(met or 0), last), (side.letter, *own.values(), *cells, *numbers)))
     figures = (f">{one.name} [{one.unit}]" for one in shown)
     heads = "", *settings[0], ">all required met", ">flown to the end", *figures
-    ranks = (
-        "the attitude alone, as nothing is required"
-        if not any(map(_met, every))
-        else ("the runs that met all that is required, then the attitude")
-    )
+    required = any(_met(side) is not None for side in every)
+    ranks = "the attitude alone, as nothing is required"
+    if required:
+        ranks = "the runs that met all that is required, then the attitude"
     lines = (
         f"Medians of the runs that flew to their end. The first is the best by {ranks}; of many combinations "
         "that are equally good one stands first by chance.",

@@ -13,11 +13,26 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import at_epoch, photocentres, select
+from shefex_nav.errors import UserError
 from shefex_nav.onboard.startracker import kvector, tables
 from shefex_nav.onboard.startracker.settings import Catalogue
 from shefex_nav.settings import declared
 
 KINDS, SYSTEMS = (get_args(declared(Catalogue)[name][0]) for name in ("kind", "system"))
+
+
+class CatalogueError(UserError, ValueError):
+    """No catalogue, or no pairs of its stars, can be made of the settings."""
+
+    def __init__(self, words, field=()):
+        """field : path of the setting in a scenario"""
+        self.words, self.field = words, field
+        super().__init__(f"{'.'.join(field)}: {words}" if field else words)
+
+    @classmethod
+    def of(cls, key, words):
+        """About a key of settings.Catalogue."""
+        return cls(words, ("star_tracker", "catalogue", key))
 
 
 class OnboardCatalogue(NamedTuple):
@@ -61,7 +76,8 @@ def build(settings, catalogue, julian_year, inclusive=True):
 
     Raises
     ------
-    ValueError : a kind or magnitude system that does not exist, or a size that cannot be had
+    CatalogueError : no such stars, or not as many
+    ValueError : a kind or magnitude system that does not exist
     """
     if settings.kind not in KINDS:
         raise ValueError(f"unknown star catalogue {settings.kind!r}; choose from: {', '.join(KINDS)}")
@@ -106,7 +122,9 @@ def pool(settings, catalogue, inclusive=True):
     limit = limits(settings, catalogue.u_i)
     within = own <= limit if inclusive else own < limit
     if not within.any():
-        raise ValueError(f"no star is as bright as {settings.faintest} ({settings.system})")
+        raise CatalogueError.of(
+            "faintest", f"no star is as bright as {settings.system} {settings.faintest:g}"
+        )
     stars = photocentres(catalogue, catalogue.vmag[within].max(), settings.merge_radius)
     stars = select(stars, np.isin(stars.hip, catalogue.hip[within]))
     stars = select(stars, np.argsort(getattr(stars, column), kind="stable"))
@@ -118,7 +136,7 @@ def limits(settings, u_i):
     south = settings.faintest_south
     if south is None:
         if settings.kind == "asymmetric":
-            raise ValueError("an asymmetric star catalogue needs faintest_south")
+            raise CatalogueError.of("faintest_south", "an asymmetric catalogue needs it")
         south = settings.faintest
     return np.where(u_i[:, 2] < 0.0, south, settings.faintest)
 
@@ -142,9 +160,11 @@ def spread_rows(u_i, n_keep, n_stars):
     """
     n = len(u_i)
     if n_stars > n:
-        raise ValueError(f"a star catalogue of {n_stars} stars: only {n} are within its limits of magnitude")
+        words = f"{n_stars} stars are wanted, only {n} are within the limits of magnitude"
+        raise CatalogueError.of("size", words)
     if n_stars < max(n_keep, 1):
-        raise ValueError(f"a star catalogue of {n_stars} stars: {n_keep} are to be kept in any case")
+        words = f"{n_stars} stars are wanted, but keep_to alone keeps {n_keep}"
+        raise CatalogueError.of("size", words)
     u_i = np.ascontiguousarray(u_i)
     low, high = 0.0, np.pi
     rows = np.arange(n_stars)
@@ -185,9 +205,12 @@ def pair_table(stars, max_angle):
     order = np.argsort(cosine, kind="stable")
     cosine, first, second = cosine[order], first[order], second[order]
     if len(cosine) < 2:
-        raise ValueError(
-            f"{len(stars.hip)} stars make {len(cosine)} pairs within {max_angle:.3g} rad: too few"
+        words = (
+            f"no attitude is possible: of the {len(stars.hip)} stars of the catalogue, no two pairs fit into "
+            f"the field of view, {np.degrees(max_angle):.3g} deg along its diagonal; take a shorter focal "
+            "length, or a fainter star_tracker.catalogue.faintest"
         )
+        raise CatalogueError(words, ("star_camera", "optics", "focal_length"))
     index = kvector.build(cosine)
     quick = tables.build(stars, max_angle, cosine, first, second, index)
     return StarPairs(stars, cosine, first, second, index, quick, stars.vmag[first], stars.vmag[second])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.records import Reason
-from shefex_nav.report import metrics
+from shefex_nav.report import star_metrics
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
 
@@ -63,9 +63,9 @@ def _conditions(rows, data):
     t_s = np.array([frame.t_valid_s for frame in frames])
     rate_deg_s = np.degrees([frame.rate for frame in frames])
     style.curve(rows[0], t_s, rate_deg_s, color=style.BLUE)
-    rows[0].axhline(np.degrees(metrics.WINDOW_RATE), color=style.BLACK, lw=1.0, ls="--")
+    rows[0].axhline(np.degrees(star_metrics.WINDOW_RATE), color=style.BLACK, lw=1.0, ls="--")
     rows[0].annotate(
-        "window of the star tracker", (0.5, np.degrees(metrics.WINDOW_RATE)), (0, 3),
+        "window of the star tracker", (0.5, np.degrees(star_metrics.WINDOW_RATE)), (0, 3),
         xycoords=rows[0].get_yaxis_transform(), textcoords="offset points", ha="center", fontsize=9,
     )  # fmt: skip
     style.log_scale(rows[0], bottom=1e-2, top=max(10.0, 2.0 * float(rate_deg_s.max())))
@@ -86,10 +86,10 @@ def _conditions(rows, data):
 @style.styled
 def star_errors(data):
     """Error of the fixes about each camera axis with 3 sigma. RunData -> Figure; None without fixes."""
-    errors = metrics.star_errors(data)
+    errors = star_metrics.star_errors(data)
     if not len(errors.t_s):
         return None
-    wrong = np.linalg.norm(errors.rotation_c, axis=1) > metrics.WRONG_ANGLE
+    wrong = np.linalg.norm(errors.rotation_c, axis=1) > star_metrics.WRONG_ANGLE
     good = ~wrong
     mean = errors.rotation_c[good].mean(axis=0) if good.any() else np.zeros(3)
     words = "Star tracker: error of every fix about the axes of the camera"

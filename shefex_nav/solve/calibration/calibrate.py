@@ -35,6 +35,7 @@ class Calibration(NamedTuple):
     noise: noise.Noise | None
     hot: hot_pixels.HotPixels
     why: dict  # name -> words, of what is not told
+    apart: float  # rad, largest angle between the axes of two pictures
 
 
 def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
@@ -64,8 +65,15 @@ def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
         why["psf_sigma"] = f"fewer than {spots.FEWEST} stars are bright and not saturated"
     return Calibration(
         size_px, lens, int(sum(keep.sum() for keep in lens.used)), [one.name for one in seen], unsolved,
-        psf, _noise(seen, known, why), _hot(seen, lens, size_px), why,
+        psf, _noise(seen, known, why), _hot(seen, lens, size_px), why, _apart(lens.attitudes),
     )  # fmt: skip
+
+
+def _apart(attitudes):
+    """Largest angle between the boresights of attitudes C_ci, rad; 0 of a single one."""
+    axes_i = np.array([C_ci[2] for C_ci in attitudes])
+    chords = np.linalg.norm(axes_i[:, None] - axes_i, axis=2)  # exact for small angles
+    return float(2.0 * np.arcsin(min(0.5 * chords.max(), 1.0)))
 
 
 def check_together(seen):

@@ -9,6 +9,9 @@ UNITS = dict.fromkeys(NAMES, "") | dict.fromkeys(NAMES[:3], "px")
 TITLES = {"focal_length_px": "focal length", "cx_px": "principal point x", "cy_px": "principal point y"}
 UNTOLD = "not told by these stars; the sigma is that of lenses nobody has measured"
 SHOWN = 10  # hot pixels
+BLURRED = "with what stars moved during the exposure, focus and air: of the pictures, not of the lens alone"
+SAME_PLACE = 0.1  # of the field of view, width
+SAME_STARS = "all look at nearly the same stars at nearly the same places: turn the camera between pictures"
 
 
 def as_numbers(found):
@@ -25,6 +28,7 @@ def as_numbers(found):
         "pictures": found.pictures,
         "unsolved": [{"file": one.name, "reason": one.reason} for one in found.unsolved],
         "stars": found.n_stars,
+        "largest_angle_between_pictures_deg": float(np.degrees(found.apart)),
         "residual_px": lens.residual_px,
         "lens": {
             name: {"value": float(value), "sigma": float(sigma), "told": bool(is_told)}
@@ -69,11 +73,20 @@ def detector(found):
         if pair is None:
             table.add_row(title, "-", "-", unit, words or found.why.get("noise", ""))
         else:
-            table.add_row(title, *_digits(*pair), unit, found.why.get(f"{name}_gain", ""))
+            known = BLURRED if name == "psf_sigma" else found.why.get(f"{name}_gain", "")
+            table.add_row(title, *_digits(*pair), unit, known)
     hot = found.hot
     table.add_row("hot pixels", "-" if hot.why else str(len(hot.excess)), "", "", hot.why or _brightest(hot))
+    if len(found.pictures) > 1:
+        table.add_row("pictures look apart by", f"{np.degrees(found.apart):.3g}", "", "deg", _alike(found))
     table.add_row("stars off the lens", f"{found.lens.residual_px:.3f}", "", "px rms", "")
     return table
+
+
+def _alike(found):
+    """Words where all pictures look in one direction; the lens is then known at few places."""
+    field = 2.0 * np.arctan(0.5 * found.size_px[0] / found.lens.values[0])
+    return SAME_STARS if found.apart < SAME_PLACE * field else ""
 
 
 def _brightest(hot):

@@ -1,0 +1,117 @@
+"""Is the sky, as the star camera sees it, bright enough for the star tracker, and not too bright?
+
+Three figures of a scenario, without any picture: how many stars of the catalogue are in the field of view on
+average; to which magnitude the detection finds a star at rest in the longest exposure; the mean grey value of
+the empty sky in the shortest one. They flatter the star tracker (no motion, no stray light), so what fails
+here fails in flight.
+
+A star of E electrons has the share erf(h / sqrt(2) / s)^2 of them in a square of 2 h pixels around its middle
+(Gaussian spot of standard deviation s). The detection finds it where that exceeds its threshold: `seed_sigma`
+times the noise of a sum of 3x3 pixels, of a pixel where the scan looks at single ones, or an amount of charge
+(`run_length`).
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment import ephemeris, stars
+from shefex_nav.onboard.startracker import catalogue
+from shefex_nav.scenario.of_settings import settings
+from shefex_nav.scenario.software import BUILT_IN
+from shefex_nav.world.camera import detector
+
+BLOCK = 3.0  # pixels, side of the sums that are searched (onboard.startracker.background)
+SPHERE = 4.0 * math.pi
+SURE = 20.0  # stars in the field on average: there are pairs enough
+
+
+class Light(NamedTuple):
+    """What the star camera of a scenario sees of the sky."""
+
+    in_field: float  # stars of the catalogue in the field of view, on average
+    faintest: float  # V that is found of a star at rest
+    found: float  # stars of the catalogue as bright as that, in the field of view, on average
+    empty_dn: float  # mean grey value of the empty sky in the shortest exposure
+    field_deg: tuple  # (2,) width and height of the field of view
+
+
+def of(scenario):
+    """Light of a Scenario; raises CatalogueError where no catalogue can be made."""
+    camera, tracker = settings(scenario.star_camera), settings(scenario.star_tracker)
+    chip, optics = camera.detector, camera.optics
+    half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
+    known = _known(tracker.catalogue, ephemeris.julian_year(scenario.mission.epoch))
+    share = _solid_angle(*half) / SPHERE
+    if share * len(known.hip) < SURE:
+        catalogue.pair_table(known, 2.0 * math.atan(math.hypot(*half)))
+    faintest = _faintest(camera, tracker)
+    electrons_per_dn = detector.electronics(chip, tracker.exposure.gain).electrons_per_dn
+    return Light(
+        share * len(known.hip),
+        faintest,
+        share * int(np.count_nonzero(known.vmag <= faintest)),
+        chip.black_level + chip.background * tracker.exposure.shortest / electrons_per_dn,
+        tuple(math.degrees(2.0 * math.atan(one)) for one in half),
+    )
+
+
+@lru_cache(maxsize=8)  # `trade` asks for hundreds of cameras with one catalogue
+def _known(of_catalogue, julian_year):
+    """OnboardCatalogue of settings.Catalogue."""
+    return catalogue.build(of_catalogue, stars.load_catalogue(8.0), julian_year)
+
+
+def _solid_angle(x, y):
+    """Of a rectangle of half sides x, y at the distance 1, sr."""
+    return 4.0 * math.asin(x * y / math.sqrt((1.0 + x * x) * (1.0 + y * y)))
+
+
+def _faintest(camera, tracker):
+    """V of the faintest star at rest that the detection finds in the longest exposure."""
+    chip, exposure, detection = camera.detector, tracker.exposure, tracker.detection
+    per_dn = detector.electronics(chip, exposure.gain).electrons_per_dn
+    sky = chip.background * exposure.longest  # electrons
+    noise = math.sqrt(chip.read_noise**2 + sky + per_dn**2 / 12.0)
+    side = 1.0 if detection.scan in ("run_length", "single_pixels") else BLOCK
+    threshold = detection.seed_sigma * side * noise
+    if detection.scan == "run_length":
+        threshold = detection.run_length.threshold
+    share = math.erf(0.5 * side / math.sqrt(2.0) / camera.optics.psf_sigma) ** 2
+    collected = share * camera.optics.zero_magnitude_flux * exposure.longest
+    return 2.5 * math.log10(collected / threshold)
+
+
+def warnings(scenario):
+    """(path in the scenario, text) of what leaves the star tracker without stars, or without a dark sky."""
+    if not scenario.star_tracker.enabled:
+        return
+    if scenario.star_tracker.software != BUILT_IN:
+        return
+    seen, tracker = of(scenario), settings(scenario.star_tracker)
+    width, height = seen.field_deg
+    field = f"a field of view of {width:.3g} x {height:.3g} deg"
+    wanted, exposure = tracker.identification.fewest_stars, tracker.exposure
+    if seen.in_field < wanted:
+        words = (
+            f"{field} holds {seen.in_field:.2g} stars of the catalogue on average, {wanted} are needed: take "
+            "a shorter focal length, or a fainter star_tracker.catalogue.faintest"
+        )
+        yield ("star_camera", "optics", "focal_length"), words
+    elif seen.found < wanted:
+        words = (
+            f"in {1e3 * exposure.longest:g} ms the detection finds stars to V {seen.faintest:.1f}, of which "
+            f"{field} holds {seen.found:.2g} on average, and {wanted} are needed: it takes more light "
+            "(f_number, transmission, star_tracker.exposure.longest) or less noise"
+        )
+        yield ("star_camera", "optics", "zero_magnitude_flux"), words
+    if seen.empty_dn > exposure.brightest_mean:
+        words = (
+            f"the empty sky has a mean grey value of {seen.empty_dn:.0f} DN in the shortest exposure, "
+            f"{1e3 * exposure.shortest:g} ms, at a gain of {exposure.gain:g} dB; frames above "
+            f"{exposure.brightest_mean:g} DN count as saturated and give no attitude: lower the gain, or "
+            "raise brightest_mean"
+        )
+        yield ("star_tracker", "exposure", "brightest_mean"), words

@@ -1,0 +1,179 @@
+"""Figures of the star tracker in a run: its errors, its window, what frames gave and why others did not.
+
+Definitions: see `metrics`.
+"""
+
+import math
+from collections import Counter
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.records import Reason
+from shefex_nav.report.sizes import largest, rms
+
+WRONG_ANGLE = math.radians(0.5)
+WINDOW_RATE = math.radians(2.0)  # rad/s
+RATES_DEG_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, math.inf)  # bounds of by_rate
+_ARCSEC = math.degrees(1.0) * 3600.0
+
+
+class StarErrors(NamedTuple):
+    """The M fixes given as good, against the true attitude of the camera."""
+
+    number: np.ndarray  # (M,) of the frame
+    t_s: np.ndarray  # (M,) middle of the exposure
+    rotation_c: np.ndarray  # (M, 3) rad
+    sigma_c: np.ndarray  # (M, 3) rad, as the star tracker reports it
+
+
+def star_errors(data):
+    """StarErrors of a RunData."""
+    true_q_ic = {truth.number: truth.q_ic for truth in data.frame_truths}
+    good = [fix for fix in data.star_fixes if fix.reason == Reason.NONE and fix.number in true_q_ic]
+    if not good:
+        return StarErrors(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    estimates = np.array([fix.q_ic for fix in good])
+    return StarErrors(
+        np.array([fix.number for fix in good]),
+        np.array([fix.t_valid_s for fix in good]),
+        rotvec_between(estimates, np.array([true_q_ic[fix.number] for fix in good])),
+        np.sqrt(np.array([np.diag(fix.P_c) for fix in good])),
+    )
+
+
+def window_frames(data):
+    """Numbers of the frames in the star tracker's window, and how many ticks in it had no frame."""
+    inside = [frame.exclusion_met and frame.rate <= WINDOW_RATE for frame in data.frame_truths]
+    numbers = {frame.number for frame, is_in in zip(data.frame_truths, inside, strict=True) if is_in}
+    t_s = np.array([frame.t_valid_s for frame in data.frame_truths])
+    if len(t_s) < 3:
+        return numbers, 0
+    steps = np.diff(t_s)
+    missing = np.maximum(np.round(steps / np.median(steps)).astype(int) - 1, 0)
+    both = np.array(inside[1:]) & np.array(inside[:-1])
+    return numbers, int(missing[both].sum())
+
+
+def summarise(data, known):
+    """What `metrics.summarise` has of the star tracker. known : Configured of the run"""
+    window, n_missing = window_frames(data)
+    reasons = {fix.number: fix.reason for fix in data.star_fixes}
+    no_fix = Counter({"no_frame": n_missing} if n_missing else {})
+    for number in window:
+        reason = reasons.get(number)
+        if reason is None:
+            no_fix["no_result"] += 1
+        elif reason != Reason.NONE:
+            no_fix[Reason(reason).name.lower()] += 1
+    errors = star_errors(data)
+    angle = np.linalg.norm(errors.rotation_c, axis=1)
+    in_window = np.isin(errors.number, list(window))
+    chosen = errors.rotation_c[in_window]
+    return {
+        "frames": len(data.frame_truths),
+        "in_window": len(window) + n_missing,
+        "outside": _outside(data, window, known),
+        "solved": int(in_window.sum()),
+        "fixes": len(angle),  # of the whole flight
+        "wrong": int((angle > WRONG_ANGLE).sum()),
+        "no_fix": dict(sorted(no_fix.items())),
+        "objects_without_fix": _median(
+            len(fix.detections.flux_dn) for fix in _refused(data, window, Reason.TOO_FEW_STARS)
+        ),
+        "saturated_dn": {
+            "median": _median(fix.background_dn for fix in _refused(data, window, Reason.SATURATED)),
+            "limit": _brightest_mean(known.scenario),
+        },
+        "error_arcsec": {
+            "cross_axis_rms": rms(chosen[:, :2].ravel()) * _ARCSEC,
+            "boresight_rms": rms(chosen[:, 2]) * _ARCSEC,
+            "max": largest(angle[in_window]) * _ARCSEC,
+            "mean": (np.mean(chosen, axis=0) * _ARCSEC).tolist() if len(chosen) else None,  # x, y, z
+            # without the run's mean, which is mounting and principal point and not in the covariance
+            "normalised_rms": rms(((chosen - np.mean(chosen, axis=0)) / errors.sigma_c[in_window]).ravel())
+            if len(chosen)
+            else None,
+        },
+        "by_rate": by_rate(data, errors),
+        "chain_ms": _chain_ms(data.compute_times.chain_s),
+    }
+
+
+def _refused(data, window, reason):
+    """Fixes of frames in the window that gave none for a reason."""
+    return (fix for fix in data.star_fixes if fix.number in window and fix.reason == reason)
+
+
+def _median(values):
+    values = list(values)
+    return float(np.median(values)) if values else None
+
+
+def _brightest_mean(scenario):
+    """Mean grey value above which a frame counts as saturated; None without a Scenario."""
+    return None if scenario is None else float(scenario.star_tracker.exposure.brightest_mean)
+
+
+def _outside(data, window, limits):
+    """Frames out of the window: {sun, sun_and_earth_limb, earth_limb, excluded, rate: count}, each once."""
+    reasons = Counter()
+    for frame in data.frame_truths:
+        if frame.number in window:
+            continue
+        if frame.exclusion_met:
+            reasons["rate"] += 1
+        else:
+            sun_limit = limits.sun_exclusion_rad
+            if sun_limit is None:
+                reasons["excluded"] += 1
+            else:
+                of_limb = frame.limb_angle < limits.limb_exclusion_rad
+                of_sun = "sun_and_earth_limb" if of_limb else "sun"
+                reasons[of_sun if frame.sun_angle < sun_limit else "earth_limb"] += 1
+    return dict(sorted(reasons.items()))
+
+
+def by_rate(data, errors):
+    """Frames and fixes by the true rate: list of dicts, slowest first, of the intervals that have frames.
+
+    RunData, its StarErrors -> from_deg_s, to_deg_s (None: no limit), frames, solved, wrong, and of the fixes
+    that are not wrong cross_axis_rms_arcsec, boresight_rms_arcsec and nees, the mean squared normalised
+    error of three degrees of freedom, without the mean error of the run.
+    """
+    frames = [frame for frame in data.frame_truths if frame.exclusion_met]
+    number = np.array([frame.number for frame in frames], dtype=int)
+    rate_deg_s = np.degrees([frame.rate for frame in frames])
+    wrong = np.linalg.norm(errors.rotation_c, axis=1) > WRONG_ANGLE
+    good = np.isin(errors.number, number) & ~wrong
+    mean = np.mean(errors.rotation_c[good], axis=0) if good.any() else np.zeros(3)
+    covariances = {fix.number: fix.P_c for fix in data.star_fixes}
+    result = []
+    for low, high in pairwise(RATES_DEG_S):
+        inside = number[(rate_deg_s >= low) & (rate_deg_s < high)]
+        fixed = np.isin(errors.number, inside)
+        if not len(inside):
+            continue
+        rotation = errors.rotation_c[fixed & ~wrong]
+        P_c = [covariances[k] for k in errors.number[fixed & ~wrong].tolist()]
+        squares = [e @ np.linalg.solve(P, e) for e, P in zip(rotation - mean, P_c, strict=True)]
+        result.append(
+            {
+                "from_deg_s": low,
+                "to_deg_s": high if math.isfinite(high) else None,
+                "frames": len(inside),
+                "solved": int(fixed.sum()),
+                "wrong": int((fixed & wrong).sum()),
+                "cross_axis_rms_arcsec": rms(rotation[:, :2].ravel()) * _ARCSEC,
+                "boresight_rms_arcsec": rms(rotation[:, 2]) * _ARCSEC,
+                "nees": float(np.mean(squares)) if squares else None,
+            }
+        )
+    return result
+
+
+def _chain_ms(chain_s):
+    median, p99 = np.percentile(chain_s * 1e3, [50, 99]).tolist() if len(chain_s) else (None, None)
+    return {"median": median, "p99": p99}

@@ -1,0 +1,106 @@
+"""Rows of the table about the star tracker: frames, fixes, their errors, and why frames gave none."""
+
+import math
+
+from rich.text import Text
+
+from shefex_nav.report.sizes import number
+
+MANY = 0.2  # of the frames: refused for one reason, which is explained
+FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
+
+
+def star_rows(star):
+    """(name, words) of what `metrics.summarise` has of the star tracker."""
+    if not star["frames"]:
+        yield "frames", "none taken"
+        return
+    share = f" ({100.0 * star['solved'] / star['in_window']:.1f} %)" if star["in_window"] else ""
+    yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
+    yield "solved in the window", f"{star['solved']}{share}"
+    if outside := star.get("outside"):
+        beyond = star["fixes"] - star["solved"]
+        yield "outside it", f"{beyond} of {sum(outside.values())} solved; {_outside(outside)}"
+    yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
+    yield from _rate_rows(star["by_rate"])
+    if star["no_fix"]:
+        reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
+        yield "no fix", ", ".join(reasons)
+        yield from _why(star)
+    error = star["error_arcsec"]
+    mean = error.get("mean")
+    across = None if mean is None else math.hypot(*mean[:2]) / math.sqrt(2.0)  # rms of two axes
+    about = None if mean is None else abs(mean[2])
+    for name, key, constant, of in (
+        ("across", "cross_axis_rms", across, "mounting, principal point"),
+        ("about", "boresight_rms", about, "mounting"),
+    ):
+        yield f"error {name} the boresight", _parts(error[key], constant, of)
+    chain = star["chain_ms"]
+    if chain["median"] is not None:
+        median, p99 = (number(chain[key], 2, "ms") for key in ("median", "p99"))
+        yield "time per frame", f"{median} median, 99 % below {p99}"
+
+
+def _why(star):
+    """What frames of the window need that are refused for one reason in large numbers."""
+    for reason, words in (
+        ("residuals", _of_residuals),
+        ("too_few_stars", _of_few_stars),
+        ("saturated", _of_saturated),
+    ):
+        if star["no_fix"].get(reason, 0) > MANY * star["frames"]:
+            yield reason.replace("_", " "), Text(words(star), style="bold yellow")
+
+
+def _of_residuals(_):
+    words = "stars lie farther from their places than their centroids are said to be wrong by; "
+    return f"{words}star_tracker.centroid_floor allows for it"
+
+
+def _of_few_stars(star):
+    objects = star.get("objects_without_fix")
+    found = "" if objects is None else f"objects found in such a frame: {number(objects, 0)} (median); "
+    return (
+        f"{found}there is too little light (star_camera.optics, star_tracker.exposure.longest), or too small "
+        "a field of view; `shefex-nav check` foresees both"
+    )
+
+
+def _of_saturated(star):
+    mean, limit = (star.get("saturated_dn", {}).get(key) for key in ("median", "limit"))
+    above = "star_tracker.exposure.brightest_mean"
+    above = above if limit is None else f"{number(limit, 0, 'DN')} ({above})"
+    is_above = "is" if mean is None else f"is {number(mean, 0, 'DN')} (median),"
+    lower = "a smaller star_tracker.exposure.gain or shortest lowers it"
+    return f"the mean grey value {is_above} above {above}: {lower}"
+
+
+def _parts(rms, constant, of):
+    """An error of star fixes, arcsec, and how much of it the run's mean is, which is made `of` this."""
+    if constant is None or rms is None:
+        return number(rms, 1, '" rms')
+    scatter = math.sqrt(max(rms**2 - constant**2, 0.0))
+    return f'{number(rms, 1)}" rms: constant {number(constant, 1)}" ({of}), scatter {number(scatter, 1)}"'
+
+
+def _outside(counts):
+    """Why frames are out of the window, in words."""
+    words = {"sun": "too near to the Sun", "sun_and_earth_limb": "to both Sun and Earth's limb"}
+    words |= {"earth_limb": "to the Earth's limb"}
+    words |= {"excluded": "too near to Sun or limb", "rate": "too fast"}  # a log that does not say to which
+    near = next((name for name in words if name in counts), None)
+    if near in ("sun_and_earth_limb", "earth_limb"):
+        words[near] = f"too near {words[near]}"
+    return ", ".join(f"{counts[name]} {words[name]}" for name in words if name in counts)
+
+
+def _rate_rows(by_rate):
+    """Success against rate, of a star tracker that fixes well beyond the window's 2 deg/s."""
+    if not any(row["solved"] for row in by_rate if row["from_deg_s"] >= FAST_DEG_S):
+        return
+    for row in by_rate:
+        low, high = row["from_deg_s"], row["to_deg_s"]
+        name = f"solved above {low:.0f} deg/s" if high is None else f"solved at {low:.0f} to {high:.0f} deg/s"
+        share = 100.0 * row["solved"] / row["frames"]
+        yield name, f"{row['solved']} of {row['frames']} ({share:.1f} %)"

@@ -1,0 +1,98 @@
+"""A star camera that cannot see enough stars, or only a bright sky, is told before the flight."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shefex_nav.commands.main import main
+from shefex_nav.environment.stars import load_catalogue
+from shefex_nav.onboard.startracker.catalogue import CatalogueError
+from shefex_nav.report import programme, star_light
+from shefex_nav.scenario import load
+
+CATALOGUE = "star_tracker.catalogue"
+
+
+def warned(*overrides):
+    """{field: text} of what is said of the default camera with overrides."""
+    found = star_light.warnings(load.load("shefex2_andoya", overrides))
+    return {".".join(path): text for path, text in found}
+
+
+def test_the_default_camera_sees_enough():
+    assert warned() == {}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "field", "words"),
+    [
+        (["star_camera.optics.focal_length=25 m"], "star_camera.optics.focal_length", "no two pairs fit"),
+        (["star_tracker.catalogue.faintest=-3 mag"], "star_tracker.catalogue.faintest", "no star is as"),
+        ([f"{CATALOGUE}.kind=combined", f"{CATALOGUE}.size=7000"], f"{CATALOGUE}.size", "are wanted, only"),
+        ([f"{CATALOGUE}.kind=combined", f"{CATALOGUE}.size=300"], f"{CATALOGUE}.size", "keep_to alone"),
+    ],
+)
+def test_catalogues_that_cannot_be(overrides, field, words):
+    """Each was a traceback of `run`."""
+    scenario = load.load("shefex2_andoya", overrides)
+    with pytest.raises(CatalogueError) as caught:
+        programme.foreseen(scenario)
+    assert ".".join(caught.value.field) == field and words in str(caught.value)
+
+
+def test_check_names_the_line_and_ends_with_2(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "long.yaml"
+    text = "extends: orbit\nmission: {name: far}\nstar_camera: {optics: {focal_length: 25 m}}\n"
+    path.write_text(text, encoding="utf-8")
+    monkeypatch.setattr("sys.argv", ["shefex-nav", "check", str(path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith(f"{path}:3:38: star_camera.optics.focal_length: no attitude is possible")
+
+
+def test_too_narrow_a_field():
+    """The mean number of stars is that of the catalogue times the share of the sky: here a small one."""
+    (text,) = warned("star_camera.optics.focal_length=120 mm").values()
+    stars = np.count_nonzero(load_catalogue(8.0).vmag <= 5.5)
+    share = (659 * 9.9e-3 / 120.0) * (493 * 9.9e-3 / 120.0) / (4.0 * math.pi)
+    assert f"holds {stars * share:.2g} stars" in text and "4 are needed" in text
+
+
+def test_too_little_light():
+    """A hundredth of the light is five magnitudes less, whatever the rest."""
+    bright = load.load("shefex2_andoya")
+    flux = bright.star_camera.optics.zero_magnitude_flux
+    less = [f"star_camera.optics.zero_magnitude_flux={flux / 100.0} electron/s"]
+    dark = load.load("shefex2_andoya", less)
+    assert star_light.of(bright).faintest - star_light.of(dark).faintest == pytest.approx(5.0)
+    assert "star_camera.optics.zero_magnitude_flux" in warned(
+        f"star_camera.optics.zero_magnitude_flux={flux / 1000.0} electron/s"
+    )
+
+
+def test_a_sky_that_counts_as_saturated():
+    """Grey value = black level + charge over the conversion at the gain: 20 dB are a factor of ten."""
+    found = warned("star_tracker.exposure.gain=60 dB")
+    (text,) = found.values()
+    scenario = load.load("shefex2_andoya", ["star_tracker.exposure.gain=60 dB"])
+    chip = scenario.star_camera.detector
+    charge = chip.background * scenario.star_tracker.exposure.shortest
+    empty_dn = chip.black_level + 1000.0 * charge / chip.conversion
+    assert list(found) == ["star_tracker.exposure.brightest_mean"]
+    assert f"{empty_dn:.0f} DN" in text and "60 dB" in text
+
+
+def test_nothing_is_said_without_a_star_tracker():
+    assert warned("star_tracker.enabled=false", "star_tracker.exposure.gain=60 dB") == {}
+
+
+def test_orbits_are_looked_at_too():
+    """A receiver that falls silent at 500 m/s, and a camera that looks down."""
+    down = "programme.slew.elevation=-90 deg"
+    overrides = ["gps.highest_speed=500 m/s", "programme.slew.azimuth=0 deg", down]
+    said = {".".join(one.field): one.text for one in programme.foreseen(load.load("orbit", overrides))}
+    assert "is exceeded for 90" in said["gps.highest_speed"]
+    assert "into the Earth" in said["programme.slew"]
