@@ -58,7 +58,7 @@ def prepare(scenario, files):
     pressure.check(scenario, data)
     data, common = clocks.made_one(scenario, data)
     oddities = plausible.check(scenario, data)
-    odd = (*clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
+    odd = (*data.oddities, *clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
     oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(
