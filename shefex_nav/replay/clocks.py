@@ -67,7 +67,9 @@ def made_one(scenario, data):
     wanted_s = scenario.gnss.clock_offset
     if np.isinf(wanted_s):
         if found is None:
-            words = f"within {MOST_S:g} s the motion does not show it; GNSS velocities in one that changes would"
+            words = (
+                f"within {MOST_S:g} s the motion does not show it; GNSS velocities in one that changes would"
+            )
             raise DataError(f"gnss.clock_offset: 'find': {words}; give a time")
         wanted_s = found.offset_s
     if not wanted_s:
@@ -103,7 +105,7 @@ def find(imu, fixes, arm_b=NO_ARM):
     pairs = [(a, b) for a, b in pairwise(fixes) if _is_usable(a, b)]
     if len(pairs) < FEWEST:
         return None
-    seen, kinds = _Seen(imu, arm_b), []
+    seen, kinds = Seen(imu, arm_b), []
     shifts_s = np.arange(-MOST_S, MOST_S + 0.5 * COARSE_S, COARSE_S)
     for kind in (_force(seen, pairs), _course_rate(seen, pairs)):
         cost = _costs(kind, seen, shifts_s)
@@ -154,7 +156,7 @@ class _Kind(NamedTuple):
     own_s: float  # 1 sigma of the offset that comes out, whatever the noise
 
 
-class _Seen:
+class Seen:
     """Integrals of the IMU in axes that do not turn, at the times of its samples."""
 
     def __init__(self, imu, arm_b):
