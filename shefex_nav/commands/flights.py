@@ -4,6 +4,7 @@ import signal
 from contextlib import contextmanager
 
 from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.errors import SoftwareError
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
 
@@ -24,6 +25,29 @@ def about(scenario, loaded=None):
 
             warn(loaded, programme.of_parts(loaded))
         raise FlightError(f"{scenario}: {error}") from None
+
+
+@contextmanager
+def object_of_failed(log, as_json):
+    """Prints what `report --json` says of a flight in whose log the user's software failed; it goes on failing.
+
+    log : Path, or None of a flight that has none
+    """
+    before = written(log)
+    try:
+        yield
+    except SoftwareError:
+        if as_json and written(log) != before:
+            from shefex_nav.report import metrics
+            from shefex_nav.runs import open_run
+
+            print_json(metrics.summarise(open_run(log).data, log=log))
+        raise
+
+
+def written(log):
+    """When a file was written last; None if there is none."""
+    return log.stat().st_mtime_ns if log is not None and log.exists() else None
 
 
 def warn(scenario, warnings):

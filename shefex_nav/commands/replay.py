@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
+from shefex_nav.commands.flights import object_of_failed
 from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, stdout
@@ -36,7 +37,8 @@ def replay(
     if log is not None:
         check_place(log, "--log")
     summarise = _of_log if is_log(Path(source)) else _of_data
-    summary = summarise(source, data, overrides or (), from_s, log)
+    with object_of_failed(log, json):
+        summary = summarise(source, data, overrides or (), from_s, log)
     if json:
         print_json(summary)
     else:
