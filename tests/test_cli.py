@@ -50,6 +50,41 @@ def test_check_of_a_good_scenario(command, default_scenario):
     assert "good" in result.out
 
 
+def test_check_as_an_object(command, tmp_path):
+    """Errors and warnings by file, line, column, field; what is printed without --json stays as it was."""
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("extends: night_sky\nimu: {gyro: {bias: 3 metres}}\nstar_camera: {fuu: 3}\n")
+    plain, told = command("check", bad), command("check", bad, "--json")
+    assert (plain.code, plain.out) == (2, "") and (told.code, told.err) == (2, plain.err)
+    found = json.loads(told.out)
+    first, second = found["errors"]
+    text = "'metres' is not a unit; expected one as in '0.5 deg/h'"
+    assert first == {"file": str(bad), "line": 2, "column": 20, "field": "imu.gyro.bias", "text": text}
+    assert (second["line"], second["field"], found["good"]) == (3, "star_camera.fuu", False)
+    for override in ("imu.gyro.bias=3", "nowhere=3"):
+        (said,) = json.loads(command("check", "night_sky", "--json", "--set", override).out)["errors"]
+        assert said["file"] is None and said["field"] == override.partition("=")[0]
+    good = tmp_path / "good.yaml"
+    good.write_text("extends: night_sky\nnavigation:\n  told: {imu: {gyro: {bias: 3 deg/h}}}\n")
+    plain, told = (
+        command("check", good, "--against", "night_sky"),
+        command("check", good, "--against", "night_sky", "--json"),
+    )
+    found = json.loads(told.out)
+    (said,) = found["told_otherwise"]
+    assert said["line"] == 3 and said["field"] == "navigation.told.imu.gyro.bias" and found["good"]
+    assert plain.out == "\n".join([f"{good}: good", *found["differences"]]) + "\n"
+    assert found["differences"] and plain.code == told.code == 0
+
+
+def test_a_warning_of_check_as_an_object(command):
+    plain, told = command("check", "bright_four_star"), command("check", "bright_four_star", "--json")
+    (said,) = json.loads(told.out)["warnings"]
+    assert plain.err == told.err and plain.out == "bright_four_star: good, with 1 warning\n"
+    place = f"{said['file']}:{said['line']}:{said['column']}"
+    assert f"warning: {place}: {said['field']}: {said['text']}\n" == plain.err
+
+
 def test_a_process_says_the_same_and_ends_with_its_code(command, process, default_scenario):
     """The other tests of messages run the command line in this process, which is the same and quicker."""
     for arguments in (("check", default_scenario), ("check", default_scenario, "--set", "gps.latency=nan s")):

@@ -29,7 +29,7 @@ def about(scenario, loaded=None):
 
 @contextmanager
 def object_of_failed(log, as_json):
-    """Prints what `report --json` says of a flight in whose log the user's software failed; it goes on failing.
+    """Prints what `report --json` says of a flight whose software failed; the failure goes on.
 
     log : Path, or None of a flight that has none
     """
