@@ -14,6 +14,11 @@ _FLOWN = (  # name, key, digits, unit
 )
 
 
+_ERRORS = (
+    ("position error", "position_error_m", 1, "m"),
+    ("velocity error", "velocity_error_m_s", 3, "m/s"),
+    ("attitude error", "attitude_error_deg", 3, "deg"),
+)
 MOST_FAULTS = 12  # in the table
 DOUBTS = {  # records.Doubt for people
     "level": "protection level above requirements.{quantity}.limit",
@@ -81,10 +86,14 @@ def _requirement_rows(judged, is_part):
 def _flight_rows(flight, *, stood):
     estimated = flight["of"] == "solution"
     if flight["climbs_at_km"] is not None:
-        yield "height at the end", f"{number(flight['climbs_at_km'], 1, 'km')}, no apogee before it"
+        yield (
+            "height at the end",
+            f"{number(flight['climbs_at_km'], 1, 'km')} above the ellipsoid, no apogee before it",
+        )
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
-            yield name, number(flight[key], digits, unit)
+            above = " above the ellipsoid" if key == "apogee_km" else ""
+            yield name, f"{number(flight[key], digits, unit)}{above}"
     if flight.get("at_impact"):
         yield "impact at", place(flight["at_impact"])
     if stood and flight["max_speed_m_s"] is None:
@@ -162,9 +171,9 @@ def _own_rows(software, section):
 
 
 def _navigation_rows(navigation):
-    yield "position error", _pair(navigation["position_error_m"], 1, "m")
-    yield "velocity error", _pair(navigation["velocity_error_m_s"], 3, "m/s")
-    yield "attitude error", _pair(navigation["attitude_error_deg"], 3, "deg")
+    for name, key, digits, unit in _ERRORS:
+        if navigation[key]["rms"] is not None:  # without truth there are none
+            yield name, _pair(navigation[key], digits, unit)
     if pointing := navigation.get("while_pointing"):
         sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
         largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)
