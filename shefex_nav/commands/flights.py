@@ -3,7 +3,7 @@
 import signal
 from contextlib import contextmanager
 
-from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.commands.printing import counter, print_json, say, stdout
 from shefex_nav.errors import SoftwareError
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
@@ -114,6 +114,21 @@ def _interruptible(records):
         for record in records:
             if asked:
                 raise KeyboardInterrupt
+            yield record
+
+
+def followed(records, start_s, end_s):
+    """The same records of a replay; how far it is is shown on stderr: a bar, or a line for each tenth."""
+    from shefex_nav.progress import lines
+    from shefex_nav.records import ImuBlock
+
+    total, done = max(int(end_s - start_s), 1), 0
+    with counter(total, lines(total, say)) as count:
+        for record in records:
+            if type(record) is ImuBlock:
+                for _ in range(done, min(total, int(record.t_valid_s - start_s))):
+                    done += 1
+                    count(f"T{record.t_valid_s:+.0f} s of T{end_s:+.0f} s")
             yield record
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
-from shefex_nav.commands.flights import object_of_failed
+from shefex_nav.commands.flights import followed, object_of_failed
 from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, stdout
@@ -55,7 +55,7 @@ def _of_data(source, folder, overrides, from_s, log):
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_data(scenario, files, from_s, log)
+        return replayed.of_data(scenario, files, from_s, log, followed)
 
 
 def _of_log(source, folder, overrides, from_s, log):
@@ -68,7 +68,7 @@ def _of_log(source, folder, overrides, from_s, log):
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_log(recording, from_s, log)
+        return replayed.of_log(recording, from_s, log, followed)
 
 
 @contextmanager
