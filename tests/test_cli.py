@@ -191,6 +191,19 @@ def test_time_of_a_picture_that_is_not_asked_for(command, default_run):
     assert "--screenshot" in result.err
 
 
+def test_a_log_that_another_process_makes_meanwhile(command, tmp_path, monkeypatch):
+    """Two runs at once to one file: the second is refused in the words of one that comes later."""
+    from shefex_nav.commands import run
+
+    path = tmp_path / "run.mcap"
+    path.write_text("of another run")
+    late = command("run", "night_sky", "--until", "1s", "--out", path)
+    monkeypatch.setattr(run, "check_file", lambda *given, **how: None)  # it was not there then
+    told = command("run", "night_sky", "--until", "1s", "--out", path)
+    assert told.code == late.code == 2 and told.err.splitlines()[-1] == late.err.splitlines()[-1]
+    assert "add --force" in told.err and path.read_text() == "of another run"
+
+
 def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path):
     out = tmp_path / "run.mcap"
     out.write_bytes(b"precious")

@@ -66,6 +66,10 @@ class LogError(UserError):
     """A log cannot be written or read; the message says why and is for people."""
 
 
+class LogExists(LogError):
+    """A log would be overwritten, and nobody has said that it may be."""
+
+
 class Mission(NamedTuple):
     """What one run is, and what a reader of its log must know to make sense of it."""
 
