@@ -16,6 +16,7 @@ from shefex_nav import records as rec
 from shefex_nav.commands.main import app
 from shefex_nav.geometry.frames import ecef_from_inertial, inertial_from_ecef
 from shefex_nav.geometry.wgs84 import ecef_from_geodetic
+from shefex_nav.log import topics
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import export, geography, metrics
 
@@ -152,6 +153,13 @@ def _places_e(flight):
     c, s = np.cos(angle), np.sin(angle)
     out["impact"] = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ end.r_i
     return out
+
+
+def test_columns_say_when_samples_are_and_in_which_order():
+    """The rows of a tick of the IMU: when the last ends, and that the first is the oldest."""
+    fields = {one.name: one.comment for one in topics.of_record(rec.ImuBlock).fields}
+    assert "end of the last sample" in fields["t_valid_s"]
+    assert "oldest sample first" in fields["dtheta_b_rad"]
 
 
 def test_geojson_has_launch_and_impact_where_they_were(flight):
