@@ -82,7 +82,7 @@ def program(words):
     """Remote of a program."""
     with plugins.trusting():
         words, sha256 = plugins.program(words)
-    return remote.Remote(remote.started(words, sha256), 60.0)
+    return remote.Remote(remote.started(words, sha256), 60.0, 120.0)
 
 
 def main():

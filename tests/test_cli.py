@@ -50,6 +50,41 @@ def test_check_of_a_good_scenario(command, default_scenario):
     assert "good" in result.out
 
 
+def test_check_as_an_object(command, tmp_path):
+    """Errors and warnings by file, line, column, field; what is printed without --json stays as it was."""
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("extends: night_sky\nimu: {gyro: {bias: 3 metres}}\nstar_camera: {fuu: 3}\n")
+    plain, told = command("check", bad), command("check", bad, "--json")
+    assert (plain.code, plain.out) == (2, "") and (told.code, told.err) == (2, plain.err)
+    found = json.loads(told.out)
+    first, second = found["errors"]
+    text = "'metres' is not a unit; expected one as in '0.5 deg/h'"
+    assert first == {"file": str(bad), "line": 2, "column": 20, "field": "imu.gyro.bias", "text": text}
+    assert (second["line"], second["field"], found["good"]) == (3, "star_camera.fuu", False)
+    for override in ("imu.gyro.bias=3", "nowhere=3"):
+        (said,) = json.loads(command("check", "night_sky", "--json", "--set", override).out)["errors"]
+        assert said["file"] is None and said["field"] == override.partition("=")[0]
+    good = tmp_path / "good.yaml"
+    good.write_text("extends: night_sky\nnavigation:\n  told: {imu: {gyro: {bias: 3 deg/h}}}\n")
+    plain, told = (
+        command("check", good, "--against", "night_sky"),
+        command("check", good, "--against", "night_sky", "--json"),
+    )
+    found = json.loads(told.out)
+    (said,) = found["told_otherwise"]
+    assert said["line"] == 3 and said["field"] == "navigation.told.imu.gyro.bias" and found["good"]
+    assert plain.out == "\n".join([f"{good}: good", *found["differences"]]) + "\n"
+    assert found["differences"] and plain.code == told.code == 0
+
+
+def test_a_warning_of_check_as_an_object(command):
+    plain, told = command("check", "bright_four_star"), command("check", "bright_four_star", "--json")
+    (said,) = json.loads(told.out)["warnings"]
+    assert plain.err == told.err and plain.out == "bright_four_star: good, with 1 warning\n"
+    place = f"{said['file']}:{said['line']}:{said['column']}"
+    assert f"warning: {place}: {said['field']}: {said['text']}\n" == plain.err
+
+
 def test_a_process_says_the_same_and_ends_with_its_code(command, process, default_scenario):
     """The other tests of messages run the command line in this process, which is the same and quicker."""
     for arguments in (("check", default_scenario), ("check", default_scenario, "--set", "gps.latency=nan s")):
@@ -154,6 +189,19 @@ def test_time_of_a_picture_that_is_not_asked_for(command, default_run):
     result = command("view", default_run.log, "--at", "300s")
     assert result.code == 2
     assert "--screenshot" in result.err
+
+
+def test_a_log_that_another_process_makes_meanwhile(command, tmp_path, monkeypatch):
+    """Two runs at once to one file: the second is refused in the words of one that comes later."""
+    from shefex_nav.commands import run
+
+    path = tmp_path / "run.mcap"
+    path.write_text("of another run")
+    late = command("run", "night_sky", "--until", "1s", "--out", path)
+    monkeypatch.setattr(run, "check_file", lambda *given, **how: None)  # it was not there then
+    told = command("run", "night_sky", "--until", "1s", "--out", path)
+    assert told.code == late.code == 2 and told.err.splitlines()[-1] == late.err.splitlines()[-1]
+    assert "add --force" in told.err and path.read_text() == "of another run"
 
 
 def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path):

@@ -62,6 +62,14 @@ def test_files_that_grow_too_large(words, out, named, log, tmp_path):
     assert not (tmp_path / named).exists()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="no limit of the size of files, or another error")
+def test_a_log_that_grows_too_large(tmp_path):
+    done = shefex_nav("run", "night_sky", "--until", "2s", "--out", tmp_path / "night.mcap", code=LIMITED)
+    assert done.returncode == 2
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"{tmp_path / 'night.mcap'}: cannot be written: {TOO_LARGE}")
+
+
 def test_a_failure_of_something_else_is_not_said_of_the_file(tmp_path):
     for error, name in ((OSError(errno.ENOSPC, "full"), tmp_path / "a"), (OSError(errno.EIO, "", "b"), "b")):
         with pytest.raises(OSError) as caught, whole(tmp_path / "a"):

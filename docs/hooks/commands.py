@@ -21,7 +21,8 @@ def text():
         "# Commands",
         "Made from the program's help (`--help` behind any command). Results go to stdout, progress and "
         "messages to stderr. Exit codes: 0 done; 2 bad input, one message, nothing written; 1 an internal "
-        "fault, or what the command itself says; 3 software of your own failed in flight; 130 interrupted.",
+        "fault, or what the command itself says; 3 software of your own failed in flight; 130 interrupted. "
+        "What `--json` prints with each: [In a pipeline](../how-to/pipeline.md).",
     ]
     for name, command in commands(typer.main.get_command(app)):
         parts += _command(name, command)

@@ -1,13 +1,30 @@
 """`shefex-nav check`: is a scenario file good, and does it fit its flight?"""
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
 from shefex_nav.commands.flights import about, warn
-from shefex_nav.commands.options import Overrides, Scenario
-from shefex_nav.commands.printing import say, stdout
+from shefex_nav.commands.options import Json, Overrides, Scenario
+from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.errors import UserError
+
+PLACED = re.compile(
+    r"(?P<file>.+?):(?P<line>\d+):(?P<column>\d+): (?:(?P<field>[\w.-]+): )?(?P<text>.*)", re.DOTALL
+)
+OVERRIDDEN = re.compile(r"--set (?P<field>[^\s=]+)(?:=.*?)?: (?P<text>.*)", re.DOTALL)
+
+
+class Checked(NamedTuple):
+    """What is to be said of a scenario."""
+
+    loaded: object  # Scenario, its states settled
+    warnings: list  # of report.programme.Warned
+    told: list  # lines about what the computer is told otherwise than it is
+    effects: object  # of states that were chosen, for their table
+    differences: list  # lines
 
 
 def check(
@@ -17,15 +34,32 @@ def check(
         Path | None,
         typer.Option(help="List each value that differs from a campaign's folder, a log or a scenario."),
     ] = None,
+    json: Json = False,
 ):
     """Check a scenario file; all its errors at once, with line and column.
 
     A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told, and
     errors of the IMU that last in it but are noise to the filter.
     """
-    from shefex_nav.scenario import aboard, load, starlight, surroundings, told
+    try:
+        found = _checked(scenario, overrides or (), against)
+    except UserError as error:
+        if json:
+            lines = getattr(error, "messages", (str(error),))
+            print_json(_object(scenario, errors=[_of_line(one) for one in lines]))
+        raise
+    warn(found.loaded, found.warnings)
+    if json:
+        print_json(_of_good(scenario, found))
+    else:
+        _print(scenario, found)
 
-    loaded, differences = load.load(scenario, overrides or ()), []
+
+def _checked(scenario, overrides, against):
+    """Checked of the scenario with this name."""
+    from shefex_nav.scenario import aboard, load, surroundings, told
+
+    loaded, differences = load.load(scenario, overrides), []
     if against is not None:
         from shefex_nav.campaign import against as other
 
@@ -38,16 +72,53 @@ def check(
         surroundings.check(loaded)
         loaded, effects = prepare.settled_with_effects(loaded)
         found = programme.foreseen(loaded)
-    warn(loaded, found)
-    count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
-    for line in told.lines(loaded):
+    return Checked(loaded, list(found), list(told.lines(loaded)), effects, list(differences))
+
+
+def _print(scenario, found):
+    """For people; the warnings are printed already."""
+    from shefex_nav.scenario import starlight
+
+    n = len(found.warnings)
+    count = f", with {n} warning{'s' if n > 1 else ''}" if n else ""
+    for line in found.told:
         say(f"told otherwise: {line}")
-    if light := starlight.of_section(loaded.star_camera):
+    if light := starlight.of_section(found.loaded.star_camera):
         say(f"star_camera.optics.zero_magnitude_flux: {light.words()}")
     typer.echo(f"{scenario}: good{count}")
-    if effects:
+    if found.effects:
         from shefex_nav.report import states
 
-        stdout(130).print(states.table(effects))
-    for line in differences:
+        stdout(130).print(states.table(found.effects))
+    for line in found.differences:
         typer.echo(line)
+
+
+def _of_good(scenario, found):
+    """JSON object of a scenario without errors."""
+    warnings = [
+        {**_of_line(found.loaded.line_about(one.field, one.text)), "field": ".".join(map(str, one.field))}
+        for one in found.warnings
+    ]
+    told = [_of_line(one) for one in found.told]
+    return _object(scenario, warnings=warnings, told_otherwise=told, differences=found.differences)
+
+
+def _object(scenario, *, errors=(), warnings=(), told_otherwise=(), differences=()):
+    """JSON object."""
+    return {
+        "scenario": str(scenario),
+        "good": not errors,
+        "errors": list(errors),
+        "warnings": list(warnings),
+        "told_otherwise": list(told_otherwise),
+        "differences": list(differences),
+    }
+
+
+def _of_line(line):
+    """File, line, column, field and text of a line for people; null where it names none."""
+    found = PLACED.fullmatch(line) or OVERRIDDEN.fullmatch(line)
+    said = {"file": None, "line": None, "column": None, "field": None, "text": line}
+    said |= found.groupdict() if found else {}
+    return said | {name: said[name] and int(said[name]) for name in ("line", "column")}

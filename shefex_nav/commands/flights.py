@@ -3,7 +3,8 @@
 import signal
 from contextlib import contextmanager
 
-from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.commands.printing import counter, print_json, say, stdout
+from shefex_nav.errors import SoftwareError
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
 
@@ -28,6 +29,29 @@ def about(scenario, loaded=None):
 
             warn(loaded, programme.of_parts(loaded))
         raise FlightError(f"{scenario}: {error}") from None
+
+
+@contextmanager
+def object_of_failed(log, as_json):
+    """Prints what `report --json` says of a flight whose software failed; the failure goes on.
+
+    log : Path, or None of a flight that has none
+    """
+    before = written(log)
+    try:
+        yield
+    except SoftwareError:
+        if as_json and written(log) != before:
+            from shefex_nav.report import metrics
+            from shefex_nav.runs import open_run
+
+            print_json(metrics.summarise(open_run(log).data, log=log))
+        raise
+
+
+def written(log):
+    """When a file was written last; None if there is none."""
+    return log.stat().st_mtime_ns if log is not None and log.exists() else None
 
 
 def warn(scenario, warnings):
@@ -94,6 +118,21 @@ def _interruptible(records):
         for record in records:
             if asked:
                 raise KeyboardInterrupt
+            yield record
+
+
+def followed(records, start_s, end_s):
+    """The same records of a replay; how far it is is shown on stderr: a bar, or a line for each tenth."""
+    from shefex_nav.progress import lines
+    from shefex_nav.records import ImuBlock
+
+    total, done = max(int(end_s - start_s), 1), 0
+    with counter(total, lines(total, say)) as count:
+        for record in records:
+            if type(record) is ImuBlock:
+                for _ in range(done, min(total, int(record.t_valid_s - start_s))):
+                    done += 1
+                    count(f"T{record.t_valid_s:+.0f} s of T{end_s:+.0f} s")
             yield record
 
 

@@ -81,7 +81,9 @@ def new(
         raise typer.BadParameter(f"{file}: a {kind} is a file that ends in {ending}", param_hint="FILE")
     check_place(file, "FILE")
     text = (TEMPLATES / template.file).read_text(encoding="utf-8")
-    text = text.replace("FILE", str(file)).replace("name: NAME", f"name: {file.stem}")
+    stem = os.path.join(".", file.with_suffix(""))
+    for word, meant in (("FILE", file), ("PROGRAM", stem), ("name: NAME", f"name: {file.stem}")):
+        text = text.replace(word, str(meant))
     others = {file.parent / name: (TEMPLATES / name).read_text(encoding="utf-8") for name in template.beside}
     written = {file: text} | {path: content for path, content in others.items() if not path.exists()}
     try:
@@ -91,7 +93,6 @@ def new(
     except OSError as error:
         raise typer.BadParameter(f"{error.filename}: {error.strerror}", param_hint="FILE") from None
     say(f"wrote {', '.join(map(str, written))}; fly it:")
-    stem = os.path.join(".", file.with_suffix(""))
     for line in template.next:
         say(f"  {line.format(file=file, stem=stem)}")
     if template.note:

@@ -3,11 +3,23 @@
 Each function takes the name of the option that the path was given with, which the message begins with.
 """
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
 OTHER_NAME, OR_FORCE = "choose another name", "choose another name or add --force"
+
+
+@contextmanager
+def not_made_meanwhile(path, option, instead):
+    """Refuses a log that another process has made since it was checked, in the words of `check_place`."""
+    from shefex_nav.log.topics import LogExists
+
+    try:
+        yield
+    except LogExists:
+        raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option) from None
 
 
 def check_file(path, option, *, force, given=()):

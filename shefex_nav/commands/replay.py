@@ -11,8 +11,9 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
+from shefex_nav.commands.flights import followed, object_of_failed
 from shefex_nav.commands.options import Json, mission_time
-from shefex_nav.commands.output_files import check_place
+from shefex_nav.commands.output_files import OTHER_NAME, check_place, not_made_meanwhile
 from shefex_nav.commands.printing import print_json, stdout
 from shefex_nav.log.mcap_file import is_log
 
@@ -36,7 +37,8 @@ def replay(
     if log is not None:
         check_place(log, "--log")
     summarise = _of_log if is_log(Path(source)) else _of_data
-    summary = summarise(source, data, overrides or (), from_s, log)
+    with object_of_failed(log, json), not_made_meanwhile(log, "--log", OTHER_NAME):
+        summary = summarise(source, data, overrides or (), from_s, log)
     if json:
         print_json(summary)
     else:
@@ -53,7 +55,7 @@ def _of_data(source, folder, overrides, from_s, log):
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_data(scenario, files, from_s, log)
+        return replayed.of_data(scenario, files, from_s, log, followed)
 
 
 def _of_log(source, folder, overrides, from_s, log):
@@ -66,7 +68,7 @@ def _of_log(source, folder, overrides, from_s, log):
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_log(recording, from_s, log)
+        return replayed.of_log(recording, from_s, log, followed)
 
 
 @contextmanager

@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import about, show_run, warn, watched
+from shefex_nav.commands.flights import about, object_of_failed, show_run, warn, watched, written
 from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
-from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.output_files import OR_FORCE, check_file, not_made_meanwhile
 from shefex_nav.commands.printing import say
 from shefex_nav.commands.view import THE_INPUT_SAYS
 
@@ -61,7 +61,8 @@ def run(
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     if earlier:
         say(f"{earlier} is of an earlier run and stays as it is")
-    with about(scenario, loaded), _kept(path):
+    once = not_made_meanwhile(path, "--out", OR_FORCE)
+    with about(scenario, loaded), _kept(path), object_of_failed(path, json), once:
         flown = runs.fly(
             loaded,
             seed,
@@ -80,18 +81,13 @@ def run(
 @contextmanager
 def _kept(log):
     """Says where a flight is that is interrupted."""
-    before = _written(log)
+    before = written(log)
     try:
         yield
     except KeyboardInterrupt:
-        if _written(log) != before:
+        if written(log) != before:
             say(f"{log}: what was flown until now")
         raise
-
-
-def _written(log):
-    """When a file was written last; None if there is none."""
-    return log.stat().st_mtime_ns if log.exists() else None
 
 
 def _check_until(until, until_s, start_s, earliest_s):

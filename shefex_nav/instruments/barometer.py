@@ -183,10 +183,11 @@ def pressure_altitude(read):
 
 
 def _positive(pressure):
-    return pressure > 0.0
+    return (pressure > 0.0) & (pressure < MOST_PA)
 
 
-STATIC = "a static pressure is greater than zero"
+MOST_PA = 1e9  # [E] static pressure that no vehicle meets
+STATIC = "a static pressure is greater than zero and below 1e9 Pa"
 BAROMETER = instrument.Instrument(
     name="barometer",
     settings=Barometer,

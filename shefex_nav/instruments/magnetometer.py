@@ -243,6 +243,11 @@ def check(settings, use, year):
         yield ("mission", "epoch"), words
 
 
+def _measurable(field_b):
+    """Whether there can be such a field. (..., 3) T -> (..., 3) bool"""
+    return np.abs(field_b) < 1e3  # [E]
+
+
 MAGNETOMETER = instrument.Instrument(
     name="magnetometer",
     settings=Magnetometer,
@@ -256,7 +261,18 @@ MAGNETOMETER = instrument.Instrument(
     limited=limited,
     told=("hard_iron", "soft_iron", "noise", "quantum"),
     stream=11,
-    data=(DataColumn("field", "field_b", "uT", "T", "columns of the magnetic field", vector=True),),
+    data=(
+        DataColumn(
+            "field",
+            "field_b",
+            "uT",
+            "T",
+            "columns of the magnetic field",
+            vector=True,
+            is_valid=_measurable,
+            wanted="a field is below 1000 T",
+        ),
+    ),
     at_limit=_at_limit,
     plots=(
         Plot("field", "Magnetic field along body x, y, z", "uT", _micro_tesla),

@@ -66,6 +66,10 @@ class LogError(UserError):
     """A log cannot be written or read; the message says why and is for people."""
 
 
+class LogExists(LogError):
+    """A log would be overwritten, and nobody has said that it may be."""
+
+
 class Mission(NamedTuple):
     """What one run is, and what a reader of its log must know to make sense of it."""
 
@@ -154,11 +158,11 @@ OWN = (
         number("propellant_kg", "kg", "gas used since the start"),
     )),
     Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "The IMU samples of a tick, oldest first.", (
-        T_VALID,
+        number("t_valid_s", "s", "mission time at the end of the last sample"),
         T_AVAILABLE,
         number("dt_s", "s", "duration of one sample"),
-        number("dtheta_b", "rad", "integrated rate, body axes, n x 3 row by row", (EQUAL, 3)),
-        number("dv_b", "m/s", "integrated specific force, body axes, n x 3", (EQUAL, 3)),
+        number("dtheta_b", "rad", "integrated rate, body axes, n x 3, oldest sample first", (EQUAL, 3)),
+        number("dv_b", "m/s", "integrated specific force, body axes, likewise", (EQUAL, 3)),
         flag("saturated", "a sample reached the range of its sensor"),
         flag("valid", "false: the unit did not answer, the samples are NaN"),
     )),

@@ -9,11 +9,9 @@ a run that is killed keeps all but its last second. In real time it is due ten t
 once would hold up the next tick.
 """
 
-import errno
 import json
 import logging
 import os
-import shutil
 import time
 from contextlib import contextmanager
 from functools import partial
@@ -29,7 +27,7 @@ from shefex_nav.errors import CodeError
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log import topics, wire
 from shefex_nav.log.steady import Reached
-from shefex_nav.log.topics import LogError, RunSummary, Timing
+from shefex_nav.log.topics import LogError, LogExists, RunSummary, Timing
 from shefex_nav.records import (
     ComputeTime,
     Event,
@@ -145,11 +143,29 @@ class LogWriter:
             yield
         except RuntimeError as error:  # the SDK has no public type for it
             self._abandon()
-            is_full = shutil.disk_usage(self.path.parent).free < _CHUNK_BYTES
-            words = os.strerror(errno.ENOSPC) if is_full else str(error)
+            words = self._refusal() or str(error)
             raise LogError(
                 f"{self.path}: cannot be written: {words}; what was written before can be read"
             ) from error
+
+    def _refusal(self):
+        """Why the machine takes no more, which the SDK does not pass on: disk full, file too large, quota.
+
+        It is asked once more, with a chunk at the end of the file; what it takes of that goes again.
+        '' if it takes all of it.
+        """
+        try:
+            with self.path.open("r+b", buffering=0) as file:
+                end = file.seek(0, os.SEEK_END)
+                try:
+                    left = _CHUNK_BYTES
+                    while left > 0:
+                        left -= file.write(bytes(left))
+                finally:
+                    file.truncate(end)
+        except OSError as error:
+            return os.strerror(error.errno)
+        return ""
 
     def _abandon(self):
         """Let go of a file that cannot be written on."""
@@ -209,7 +225,7 @@ class LogWriter:
         from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
         if self.path.exists() and not overwrite:
-            raise LogError(f"{self.path}: exists already; choose another name or ask to overwrite it")
+            raise LogExists(f"{self.path}: exists already; choose another name or pass overwrite=True")
         if not self.path.parent.is_dir():
             raise LogError(f"{self.path}: cannot be written: no folder {self.path.parent}")
         options = MCAPWriteOptions(

@@ -10,9 +10,10 @@ The lever arm of the antenna counts: in a bend it goes elsewhere than the IMU. W
 not slip is not known; a metre between it and the IMU moves the course by 1 m over the speed, in time. So an
 offset by the course is a coarse one, and the filter's own estimate (state gps_latency) is better by far.
 
-The offset is where the squared differences over their noise are least, while a constant difference of each
-kind (biases) is free. Its sigma is from the curvature there, larger by what the differences are larger than
-the noise. Nothing is said where the motion does not show it.
+The offset is where the squared differences over their noise are least per pair of fixes, while a constant
+difference of each kind (biases) is free. Its sigma is from the curvature there, larger by what the
+differences are larger than the noise, and from how far away an offset fits nearly as well: between two fixes
+the motion may begin anywhere. Nothing is said where the motion does not show it.
 """
 
 from itertools import pairwise
@@ -26,8 +27,10 @@ from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.replay.align_motion import over_ground
 from shefex_nav.scenario.data_table import DataError
 
-MOST_S = 3.0  # [E] largest offset that is looked for
-STEP_S = 0.01  # [E] of the search
+MOST_S = 20.0  # [E] largest offset that is looked for: more than the leap seconds between GPS and UTC, 18 s
+COARSE_S, STEP_S = 0.05, 0.01  # [E] of the search, and around what it finds
+INFORMED = 0.25  # [E] of the motion that all pairs show, which those within the IMU's data must have
+LIKELY = 3.0  # sigma, up to which an offset fits nearly as well
 LONGEST_S = 2.5  # [E] between fixes that are compared
 FEWEST = 8  # [E] pairs of fixes
 SLOW = 3.0  # [E] m/s over the ground, below which a course means nothing
@@ -64,7 +67,9 @@ def made_one(scenario, data):
     wanted_s = scenario.gnss.clock_offset
     if np.isinf(wanted_s):
         if found is None:
-            words = "the motion does not show it; GNSS velocities in a motion that changes would"
+            words = (
+                f"within {MOST_S:g} s the motion does not show it; GNSS velocities in one that changes would"
+            )
             raise DataError(f"gnss.clock_offset: 'find': {words}; give a time")
         wanted_s = found.offset_s
     if not wanted_s:
@@ -98,24 +103,37 @@ def find(imu, fixes, arm_b=NO_ARM):
     """
     fixes = [fix for fix in fixes if fix.valid and np.isfinite(fix.v_ea_e[0])]
     pairs = [(a, b) for a, b in pairwise(fixes) if _is_usable(a, b)]
-    inside = [
-        pair for pair in pairs
-        if imu.t_s[0] + MOST_S < pair[0].t_valid_s and pair[1].t_valid_s < imu.t_s[-1] - MOST_S
-    ]  # fmt: skip
-    if len(inside) < FEWEST:
+    if len(pairs) < FEWEST:
         return None
-    shifts_s = np.arange(-MOST_S, MOST_S + 0.5 * STEP_S, STEP_S)
-    seen = _Seen(imu, arm_b)
-    cost, count, coarse_s = np.zeros(len(shifts_s)), 0, 0.0
-    for said, sigma, felt, own_s in (_force(seen, inside), _course_rate(seen, inside)):
-        if len(said) < FEWEST:
+    seen, kinds = Seen(imu, arm_b), []
+    shifts_s = np.arange(-MOST_S, MOST_S + 0.5 * COARSE_S, COARSE_S)
+    for kind in (_force(seen, pairs), _course_rate(seen, pairs)):
+        cost = _costs(kind, seen, shifts_s)
+        fits = np.isfinite(cost)
+        count = len(kind.said)
+        if fits.any() and cost[fits].max() >= 4.0 * cost[fits].min() + 4.0 * count:
+            kinds.append(kind)  # otherwise nothing happens that would show it
+    return _least(kinds, seen, shifts_s) if kinds else None
+
+
+def _costs(kind, seen, shifts_s):
+    """Sum of squared differences at each shift, as if all pairs were in it; inf where too few show motion.
+
+    kind : _Kind -> (len(shifts_s),)
+    """
+    cost, count = np.full(len(shifts_s), np.inf), len(kind.said)
+    if count < FEWEST:
+        return cost
+    motion = _misfit(kind.said, kind.sigma, np.zeros(count)) / count
+    for k, shift_s in enumerate(shifts_s):
+        inside = (kind.begin_s + shift_s >= seen.t_s[0]) & (kind.end_s + shift_s <= seen.t_s[-1])
+        n = np.count_nonzero(inside)
+        if n < max(FEWEST, 0.5 * count):
             continue
-        misfit = np.array([_misfit(said, sigma, felt(shift_s)) for shift_s in shifts_s])
-        if misfit.max() < 4.0 * misfit.min() + 4.0 * len(said):
-            continue  # nothing happens that would show it
-        cost, count = cost + misfit, count + len(said)
-        coarse_s = max(coarse_s, own_s)
-    return _least(shifts_s, cost, count, coarse_s) if count else None
+        said, sigma = kind.said[inside], kind.sigma[inside]
+        if _misfit(said, sigma, np.zeros(n)) >= INFORMED * motion * n:
+            cost[k] = _misfit(said, sigma, kind.felt(shift_s)[inside]) * count / n
+    return cost
 
 
 def is_reported(offset):
@@ -127,7 +145,18 @@ def _is_usable(earlier, later):
     return 0.0 < later.t_valid_s - earlier.t_valid_s <= LONGEST_S
 
 
-class _Seen:
+class _Kind(NamedTuple):
+    """Something that both see, of n pairs of fixes."""
+
+    begin_s: np.ndarray  # (n,) the earlier fix
+    end_s: np.ndarray  # (n,)
+    said: np.ndarray  # (n,) by GNSS
+    sigma: np.ndarray  # (n,) of that
+    felt: object  # by the IMU: function of a shift [s] -> (n,)
+    own_s: float  # 1 sigma of the offset that comes out, whatever the noise
+
+
+class Seen:
     """Integrals of the IMU in axes that do not turn, at the times of its samples."""
 
     def __init__(self, imu, arm_b):
@@ -168,8 +197,7 @@ def _times(pairs):
 
 
 def _force(seen, pairs):
-    """Lengths of the specific force [m/s^2]: by GNSS, their sigma, by the IMU at a shift, and 1 sigma [s] of
-    the offset that comes out, whatever the noise."""
+    """Lengths of the specific force [m/s^2]: _Kind."""
     begin_s, end_s, span_s = _times(pairs)
     said, sigma = [], []
     for (earlier, later), dt_s in zip(pairs, span_s, strict=True):
@@ -183,11 +211,11 @@ def _force(seen, pairs):
         gained = seen.at(end_s + shift_s, seen.gained) - seen.at(begin_s + shift_s, seen.gained)
         return np.linalg.norm(gained, axis=1) / span_s
 
-    return np.array(said), np.hypot(sigma, NOISE), felt, 0.0
+    return _Kind(begin_s, end_s, np.array(said), np.hypot(sigma, NOISE), felt, 0.0)
 
 
 def _course_rate(seen, pairs):
-    """Rates of the course [rad/s], likewise; of the pairs that go along the ground."""
+    """Rates of the course [rad/s] of the pairs that go along the ground: _Kind."""
     courses = [[_course(fix) for fix in pair] for pair in pairs]
     used = [k for k, both in enumerate(courses) if None not in both]
     begin_s, end_s, span_s = _times([pairs[k] for k in used])
@@ -207,7 +235,8 @@ def _course_rate(seen, pairs):
         return (turned + led) / span_s
 
     own_s = AXLE_M / float(np.median(speed)) if used else 0.0
-    return turn / np.maximum(span_s, 1e-9), np.hypot(sigma, 0.01 * NOISE), felt, own_s
+    said = turn / np.maximum(span_s, 1e-9)
+    return _Kind(begin_s, end_s, said, np.hypot(sigma, 0.01 * NOISE), felt, own_s)
 
 
 def _speed(fix):
@@ -228,16 +257,26 @@ def _misfit(said, sigma, felt):
     return float(np.sum(weight * (d - np.sum(weight * d) / np.sum(weight)) ** 2))
 
 
-def _least(shifts_s, cost, count, coarse_s):
+def _least(kinds, seen, shifts_s):
     """Offset at the least cost, from a parabola through it; None if it is at an end or too vague."""
-    k = int(np.argmin(cost))
+    rough = sum(_costs(kind, seen, shifts_s) for kind in kinds)
+    count, coarse_s = sum(len(kind.said) for kind in kinds), max(kind.own_s for kind in kinds)
+    k = int(np.argmin(rough))
     wide = 3  # steps: the cost is made of straight pieces between the samples of the IMU
-    if not wide <= k < len(cost) - wide:
+    reach = round(COARSE_S / STEP_S) + wide
+    fine_s = shifts_s[k] + STEP_S * np.arange(-reach, reach + 1)
+    cost = sum(_costs(kind, seen, fine_s) for kind in kinds)
+    m = int(np.argmin(cost))
+    if not wide <= m < len(cost) - wide or not np.isfinite(cost[[m - wide, m, m + wide]]).all():
         return None
-    low, middle, high = cost[k - wide], cost[k], cost[k + wide]
+    low, middle, high = cost[m - wide], cost[m], cost[m + wide]
     curvature = (low - 2.0 * middle + high) / (wide * STEP_S) ** 2
     if curvature <= 0.0:
         return None
-    offset_s = shifts_s[k] + 0.5 * (low - high) / (low - 2.0 * middle + high) * wide * STEP_S
-    sigma_s = float(np.hypot(np.sqrt(2.0 / curvature * max(1.0, middle / max(count - 2, 1))), coarse_s))
+    offset_s = fine_s[m] + 0.5 * (low - high) / (low - 2.0 * middle + high) * wide * STEP_S
+    scale = max(1.0, middle / max(count - 2, 1))
+    likely_s = shifts_s[rough - middle < LIKELY**2 * scale]
+    vague_s = float(np.abs(likely_s - offset_s).max(initial=0.0)) / LIKELY
+    curved_s = np.sqrt(2.0 / curvature * scale)
+    sigma_s = float(np.hypot(max(curved_s, vague_s - COARSE_S), coarse_s))
     return Offset(float(-offset_s), sigma_s) if sigma_s < MOST_SIGMA_S else None

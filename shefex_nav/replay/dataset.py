@@ -12,7 +12,7 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import GpsFix
-from shefex_nav.replay import csv_folder, kf_gins, navego
+from shefex_nav.replay import csv_folder, impossible, kf_gins, navego
 from shefex_nav.replay.series import TruthSeries
 from shefex_nav.scenario.data_table import DataError
 
@@ -38,6 +38,7 @@ class Dataset(NamedTuple):
     fixes: list  # of GpsFix, in order of time
     truth: TruthSeries | None
     readings: dict = {}  # noqa: RUF012 a default is not changed; instrument -> its readings, in order of time
+    oddities: tuple = ()  # (field, text) of what the files are to be warned of
 
     @property
     def received(self):
@@ -51,9 +52,12 @@ def read(scenario, files):
     said = others[0] if others else {}
     if scenario.data.format == "navego":
         _same_lever_arm(scenario, files["gnss"])
-    for one in (imu, gnss, truth, *said.values()):
+    torn = []
+    for name, one in {"imu": imu, "gnss": gnss, "truth": truth, **said}.items():
         if one is not None:
-            _ascending(one)
+            impossible.check_times(one, getattr(scenario.data, name))
+            torn += [(f"data.{name}", one.table.torn)] if one.table.torn else []
+    impossible.check_imu(imu, scenario.imu, scenario.data.imu)
     start_s = imu.t_s[0]
     imu, gnss, truth = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth))
     said = {name: one._replace(t_s=one.t_s - start_s) for name, one in said.items()}
@@ -67,6 +71,7 @@ def read(scenario, files):
         fixes=fixes(gnss, scenario.gnss),
         truth=truth,
         readings={name: readings(TABLE[name], one, scenario) for name, one in said.items()},
+        oddities=tuple(torn),
     )
 
 
@@ -76,17 +81,6 @@ def _same_lever_arm(scenario, path):
     if stated is not None and not np.allclose(stated, scenario.gnss.lever_arm, atol=1e-3):
         arm = ", ".join(f"{value:g} m" for value in stated)
         raise DataError(f"{path}: field larm says [{arm}]; write gnss.lever_arm: [{arm}]")
-
-
-def _ascending(one):
-    """Times must increase from row to row."""
-    back = np.flatnonzero(np.diff(one.t_s) <= 0.0)
-    if len(back):
-        row = int(back[0]) + 1
-        words = f"time {one.t_s[row]:.6f} s does not follow on {one.t_s[row - 1]:.6f} s in the row before"
-        raise DataError(f"{one.table.place(row)}: {words}")
-    if len(one.t_s) < 2:
-        raise DataError(f"{one.table.file}: one row alone cannot be replayed")
 
 
 def increments(imu, data):
@@ -154,9 +148,9 @@ def fixes(gnss, settings):
     )
     count, out = np.zeros(len(gnss.t_s)) if gnss.satellites is None else gnss.satellites, []
     for k in _chosen(gnss.t_s, settings).tolist():
-        C_en = wgs84.level_axes(gnss.r_e[k])
         has_velocity, reason = gnss.v_e is not None, _unusable(gnss, k, settings.fewest_satellites)
         valid = not reason
+        C_en = wgs84.level_axes(gnss.r_e[k]) if valid else None
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
         out.append(
             GpsFix(

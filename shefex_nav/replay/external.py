@@ -18,6 +18,7 @@ from shefex_nav.replay import (
     align,
     clocks,
     dataset,
+    gyro_unit,
     own,
     params,
     plausible,
@@ -58,7 +59,8 @@ def prepare(scenario, files):
     pressure.check(scenario, data)
     data, common = clocks.made_one(scenario, data)
     oddities = plausible.check(scenario, data)
-    odd = (*clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
+    gyro_unit.check(scenario, data)
+    odd = (*data.oddities, *clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
     oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(

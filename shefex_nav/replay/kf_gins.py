@@ -25,14 +25,14 @@ DEGREE = np.pi / 180.0
 
 def read(_, files):
     """(ImuSeries, GnssSeries, TruthSeries or None) of the paths of the files."""
-    table = read_columns(files["imu"], ("time", *TURN, *GAIN))
+    table = read_columns(files["imu"], ("time", *TURN, *GAIN), torn_end=True)
     imu = ImuSeries(table, table.columns["time"], table.stack(TURN), table.stack(GAIN), "increment")
     return imu, _gnss(files["gnss"]), _truth(files["truth"])
 
 
 def _gnss(path):
     long = ("time", *PLACE, *VELOCITY, *SIGMA_R, *SIGMA_V)
-    table = read_columns(path, ("time", *PLACE, *SIGMA_R), (long,))
+    table = read_columns(path, ("time", *PLACE, *SIGMA_R), (long,), torn_end=True)
     r_e = series.positions(table, PLACE, "geodetic", DEGREE)
     has_velocity = VELOCITY[0] in table.columns
     return series.gnss(
@@ -48,7 +48,7 @@ def _gnss(path):
 def _truth(path):
     if path is None:
         return None
-    table = read_columns(path, ("week", "time", *PLACE, *VELOCITY, *ANGLES))
+    table = read_columns(path, ("week", "time", *PLACE, *VELOCITY, *ANGLES), torn_end=True)
     r_e = series.positions(table, PLACE, "geodetic", DEGREE)
     velocity = series.velocities(table, VELOCITY, "ned", r_e)
     return TruthSeries(table, table.columns["time"], r_e, velocity, table.stack(ANGLES) * DEGREE)

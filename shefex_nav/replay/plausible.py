@@ -310,7 +310,7 @@ def _specific_forces(data, g):
 
 def _against_climb(data, axes, fixes, g, slack):
     """What points up at rest against a vehicle that climbs afterwards."""
-    end_s = _rest_end(fixes)
+    end_s = rest_end(fixes)
     imu, rows = data.imu, np.flatnonzero(data.imu.t_s <= end_s)[1:]
     span_s = imu.t_s[rows[-1]] - imu.t_s[0] if len(rows) else 0.0
     if span_s < SECOND_S:
@@ -328,7 +328,7 @@ def _against_climb(data, axes, fixes, g, slack):
     ]
 
 
-def _rest_end(fixes):
+def rest_end(fixes):
     """Until when the vehicle stands still, s; -inf if nothing says that it does."""
     if not np.isfinite(fixes[0].v_ea_e).all():
         return -np.inf

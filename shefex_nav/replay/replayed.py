@@ -22,7 +22,11 @@ class NothingLeft(UserError):
     """Statistics are to begin where the data are over."""
 
 
-def of_data(scenario, files, from_s, log):
+def _unwatched(records, _start_s, _end_s):
+    return records
+
+
+def of_data(scenario, files, from_s, log, watch=_unwatched):
     """Replay external data.
 
     Parameters
@@ -30,6 +34,7 @@ def of_data(scenario, files, from_s, log):
     scenario, files : ReplayScenario, and the paths of its data by their names: what `load.load` returns
     from_s : mission time [s] from which on there are statistics
     log : Path of a log that is written, or None
+    watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
 
     Returns
     -------
@@ -45,7 +50,8 @@ def of_data(scenario, files, from_s, log):
     external.warm_up(ready)
     setup_s, clock = time.perf_counter() - began, external.Clock()
     mission = external.mission(ready)
-    data = _collect(external.run(ready, clock), mission, end_s, setup_s, log)
+    records = watch(external.run(ready, clock), mission.start_s, end_s)
+    data = _collect(records, mission, end_s, setup_s, log)
     summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
     summary["warnings"] = [one._asdict() for one in ready.oddities]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
@@ -53,7 +59,7 @@ def of_data(scenario, files, from_s, log):
     return summary
 
 
-def of_log(recording, from_s, log):
+def of_log(recording, from_s, log, watch=_unwatched):
     """Run the filter again over the log of a rerun.Recording. The rest is as of `of_data`."""
     _check_within(from_s, float(recording.data.imu.t_valid_s[-1]))
     began = time.perf_counter()
@@ -67,7 +73,8 @@ def of_log(recording, from_s, log):
     mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)
     mission = mission._replace(software=recording.software)
     end_s = float(data.imu.t_valid_s[-1])
-    replayed = _collect(rerun.records(recording), mission, end_s, setup_s, log, until_s=data.cut_s)
+    records = watch(rerun.records(recording), mission.start_s, end_s)
+    replayed = _collect(records, mission, end_s, setup_s, log, until_s=data.cut_s)
     return _summary(replayed, log, from_s, None, end_s - mission.start_s)
 
 

@@ -51,40 +51,80 @@ class TruthSeries(NamedTuple):
     angles: np.ndarray  # (L, 3) rad: roll, pitch, heading
 
 
+FAR_OFF_M = 5e8  # [E] from the centre of the Earth: beyond the Moon
+SUNK_M = 3e4  # [E] below the ellipsoid: deeper is no place on the Earth, even by a bad fix
+LOW_M = 1e7  # [E] from the centre of the Earth: what a unit is guessed for flies below
+DEEP_M = 6.3e6  # [E] likewise, below any place on the Earth or in it; the pole is at 6.357e6 m
+FAST = 3e8  # m/s, of light
+VAGUE = 1e9  # [E] a sigma that says nothing, m or m/s
+LENGTHS = {"km": 1e3, "cm": 1e-2, "mm": 1e-3}  # m
+
+
 def gnss(table, t_s, r_e, v_e=None, sigma_r_n=None, sigma_v_n=None, valid=None, horizontal=False):
     """GnssSeries, checked; sigma_r_n of fixes without height has two columns."""
     valid = np.ones(len(t_s), dtype=bool) if valid is None else valid
     for sigma in (sigma_r_n, sigma_v_n):
-        bad = [] if sigma is None else np.flatnonzero(valid & ~(sigma > 0.0).all(axis=1))
+        bad = [] if sigma is None else np.flatnonzero(valid & ~((sigma > 0.0) & (sigma < VAGUE)).all(axis=1))
         if len(bad):
-            raise DataError(f"{table.place(bad[0])}: a sigma must be greater than zero")
+            got = ", ".join(f"{value:g}" for value in sigma[bad[0]])
+            words = f"a sigma must be greater than zero and below {VAGUE:g}, got {got}"
+            raise DataError(f"{table.place(bad[0])}: {words}")
     if horizontal and sigma_r_n is not None:
         sigma_r_n = np.column_stack([sigma_r_n[:, :2], np.zeros(len(t_s))])
     return GnssSeries(table, t_s, r_e, v_e, sigma_r_n, sigma_v_n, valid, horizontal)
 
 
-def positions(table, names, frame, angle=1.0, height=0.0):
-    """Positions of three columns, (N, 3) m, frame e.
+def positions(table, names, frame, angle=1.0, height=0.0, valid=None):
+    """Positions of three columns, (N, 3) m, frame e; DataError where they are none near the Earth.
 
     frame : 'geodetic' (latitude, longitude, height) or 'ecef';  angle : rad, unit of the angles
     height : m, where latitude and longitude are all that is given
+    valid : (N,) bool, the rows that have one; None: all
     """
+    valid = np.ones(len(table.columns[names[0]]), dtype=bool) if valid is None else valid
     given = table.stack(names)
     if len(names) == 2:
         given = np.column_stack([given, np.full(len(given), height)])
     if frame == "ecef":
+        _near_earth(table, names, given, valid)
         return given
     latitude = given[:, 0] * angle
-    bad = np.flatnonzero(np.abs(latitude) > 0.5 * np.pi)
+    bad = np.flatnonzero(valid & (np.abs(latitude) > 0.5 * np.pi))
     if len(bad):
         words = f"a latitude of {given[bad[0], 0]:g} is beyond the poles; check column and unit"
         raise DataError(f"{table.place(bad[0])}: {names[0]}: {words}")
+    bad = np.flatnonzero(valid & ~((given[:, 2] > -SUNK_M) & (given[:, 2] < FAR_OFF_M)))
+    if len(bad):
+        words = f"a height of {given[bad[0], 2]:g} m is nowhere near the Earth; check column and unit"
+        raise DataError(f"{table.place(bad[0])}: {names[-1]}: {words}")
     return _ecef_kernel(latitude, given[:, 1] * angle, given[:, 2].copy())
 
 
-def velocities(table, names, frame, r_e):
-    """Velocities of three columns in 'ned', 'enu' or 'ecef' at the positions r_e: (N, 3) m/s, frame e."""
+def _near_earth(table, names, r_e, valid):
+    """Refuse positions that lie deep in the Earth, or beyond the Moon. (N, 3) m, frame e"""
+    radius = np.linalg.norm(r_e, axis=1)
+    bad = np.flatnonzero(valid & ~((radius > DEEP_M) & (radius < FAR_OFF_M)))
+    if not len(bad):
+        return
+    typical = float(np.median(radius[bad]))
+    meant = [unit for unit, factor in LENGTHS.items() if DEEP_M < factor * typical < LOW_M]
+    hint = f"they fit in {meant[0]}: give them in m" if meant else "check columns and unit"
+    where = "inside the Earth" if radius[bad[0]] <= DEEP_M else "beyond the Moon"
+    words = f"a position {radius[bad[0]]:g} m from the Earth's centre is {where}; {hint}"
+    raise DataError(f"{table.place(bad[0])}: {', '.join(names)}: {words}")
+
+
+def velocities(table, names, frame, r_e, valid=None):
+    """Velocities of three columns in 'ned', 'enu' or 'ecef' at the positions r_e: (N, 3) m/s, frame e.
+
+    valid : as of `positions`
+    """
     given = table.stack(names)
+    speed = np.linalg.norm(given, axis=1)
+    bad = np.flatnonzero(~(speed < FAST) if valid is None else valid & ~(speed < FAST))
+    if len(bad):
+        words = f"a speed of {speed[bad[0]]:g} m/s is faster than light; check columns and unit"
+        raise DataError(f"{table.place(bad[0])}: {', '.join(names)}: {words}")
     if frame == "ecef":
         return given
     if frame == "enu":

@@ -8,6 +8,10 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.report import geodesic
 from shefex_nav.report.track import earth_fixed
 
+ROSE_M = 100.0  # [E] above the start, less of which is no flight
+MOVES = 1.0  # [E] m/s, beyond the errors of the solution
+KNOWN = 3.0  # [E] m/s, 3 sigma of a velocity that says whether a vehicle lies still
+LYING_S = 2.0  # [E] without motion, after a landing
 STANDING = 1e-3  # m/s; what never moves faster stands on the ground
 
 
@@ -48,6 +52,29 @@ def of_solution(data):
         "at_impact": None,
         "events": _events(data),
     }
+
+
+def seen(data):
+    """(name of an event, t_s) of lift-off, apogee and landing, as the solution without truth has them.
+
+    Of a vehicle that rises. One that moves at the beginning has no lift-off; one that moves at the end, or of
+    whose motion little is known there, has no landing.
+    """
+    nav = data.nav
+    if not len(nav.t_s) or len(data.truth.t_s):
+        return []
+    track, rise = earth_fixed(data.mission.earth, nav), of_solution(data)
+    if rise["at_apogee"] is None or track.height.max() - track.height[0] < ROSE_M:
+        return []
+    found = [("apogee", rise["at_apogee"]["t_s"])]
+    noise = 3.0 * np.linalg.norm(nav.sigma_v_e, axis=1)
+    moving = np.flatnonzero(np.linalg.norm(track.v_e, axis=1) > MOVES + noise)
+    if len(moving) and moving[0] > 0:
+        found.insert(0, ("lift_off", float(nav.t_s[moving[0] - 1])))
+    known = len(moving) and noise[moving[-1] :].max() < KNOWN
+    if known and nav.t_s[-1] - nav.t_s[moving[-1]] > LYING_S:
+        found.append(("landing", float(nav.t_s[moving[-1] + 1])))
+    return found
 
 
 def _events(data):

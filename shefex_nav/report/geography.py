@@ -6,6 +6,7 @@ up to 110 m away from it (some 30 m above it in northern Norway): what is drawn 
 """
 
 import json
+import math
 import re
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,6 +15,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from shefex_nav import event_words
+from shefex_nav.records import Event
+from shefex_nav.report import flight
 from shefex_nav.report.figures import flown
 
 MOST_POINTS = 3000  # of a line
@@ -47,13 +50,19 @@ def lines_and_places(data):
         paths.append(flown.estimate(data, MOST_POINTS))
     lines = [Line(path.name, _points(path.track)) for path in paths]
     states = data.truth if len(data.truth.t_s) else data.nav
-    places = []
-    for event in data.events if len(states.t_s) else ():
+    places, events = [], [*data.events, *_as_estimated(data)]
+    for event in events if len(states.t_s) else ():
         k = int(np.argmin(np.abs(states.t_s - event.t_s)))
         row = states._make(values[k : k + 1] for values in states)
         at = flown.of_states("", data, row, 1)
         places.append(Place(event_words.in_words(event.name), event.t_s, event.detail, _points(at.track)[0]))
     return lines, places
+
+
+def _as_estimated(data):
+    """Event of what a run without truth does not record, but its solution shows."""
+    told = {event.name for event in data.events}
+    return [Event(t_s, name, math.nan, "as estimated") for name, t_s in flight.seen(data) if name not in told]
 
 
 def _points(track):

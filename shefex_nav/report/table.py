@@ -17,6 +17,11 @@ _FLOWN = (  # name, key, digits, unit
 )
 
 
+_ERRORS = (
+    ("position error", "position_error_m", 1, "m"),
+    ("velocity error", "velocity_error_m_s", 3, "m/s"),
+    ("attitude error", "attitude_error_deg", 3, "deg"),
+)
 MOST_FAULTS = 12  # in the table
 HALF_TURN_DEG = 180.0
 TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in words
@@ -73,13 +78,15 @@ def _requirement_rows(judged, is_part):
 def _flight_rows(flight, *, stood):
     estimated = flight["of"] == "solution"
     if flight["climbs_at_km"] is not None:
-        yield "height at the end", f"{number(flight['climbs_at_km'], 1, 'km')}, no apogee before it"
+        climbs = number(flight["climbs_at_km"], 1, "km")
+        yield "height at the end", f"{climbs} above the ellipsoid, no apogee before it"
     elif flight["apogee_km"] is None and (heights := flight.get("height_km")):
         low, high = (number(heights[key], 1) for key in ("min", "max"))
-        yield "height", f"{low} to {high} km"
+        yield "height", f"{low} to {high} km above the ellipsoid"
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
-            yield name, number(flight[key], digits, unit)
+            above = " above the ellipsoid" if key == "apogee_km" else ""
+            yield name, f"{number(flight[key], digits, unit)}{above}"
     if flight.get("at_impact"):
         yield "impact at", place(flight["at_impact"])
     if stood and flight["max_speed_m_s"] is None:
@@ -110,9 +117,9 @@ def _own_rows(software, section):
 
 
 def _navigation_rows(navigation):
-    yield "position error", _pair(navigation["position_error_m"], 1, "m")
-    yield "velocity error", _pair(navigation["velocity_error_m_s"], 3, "m/s")
-    yield "attitude error", _pair(navigation["attitude_error_deg"], 3, "deg")
+    for name, key, digits, unit in _ERRORS:
+        if navigation[key]["rms"] is not None:  # without truth there are none
+            yield name, _pair(navigation[key], digits, unit)
     aided = navigation.get("star_aided")
     if aided:
         words = f"{_pair(aided['attitude_deg'], 3, 'deg')}, T{aided['from_s']:+.1f} s to the end"

@@ -56,6 +56,7 @@ class Program(_Given):
     answer_within: Quantity("s", "60 s", "to the answer of a tick; later it has failed", positive=True) = (
         "60 s"
     )
+    start_within: Quantity("s", "120 s", "to `Ready`, for what it has to load", positive=True) = "120 s"
 
 
 class Reached(_Given):
@@ -67,6 +68,7 @@ class Reached(_Given):
     answer_within: Quantity("s", "60 s", "to the answer of a tick; later it has failed", positive=True) = (
         "60 s"
     )
+    start_within: Quantity("s", "120 s", "to `Ready`, for what it has to load", positive=True) = "120 s"
 
 
 FORMS = {"own": Own, "program": Program, "reached": Reached}

@@ -61,7 +61,8 @@ def _made(own, searches=False):
             raise SoftwareError(f"{software.name(own)} cannot be made", error) from error
     from shefex_nav.software import remote
 
+    within = own.answer_within, own.start_within
     kind = remote.RemoteTracker if searches else remote.Remote
     if isinstance(own, software.Program):
-        return kind(remote.started(software.words_of(own), own.sha256), own.answer_within)
-    return kind(remote.reached(own.connect), own.answer_within)
+        return kind(remote.started(software.words_of(own), own.sha256), *within)
+    return kind(remote.reached(own.connect), *within)

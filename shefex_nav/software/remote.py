@@ -13,8 +13,6 @@ from shefex_nav.records import Frame
 from shefex_nav.software import channels, messages
 from shefex_nav.software.messages import Begin, Done, End, Failed, Query, Ready, Solve, Tick
 
-START_WITHIN_S = 120.0  # for a program to load what it needs
-
 
 def started(words, sha256):
     """Function that starts a program and opens the channel to it. words : of its command; sha256 : its own"""
@@ -32,16 +30,16 @@ class _Wire:
     """What a program is asked, and what it answers.
 
     open_channel : function of the time by which it must be open, time.monotonic()
-    answer_within_s : an answer that comes later is a failure
+    answer_within_s : an answer that comes later is a failure;  start_within_s : likewise of the first
     """
 
-    def __init__(self, open_channel, answer_within_s):
-        self._open, self._within_s = open_channel, answer_within_s
+    def __init__(self, open_channel, answer_within_s, start_within_s):
+        self._open, self._within_s, self._start_s = open_channel, answer_within_s, start_within_s
         self._channel = None
 
     def _start(self, told):
         """Open the channel and tell the program everything that there is beforehand. -> Ready"""
-        until_s = time.monotonic() + START_WITHIN_S
+        until_s = time.monotonic() + self._start_s
         try:
             self._channel = self._open(until_s)
         except (OSError, channels.Silent) as error:
@@ -72,10 +70,8 @@ class _Wire:
             while not found or not isinstance(found[-1], last):
                 found.append(self._record(*self._channel.receive(until_s)))
         except channels.Late:
-            limit = (
-                f"answer_within: {self._within_s:g} s" if is_tick else f"{START_WITHIN_S:g} s for the start"
-            )
-            raise CodeError(f"no answer in time ({limit})") from None
+            key, limit_s = ("answer_within", self._within_s) if is_tick else ("start_within", self._start_s)
+            raise CodeError(f"no answer in time ({key}: {limit_s:g} s)") from None
         except channels.Silent as error:
             raise CodeError(str(error)) from None
         return found

@@ -1,7 +1,7 @@
 /* Navigation in C: strapdown, corrected with fixed gains by GPS fixes and star fixes.
  *
- *     cc -O2 -o strapdown strapdown.c -lm
- *     shefex-nav run shefex2_andoya --set 'navigation.software={command: ./strapdown}' --trust
+ *     cc -O2 -o PROGRAM FILE -lm
+ *     shefex-nav run shefex2_andoya --set 'navigation.software={command: PROGRAM}' --trust
  *
  * Axes: i inertial, e Earth-fixed, b body, c star camera; C_ab turns components in b into those in a, row by
  * row; quaternions are Hamilton, scalar first.

@@ -1,7 +1,7 @@
 """Files: what is in them, that equal runs give equal ones, what they cost, what a killed run leaves."""
 
+import errno
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -212,18 +212,31 @@ def test_a_killed_run_keeps_all_but_its_last_second(killed_at_s, tmp_path):
     assert len(data.nav.t_s) > 100.0 * (killed_at_s - 1.0 - 228.0)
 
 
-def test_a_disk_that_takes_no_more_is_told_and_what_it_took_is_read(records, tmp_path, monkeypatch):
-    """The file's own flush stands for the disk; the Rust side fails in the same way."""
-    path = tmp_path / "run.mcap"
-    usage = shutil.disk_usage(tmp_path)._replace(free=0)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    with pytest.raises(LogError, match=r"run\.mcap: cannot be written: No space left on device"):
-        with LogWriter(path, synthetic_run.mission(), synthetic_run.NO_PIXELS) as log:
-            for k, record in enumerate(records[:3000]):
-                if k == 2000:
-                    log.flush()
-                    log._file.close()  # every write after it fails
-                log.write(record)
+@pytest.mark.skipif(sys.platform != "linux", reason="no limit of the size of files, or another error")
+@pytest.mark.parametrize("is_limited", [True, False])
+def test_a_disk_that_takes_no_more_is_told_and_what_it_took_is_read(is_limited, records, tmp_path):
+    """The file's own flush stands for the disk; the Rust side fails in the same way, without the reason.
+
+    The machine is asked for it, and what it takes of the question does not stay in the file.
+    """
+    import resource
+
+    path, own = tmp_path / "run.mcap", resource.getrlimit(resource.RLIMIT_FSIZE)
+    words = os.strerror(errno.EFBIG) if is_limited else ".*"
+    try:
+        with pytest.raises(LogError, match=rf"run\.mcap: cannot be written: {words}; what was"):
+            with LogWriter(path, synthetic_run.mission(), synthetic_run.NO_PIXELS) as log:
+                for k, record in enumerate(records[:3000]):
+                    if k == 2000:
+                        log.flush()
+                        log._file.close()  # every write after it fails
+                        size = path.stat().st_size
+                        if is_limited:
+                            resource.setrlimit(resource.RLIMIT_FSIZE, (size + 9, own[1]))
+                    log.write(record)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, own)
+    assert path.stat().st_size == size
     data = reader.read(path)
     assert data.ended_early and len(data.nav.t_s) > 0
 

@@ -4,8 +4,11 @@ import drive
 import numpy as np
 import pytest
 
-from shefex_nav.environment import ephemeris
+from shefex_nav.environment import ephemeris, gravity
+from shefex_nav.geometry import wgs84
+from shefex_nav.records import GpsFix
 from shefex_nav.replay import clocks, external, load, params, said
+from shefex_nav.replay.dataset import Increments
 from shefex_nav.scenario.data_table import DataError
 
 EARTH = ephemeris.earth_rotation("2020-06-01T12:00:00", 0.0, 0.0, 0.0)
@@ -27,7 +30,7 @@ def drives():
     return [drive.sensed(drive.drive(EARTH, 60.0, heading=h), rng) for h in (0.3, 2.9)]
 
 
-@pytest.mark.parametrize("shift_s", [0.0, 0.15, -0.8, 2.0])
+@pytest.mark.parametrize("shift_s", [0.0, 0.15, -0.8, 2.0, 3.0, -7.0, 18.0])
 def test_an_offset_is_found(shift_s, drives):
     for data in drives:
         found = clocks.find(data.imu, late(data, shift_s).fixes, drive.LEVER)
@@ -61,10 +64,40 @@ def test_what_stands_still_shows_no_clock():
     assert clocks.find(data.imu, data.fixes) is None
     gnss = "{clock_offset: find}"
     scenario = load.load_text(drive.scenario_text(COURSE, gnss=gnss), "drive.yaml")
-    with pytest.raises(DataError, match=r"gnss\.clock_offset: 'find': the motion does not show it"):
+    with pytest.raises(
+        DataError, match=r"gnss\.clock_offset: 'find': within 20 s the motion does not show it"
+    ):
         clocks.made_one(scenario, data)
     without = [fix._replace(v_ea_e=np.full(3, np.nan)) for fix in data.fixes]
     assert clocks.find(data.imu, without) is None
+
+
+def lift_off(times_s, step_s=0.01):
+    """Increments of 30 s and fixes of a rocket that stands until 9.3 s and then climbs with 20 m/s^2."""
+    rng = np.random.default_rng(11)
+    t_s = np.arange(0.0, 30.0, step_s)
+    r_e = wgs84.ecef_from_geodetic(1.1, 0.3, 300.0)
+    up_e, g = -wgs84.level_axes(r_e)[:, 2], float(np.linalg.norm(gravity.normal_gravity_e(r_e)))
+    dv_b = np.zeros((len(t_s), 3))
+    dv_b[:, 0] = step_s * (g + 20.0 * (t_s > 9.3)) + 1e-3 * rng.standard_normal(len(t_s))
+    imu = Increments(t_s, np.zeros_like(dv_b), dv_b, np.zeros(len(t_s), dtype=bool))
+    fixes = []
+    for t in times_s:
+        since = max(t - 9.3, 0.0)
+        v_e = 20.0 * since * up_e + 0.05 * rng.standard_normal(3)
+        place = r_e + 10.0 * since**2 * up_e
+        noise = np.eye(3), 0.05**2 * np.eye(3)
+        fixes.append(GpsFix(t, t, True, place, v_e, *noise, n_satellites=9, pdop=1.0, reason=""))
+    return imu, fixes
+
+
+def test_an_offset_that_the_fixes_do_not_fix_is_not_told():
+    """Without the fix around lift-off the motion between two of them may begin anywhere: no offset at all."""
+    times_s = np.arange(0.5, 29.0, 1.0)
+    found = clocks.find(*lift_off(times_s))
+    assert abs(found.offset_s) < 4.0 * found.sigma_s < 0.2
+    gone = times_s[np.abs(times_s - 9.3) > 0.9]
+    assert len(gone) < len(times_s) and clocks.find(*lift_off(gone)) is None
 
 
 def test_the_filter_estimates_what_is_left(drives):

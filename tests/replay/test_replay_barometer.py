@@ -147,7 +147,9 @@ def test_a_rate_that_is_not_the_files_and_a_pressure_that_is_none_are_refused(tm
     text = (tmp_path / "pressure.csv").read_text().split("\n")
     text[5] = text[5].split(",")[0] + ",0.0,0.0"
     (tmp_path / "pressure.csv").write_text("\n".join(text))
-    with pytest.raises(DataError, match=r"pressure.csv:6: p: a static pressure is greater than zero, got 0"):
+    with pytest.raises(
+        DataError, match=r"pressure.csv:6: p: a static pressure is greater than zero and below 1e9 Pa, got 0"
+    ):
         external.prepare(*load.load(path))
 
 

@@ -7,7 +7,7 @@ import pytest
 import replay_files
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import dataset, load, schema
+from shefex_nav.replay import dataset, impossible, load, schema, schema_data
 from shefex_nav.replay.series import GnssSeries, ImuSeries
 from shefex_nav.scenario.data_table import DataError, Table
 from shefex_nav.scenario.load import ScenarioError
@@ -145,8 +145,83 @@ def test_clocks_that_have_nothing_in_common_are_noticed(tmp_path):
 
 
 def test_time_that_runs_back_is_named_with_its_line(tmp_path):
-    with pytest.raises(DataError, match=r"gnss\.csv:5: time 501\.500000 s does not follow on 503"):
+    with pytest.raises(DataError, match=r"gnss\.csv:5: time 501\.5 s does not follow on 503 s"):
         small(tmp_path, np.arange(500.0, 510.0, 0.05), [501.0, 502.0, 503.0, 501.5])
+
+
+def series_of(counts, unit):
+    """ImuSeries of times in a unit, and the section of its columns."""
+    columns = schema_data.ImuColumns(
+        file="imu.csv", rate="100 Hz", time="t", time_unit=unit, gyro=["a"] * 3, gyro_unit="deg/s",
+        accelerometer=["b"] * 3, accelerometer_unit="gee",
+    )  # fmt: skip
+    n = len(counts)
+    table = Table("imu.csv", {"t": np.array(counts, float)}, np.arange(n) + 2)
+    return ImuSeries(
+        table, table.columns["t"] * columns.time_unit.factor, *np.zeros((2, n, 3)), "rate"
+    ), columns
+
+
+@pytest.mark.parametrize(
+    ("span", "unit", "words"),
+    [
+        (2**32, "ms", "2^32 ms; add 4294967296 ms"),
+        (2**32, "us", "2^32 us; add 4294967296 us"),
+        (2**32 / 1e6, "s", "2^32 us; add 4294.967296 s"),
+        (2**24, "ms", "2^24 ms; add 16777216 ms"),
+        (604800, "s", "the end of the week; add 604800 s"),
+        (86400000, "ms", "the end of the day; add 86400000 ms"),
+    ],
+)
+def test_a_clock_that_wraps_around_is_told_as_such(span, unit, words):
+    step = {"s": 0.01, "ms": 10.0, "us": 1e4}[unit]
+    counts = (span - 20.5 * step + step * np.arange(40)) % span
+    with pytest.raises(DataError) as caught:
+        impossible.check_times(*series_of(counts, unit))
+    said = str(caught.value)
+    assert said.startswith("imu.csv:23: time ") and f" {unit} does not follow on " in said
+    assert said.endswith(f": the clock wraps around at {words} to the times from this line on")
+
+
+def test_a_clock_that_was_set_back_has_not_wrapped():
+    with pytest.raises(DataError) as caught:
+        impossible.check_times(*series_of([0, 10, 20, 30, 15, 25], "ms"))
+    assert str(caught.value) == "imu.csv:6: time 15 ms does not follow on 30 ms in the row before"
+
+
+def test_a_reading_that_no_sensor_gives_is_refused_with_its_place():
+    series, columns = series_of(10.0 * np.arange(30), "ms")
+    told = {
+        "bias": "1 deg/h",
+        "in_run_bias": "0 deg/h",
+        "in_run_bias_time": "300 s",
+        "random_walk": "0.1 deg/sqrt(h)",
+    }
+    pulls = {
+        "bias": "1 mgee",
+        "in_run_bias": "0 ugee",
+        "in_run_bias_time": "300 s",
+        "random_walk": "0.1 m/s/sqrt(h)",
+    }
+    for limit, rate in (("300 deg/s", 590.0), ("unlimited", 1e5)):
+        series.gyro[7, 1] = np.radians(rate)
+        settings = schema.ReplayImu(gyro=told | {"range": limit}, accelerometer=pulls)
+        impossible.check_imu(series, settings, columns)
+    for limit, rate, words in (
+        (
+            "300 deg/s",
+            610.0,
+            r"610 deg/s is no reading of a sensor whose range is 300 deg/s \(imu.gyro.range",
+        ),
+        ("unlimited", 1e6, "1e.06 deg/s is no reading of a sensor; check"),
+    ):
+        series.gyro[7, 1] = np.radians(rate)
+        settings = schema.ReplayImu(gyro=told | {"range": limit}, accelerometer=pulls)
+        with pytest.raises(DataError, match=rf"imu\.csv:9: a: {words}"):
+            impossible.check_imu(series, settings, columns)
+    series.gyro[7, 1], series.accelerometer[3, 2] = 0.0, 1e99
+    with pytest.raises(DataError, match=r"imu\.csv:5: b: 1e.99 m/s2 is no reading of a sensor"):
+        impossible.check_imu(series, settings, columns)
 
 
 REFUSED = {

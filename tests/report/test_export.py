@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 
 from shefex_nav import records as rec
 from shefex_nav.commands.main import app
-from shefex_nav.geometry.frames import inertial_from_ecef
+from shefex_nav.geometry.frames import ecef_from_inertial, inertial_from_ecef
 from shefex_nav.geometry.wgs84 import ecef_from_geodetic
+from shefex_nav.log import topics
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import export, geography, metrics
 
@@ -154,6 +155,13 @@ def _places_e(flight):
     return out
 
 
+def test_columns_say_when_samples_are_and_in_which_order():
+    """The rows of a tick of the IMU: when the last ends, and that the first is the oldest."""
+    fields = {one.name: one.comment for one in topics.of_record(rec.ImuBlock).fields}
+    assert "end of the last sample" in fields["t_valid_s"]
+    assert "oldest sample first" in fields["dtheta_b_rad"]
+
+
 def test_geojson_has_launch_and_impact_where_they_were(flight):
     found = json.loads(geography.geojson(flight))
     assert found["type"] == "FeatureCollection"
@@ -189,6 +197,43 @@ def test_kml_parses_and_holds_the_same(flight):
         if mark.find(f"{KML}styleUrl") is not None
     }
     assert wanted <= {f"#{style.get('id')}" for style in root.iter(f"{KML}Style")}
+
+
+def _without_truth(*, lies_s):
+    """RunData of the flight as a solution alone, which lies still at the end for some seconds."""
+    rng, solution = np.random.default_rng(3), []
+    for t_s in np.arange(-10.0, 495.0 + lies_s):
+        truth = synthetic_run.truth_at(MISSION, min(t_s, 495.0))
+        if t_s >= 495.0:
+            r_e, _ = ecef_from_inertial(MISSION.earth, 495.0, truth.r_i, truth.v_i)
+            r_i, v_i = inertial_from_ecef(MISSION.earth, t_s, r_e, np.zeros(3))
+            truth = truth._replace(t_s=t_s, r_i=r_i, v_i=v_i)
+        solution.append(synthetic_run._navigation(MISSION, truth, rng))
+    start = rec.Event(-10.0, "replay_start", 10.0, "csv data")
+    return of_records(MISSION, [start, *solution])
+
+
+def test_a_map_without_truth_has_lift_off_apogee_and_landing(flight):
+    """Where the solution has them; no landing of data that end in the air."""
+    data = _without_truth(lies_s=10.0)
+    _, places = geography.lines_and_places(data)
+    assert [one.name for one in places] == ["replay start", "lift off", "apogee", "landing"]
+    _, lift, top, land = places
+    assert [one.detail for one in places[1:]] == ["as estimated"] * 3
+    truth = flight.truth
+    height = np.linalg.norm(truth.r_i, axis=1)
+    assert abs(lift.t_s) <= 1.0 and land.t_s == 495.0
+    assert abs(top.t_s - truth.t_s[np.argmax(height)]) <= 10.0
+    for place, wanted in ((lift, "lift off"), (land, "impact")):
+        assert np.linalg.norm(_ecef(place.point) - _places_e(flight)[wanted]) < 100.0
+    _, places = geography.lines_and_places(_without_truth(lies_s=0.0))
+    assert [one.name for one in places] == ["replay start", "lift off", "apogee"]
+    vague = data._replace(nav=data.nav._replace(sigma_v_e=data.nav.sigma_v_e.copy()))
+    vague.nav.sigma_v_e[400:] = 200.0  # whether it moves is not known
+    _, places = geography.lines_and_places(vague)
+    assert [one.name for one in places] == ["replay start", "lift off", "apogee"]
+    _, places = geography.lines_and_places(flight)  # the truth's events are its own
+    assert not [one for one in places if one.detail == "as estimated"]
 
 
 def test_texts_of_a_log_do_not_break_a_map(flight):

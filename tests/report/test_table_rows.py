@@ -8,7 +8,7 @@ from shefex_nav.report import doubts, incidents, metrics, table
 from shefex_nav.report.instrument_use import instrument_use
 from shefex_nav.report.losses import loss_rows
 from shefex_nav.report.star_rows import star_rows
-from shefex_nav.report.table import _navigation_rows
+from shefex_nav.report.table import _flight_rows, _navigation_rows
 
 NONE = np.empty(0)
 
@@ -35,6 +35,24 @@ def test_the_table_names_each_and_marks_one_that_is_mostly_refused(log):
     rows = dict(_navigation_rows(navigation))
     assert str(rows["radar altimeter"]) == "0 of 825 readings used" and rows["radar altimeter"].style
     assert str(rows["barometer"]) == "10 of 12 readings used" and not rows["barometer"].style
+
+
+def test_errors_without_a_truth_have_no_rows(log):
+    """Three lines of dashes at the top of a table say nothing; those that are known stay."""
+    navigation = metrics.summarise(reader.read(log))["navigation"]
+    names = ("position error", "velocity error", "attitude error")
+    assert set(names) <= set(dict(_navigation_rows(navigation)))
+    none = {"rms": None, "max": None}
+    rows = dict(_navigation_rows(navigation | {"position_error_m": none, "attitude_error_deg": none}))
+    assert [name in rows for name in names] == [False, True, False]
+
+
+def test_heights_say_above_what(log):
+    flight = metrics.summarise(reader.read(log))["flight"]
+    rows = dict(_flight_rows(flight | {"apogee_km": 5.58, "climbs_at_km": None, "events": []}, stood=True))
+    assert rows["apogee"] == "5.6 km above the ellipsoid"
+    rows = dict(_flight_rows(flight | {"apogee_km": None, "climbs_at_km": 3.5}, stood=True))
+    assert rows["height at the end"] == "3.5 km above the ellipsoid, no apogee before it"
 
 
 def test_frames_refused_for_their_residuals_are_explained(log):

@@ -49,8 +49,18 @@ def test_no_screen_is_a_clear_error(log, monkeypatch):
         monkeypatch.delenv(name, raising=False)
     if sys.platform != "linux":
         pytest.skip("screens are found by other means")
-    with pytest.raises(ViewerError, match="could not open a window"):
+    with pytest.raises(ViewerError, match="could not open a window: this machine has no screen") as caught:
         viewer.view(log)
+    said = str(caught.value)  # of their own libraries' sources nothing
+    assert "\n" not in said and ".rs" not in said and all(f"--{way}" in said for way in ("save", "web"))
+
+
+def test_what_the_viewer_says_has_no_places_in_its_source():
+    said = (
+        "warning\nError: winit EventLoopError: os error at /usr/local/cargo/registry/x/mod.rs:765: no display"
+    )
+    assert program._reason(said, 1) == "Error: winit EventLoopError: no display"
+    assert program._reason("", 9) == "exit code 9"
 
 
 def test_a_missing_viewer_is_a_clear_error(log, tmp_path, monkeypatch):

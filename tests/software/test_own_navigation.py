@@ -213,9 +213,13 @@ def test_late_measurements_are_counted_once(tmp_path):
 def test_a_failing_flight_ends_with_exit_code_3_and_a_log(tmp_path, command):
     path, log = reckoning(tmp_path, "if self.ticks == 150: 1 / 0"), tmp_path / "run.mcap"
     run = command(
-        "run", "night_sky", "--trust", "--set", f"navigation.software={path}:Reckoning", "--out", str(log)
-    )
+        "run", "night_sky", "--trust", "--set", f"navigation.software={path}:Reckoning", "--out", str(log),
+        "--json",
+    )  # fmt: skip
     assert run.code == 3, run.err
+    told = json.loads(run.out)  # what `report --json` says of the log
+    assert told == json.loads(command("report", str(log), "--json").out)
+    assert "T+1.50 s: failed in step" in told["failure"] and told["ended_early"]
     assert "T+1.50 s: failed in step" in run.err and "1 / 0" in run.err
     assert "shefex_nav/" not in run.err.partition("failed in step")[2]  # their frames alone
     table = command("report", str(log))

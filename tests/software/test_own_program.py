@@ -108,6 +108,27 @@ def test_how_a_program_ends_is_told(tmp_path, here, words):
         flown("night_sky", f"navigation.software={software}", until_s=1.0)
 
 
+def test_a_new_program_names_itself(tmp_path, command):
+    """Its head says how it is built and flown, under the name that was given; so does what is printed."""
+    path = tmp_path / "my_fsw.c"
+    made = command("new", "c", path)
+    assert made.code == 0, made.err
+    built, flown_by = made.err.splitlines()[1:3]
+    head = path.read_text()[:800]
+    assert built.strip() == f"cc -O2 -o {path.with_suffix('')} {path} -lm" and built.strip() in head
+    assert flown_by.strip() in head and "{command: " + str(path.with_suffix("")) + "}" in head
+    assert "./strapdown" not in head and "strapdown.c" not in head
+
+
+def test_a_program_that_never_is_ready_is_told(tmp_path):
+    """By a time of its own: answer_within is that of a tick."""
+    path = tmp_path / "silent.py"
+    path.write_text("import time\ntime.sleep(60)\n")
+    software = f"{{command: {sys.executable} {path}, answer_within: 60 s, start_within: 0.5 s}}"
+    with pytest.raises(SoftwareError, match=r"no answer in time \(start_within: 0\.5 s\)"):
+        flown("night_sky", f"navigation.software={software}", until_s=1.0)
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

@@ -1,6 +1,7 @@
 """Runs the rerun viewer: on a screen, or without one for a picture and for what its views complain about."""
 
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -14,6 +15,8 @@ from pathlib import Path
 
 from shefex_nav.errors import UserError
 
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # of Linux; one of them names a screen
+INSTEAD = "save a recording (--save) or a picture (--screenshot), or show it in a browser (--web)"
 SETTLE_S = 1.0  # for so long a picture must not have changed,
 SETTLE_PICTURES = 3  # nor while so many are taken: on a busy machine each takes longer
 PAUSE_S = 0.2  # between two
@@ -47,13 +50,23 @@ def path():
 
 def show(recording):
     """Open a recording in the viewer and wait until it is closed."""
+    _check_screen(os.environ)
     environment = {"RUST_LOG": "error", **os.environ}
     command = [str(path()), str(recording), "--port", "auto"]
     done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode != 0:
         raise ViewerError(
             f"the viewer could not open a window: {_reason(done.stderr, done.returncode)}\n"
-            "On a machine without a screen, save a recording (--save) or a picture (--screenshot) instead."
+            f"On a machine without a screen, {INSTEAD}."
+        )
+
+
+def _check_screen(environment):
+    """ViewerError where there is no screen; without it the viewer names a line of a library of its own."""
+    if sys.platform == "linux" and not any(environment.get(name) for name in SCREENS):
+        raise ViewerError(
+            "the viewer could not open a window: this machine has no screen (neither DISPLAY nor "
+            f"WAYLAND_DISPLAY is set); {INSTEAD}"
         )
 
 
@@ -69,6 +82,9 @@ class Window:
     """
 
     def __init__(self, web=False, environment=None):
+        environment = os.environ if environment is None else environment
+        if not web:
+            _check_screen(environment)
         self._port = port = _free_port()
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self._web, self._said = web, tempfile.TemporaryFile("w+")
@@ -80,7 +96,6 @@ class Window:
             command += ["--serve-web", "--web-viewer-port", str(page)]
         else:
             command += ["--hide-welcome-screen", "--expect-data-soon"]
-        environment = os.environ if environment is None else environment
         told = {"RUST_LOG": "error", **environment}
         self._process = subprocess.Popen(command, env=told, stderr=self._said)
 
@@ -220,8 +235,9 @@ def _save_settled(client, picture):
 
 
 def _reason(said, code):
-    """The last line of what a program said, or how it ended."""
-    return (said.strip().splitlines() or [f"exit code {code}"])[-1]
+    """The last line of what a program said, or how it ended; without places in its source."""
+    last = (said.strip().splitlines() or [f"exit code {code}"])[-1]
+    return re.sub(r"\b(?:os error )?at /\S+\.rs:\d+(?::\d+)?: ", "", last)
 
 
 def _free_port():
