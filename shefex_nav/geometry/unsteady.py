@@ -16,11 +16,12 @@ from shefex_nav.geometry.streak import place_at, seen_from_to, turn_jacobian, ve
 
 STEADY = np.empty((0, 4))
 POINTS = 16  # of an exposure, at which a weighted mean is taken
-ROUNDS = 2  # a place that is wrong by the way of a star moves the times of its rows by a thousandth of that
+ROUNDS = 2  # when a row is read depends little on where in it a star is
+LONG = 60.0  # sigma of the spot, half of a streak of which a fit sees the ends alone
 
 
 @inner
-def turned_at(table, t_s):
+def rotation_at(table, t_s):
     """Rotation vector (3,) rad at t_s from the frame's instant; before and after the table as at its ends."""
     turned, n = np.zeros(3), table.shape[0]
     if n == 0:
@@ -36,9 +37,9 @@ def turned_at(table, t_s):
 
 
 @inner
-def mean_turned(table, begin_s, end_s):
+def mean_rotation(table, begin_s, end_s):
     """Mean of the same over an interval: (3,) rad."""
-    total, t_s, here = np.zeros(3), begin_s, turned_at(table, begin_s)
+    total, t_s, here = np.zeros(3), begin_s, rotation_at(table, begin_s)
     if table.shape[0] == 0 or not end_s > begin_s:
         return here
     for k in range(table.shape[0] + 1):
@@ -46,7 +47,7 @@ def mean_turned(table, begin_s, end_s):
         if t_next <= t_s:
             continue
         t_next = min(t_next, end_s)
-        there = turned_at(table, t_next)
+        there = rotation_at(table, t_next)
         for j in range(3):
             total[j] += 0.5 * (here[j] + there[j]) * (t_next - t_s)
         t_s, here = t_next, there
@@ -56,7 +57,7 @@ def mean_turned(table, begin_s, end_s):
 
 
 @inner
-def fitted_turned(table, begin_s, end_s, half_length_px, sigma_px):
+def fitted_rotation(table, begin_s, end_s, half_length_px, sigma_px):
     """Mean turn (3,) as a fit of an even streak sees it along the streak.
 
     Light that is moved along a streak of half-length h shows at the streak's ends: a fit by least squares
@@ -64,32 +65,37 @@ def fitted_turned(table, begin_s, end_s, half_length_px, sigma_px):
 
         (h + s) exp(-(h + s)^2 / 4 sigma^2) + (h - s) exp(-(h - s)^2 / 4 sigma^2)
 
-    for a Gaussian spot: the ends alone if the streak is long, all of it alike if it is short.
+    for a Gaussian spot: the ends alone if the streak is long, all of it alike if it is short. A centroid that
+    is a moment sees all alike: sigma_px infinite.
     """
+    if half_length_px > LONG * sigma_px:
+        return 0.5 * (rotation_at(table, begin_s) + rotation_at(table, end_s))
+    if not np.isfinite(sigma_px):
+        return mean_rotation(table, begin_s, end_s)
     total, weights = np.zeros(3), 0.0
     for k in range(POINTS):
         part = (k + 0.5) / POINTS
         s = (2.0 * part - 1.0) * half_length_px
         behind, ahead = (half_length_px + s) / (2.0 * sigma_px), (half_length_px - s) / (2.0 * sigma_px)
         weight = behind * np.exp(-behind * behind) + ahead * np.exp(-ahead * ahead)
-        total += weight * turned_at(table, begin_s + part * (end_s - begin_s))
+        total += weight * rotation_at(table, begin_s + part * (end_s - begin_s))
         weights += weight
-    return total / weights if weights > 0.0 else mean_turned(table, begin_s, end_s)
+    return total / weights if weights > 0.0 else mean_rotation(table, begin_s, end_s)
 
 
 @inner
-def fit_offset(H, table, seen_s, way_px, sigma_px):
+def fit_offset_px(H, table, seen_s, way_px, sigma_px):
     """By how much a fit of a straight, even streak sees a star moved: x, y [px].
 
-    Across the streak it sees the mean, along it `fitted_turned`.
+    Across the streak it sees the mean, along it `fitted_rotation`.
 
     H : (2, 3) px/rad, of `turn_jacobian`;  seen_s : begin and end;  way_px : x, y from end to end
     """
-    mean = mean_turned(table, seen_s[0], seen_s[1])
+    mean = mean_rotation(table, seen_s[0], seen_s[1])
     x, y, length = H[0] @ mean, H[1] @ mean, np.hypot(way_px[0], way_px[1])
     if length == 0.0:
         return x, y
-    more = fitted_turned(table, seen_s[0], seen_s[1], 0.5 * length, sigma_px) - mean
+    more = fitted_rotation(table, seen_s[0], seen_s[1], 0.5 * length, sigma_px) - mean
     tx, ty = way_px[0] / length, way_px[1] / length
     along = tx * (H[0] @ more) + ty * (H[1] @ more)
     return x + along * tx, y + along * ty
@@ -102,7 +108,7 @@ def at_instant(camera, sigma_px, times, omega_c, table, xy_px):
     Parameters
     ----------
     camera : Pinhole
-    sigma_px : of a spot
+    sigma_px : of a spot, with the pixel's own; infinite where places are moments
     times : RowTimes
     omega_c : (3,) rad/s, mean rate of the exposure
     table : (m, 4)
@@ -122,7 +128,7 @@ def at_instant(camera, sigma_px, times, omega_c, table, xy_px):
             moved_x, moved_y = place_at(camera, omega_c, x, y, seen_s[k])
             vx, vy = velocity(camera, omega_c, x, y)
             way_px, H = (vx * (end_s - begin_s), vy * (end_s - begin_s)), turn_jacobian(camera, x, y)
-            dx, dy = fit_offset(H, table, (begin_s, end_s), way_px, sigma_px)
+            dx, dy = fit_offset_px(H, table, (begin_s, end_s), way_px, sigma_px)
             places[k, 0] = xy_px[k, 0] - (moved_x - x + dx)
             places[k, 1] = xy_px[k, 1] - (moved_y - y + dy)
     return places, seen_s

@@ -305,6 +305,8 @@ OWN = (
         matrix("stars.P_omega_c", "rad^2/s^2",
                "covariance of the rate that carried them to t_valid_s, camera axes", name="star_P_omega_c"),
         number("stars.sigma_focal", "", "relative error of the focal length", name="star_sigma_focal"),
+        flag("straight",
+             "the attitude is that of t_valid_s also where the rate changes, else the mean of the exposure"),
     )),
     Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
         T_S,

@@ -201,7 +201,9 @@ def full_context(nav, frame, sky):
     ticks = history.oldest, history.newest, history.place(history.nearest(frame.t_valid_s))
     shot = frame.t_valid_s, frame.t_start_s, frame.exposure_s, frame.line_s, frame.image_dn.shape[0]
     context, known = _full_context(nav.constants, history.arrays, ticks, C_bc, shot, sky)
-    return context if known else context._replace(omega_c=None, P_omega_c=None, unsteady_c=None)
+    if not known:
+        return context._replace(omega_c=None, P_omega_c=None, unsteady_c=None)
+    return context if np.isfinite(context.unsteady_variance) else context._replace(unsteady_c=None)
 
 
 def brief_context(nav, frame, sky):

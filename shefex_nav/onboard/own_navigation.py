@@ -11,6 +11,8 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
+from shefex_nav.geometry.unsteady import STEADY
+from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
 from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
@@ -162,13 +164,13 @@ class OwnNavigation:
         steady2 = gyro.bias**2 + gyro.in_run_bias**2 + gyro.random_walk**2 / duration_s
         scale2 = max(gyro.scale_factor, gyro.scale_factor_roll) ** 2 + 2.0 * gyro.misalignment**2
         of_rate2 = (scale2 + self._mission.sigma_mounting**2) * (omega_b @ omega_b)
-        turned_b = turned_besides(blocks, omega_b, begin_s, end_s, frame.t_valid_s)
-        return context._replace(
-            omega_c=C_bc.T @ omega_b,
-            P_omega_c=(steady2 + of_rate2) * np.eye(3),
-            unsteady_c=np.column_stack([turned_b[:, :1], turned_b[:, 1:] @ C_bc]),
-            unsteady_variance=gyro.random_walk**2 * (end_s - begin_s) / 12.0 + gyro.quantum**2 / 12.0,
-        )
+        context = context._replace(omega_c=C_bc.T @ omega_b, P_omega_c=(steady2 + of_rate2) * np.eye(3))
+        if not covered(blocks, begin_s, end_s):
+            return context
+        noise = gyro.random_walk**2 * (end_s - begin_s) / 12.0 + gyro.quantum**2 / 12.0
+        table_b, variance = besides_mean_rate(blocks, begin_s, end_s, frame.t_valid_s, noise)
+        table_c = np.column_stack([table_b[:, :1], table_b[:, 1:] @ C_bc])
+        return context._replace(unsteady_c=table_c, unsteady_variance=variance)
 
     def _keep(self, solution=None):
         """Remember the tick; where it stood if the IMU answered and the software stands by its attitude."""
@@ -226,7 +228,21 @@ class OwnNavigation:
             raise self._error(f"context must give a Context, got {context!r}")
         if context.q_ic is not None:
             self._own.quaternion(self.now_s, "q_ic of its Context", context.q_ic)
-        return context
+        for name, shape in (("omega_c", (3,)), ("P_omega_c", (3, 3))):
+            if (value := getattr(context, name)) is not None:
+                array = self._own.numbers(self.now_s, f"{name} of its Context", value, *shape)
+                context = context._replace(**{name: array})
+        if context.unsteady_c is None:
+            return context
+        table = np.asarray(context.unsteady_c, dtype=float)
+        table = self._own.numbers(self.now_s, "unsteady_c of its Context", table, len(table), 4)
+        if len(table) == 1 or (np.diff(table[:, 0]) <= 0.0).any():
+            raise self._error("unsteady_c of its Context must have no rows, or two or more in order of time")
+        if not 0.0 <= context.unsteady_variance < np.inf:
+            raise self._error(
+                f"unsteady_variance of its Context is {context.unsteady_variance}, not 0 or more"
+            )
+        return context._replace(unsteady_c=table)
 
     def _ask(self, method, *given):
         return self._own.ask(self.now_s, method, *given)
@@ -277,18 +293,31 @@ def covariance(estimate, t_s):
     return NavCovariance(t_s, P, *biases, unknown, unknown, np.full(12, np.nan))
 
 
-def turned_besides(blocks, omega_b, begin_s, end_s, instant_s):
-    """How the gyros say that the body turned besides a rate: (m, 4), table of `geometry.unsteady`.
+def covered(blocks, begin_s, end_s):
+    """Whether ImuBlocks follow each other without a gap over an interval."""
+    begins = [one.t_valid_s - one.dt_s * len(one.dtheta_b) for one in blocks]
+    ends = [one.t_valid_s for one in blocks]
+    whole = begins[0] <= begin_s + SAME_S and ends[-1] >= end_s - SAME_S
+    return whole and all(abs(b - a) < SAME_S for a, b in zip(ends, begins[1:], strict=False))
 
-    blocks : ImuBlock, one after the other, that cover it;  omega_b : (3,) rad/s
-    instant_s : from which turns count
+
+def besides_mean_rate(blocks, begin_s, end_s, instant_s, noise):
+    """How the gyros say that the body turns besides its mean rate, as `mean_rate` does with estimates.
+
+    blocks : ImuBlocks that cover the interval;  instant_s : from which turns count
+    noise : rad^2, of the mean of the turn on each axis
+    -> (m, 4) table of `geometry.unsteady` in body axes, variance of its error
     """
     dt_s = np.concatenate([np.full(len(one.dtheta_b), one.dt_s) for one in blocks])
     t_s = blocks[-1].t_valid_s - np.concatenate([np.cumsum(dt_s[::-1])[::-1], [0.0]])
-    angles = np.concatenate(
-        [np.zeros((1, 3)), np.cumsum(np.concatenate([one.dtheta_b for one in blocks]), axis=0)]
-    )
+    steps = np.concatenate([np.zeros((1, 3)), *(one.dtheta_b for one in blocks)])
     inside = t_s[(t_s > begin_s + SAME_S) & (t_s < end_s - SAME_S)]
     at_s = np.concatenate([[begin_s], inside, [end_s]])
-    turned = [np.interp(at_s, t_s, one) - np.interp(instant_s, t_s, one) for one in angles.T]
-    return np.column_stack([at_s - instant_s, np.transpose(turned) - np.outer(at_s - instant_s, omega_b)])
+    angle = np.transpose([np.interp([instant_s, *at_s], t_s, one) for one in np.cumsum(steps, axis=0).T])
+    duration_s, since_s = end_s - begin_s, at_s - instant_s
+    omega_b = (angle[-1] - angle[1]) / duration_s
+    turned = angle[1:] - angle[0] - np.outer(since_s, omega_b)
+    largest = (turned**2).sum(axis=1).max()
+    if largest > 3.0 * SEEN * noise:
+        return np.column_stack([since_s, turned]), noise + SHARE**2 / 9.0 * largest
+    return STEADY, min(noise, (omega_b @ omega_b) * (CHANGE * duration_s**2 / 24.0) ** 2)

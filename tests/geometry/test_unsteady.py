@@ -20,24 +20,24 @@ def accelerated(n=200):
 
 
 def test_a_steady_rate_has_no_rows():
-    for of in (unsteady.turned_at(unsteady.STEADY, 0.01), unsteady.mean_turned(unsteady.STEADY, -T, T)):
+    for of in (unsteady.rotation_at(unsteady.STEADY, 0.01), unsteady.mean_rotation(unsteady.STEADY, -T, T)):
         np.testing.assert_array_equal(of, np.zeros(3))
 
 
 @pytest.mark.parametrize("t", [-0.05, -0.0123, 0.0, 0.031, 0.05])
 def test_between_rows_it_is_linear(t):
-    np.testing.assert_allclose(unsteady.turned_at(accelerated(), t), 0.5 * ALPHA * t**2, atol=1e-7)
+    np.testing.assert_allclose(unsteady.rotation_at(accelerated(), t), 0.5 * ALPHA * t**2, atol=1e-7)
 
 
 @pytest.mark.parametrize("begin, end", [(-0.05, 0.05), (-0.05, 0.0), (0.013, 0.0371), (0.0101, 0.0102)])
 def test_mean_of_an_acceleration(begin, end):
     mean = ALPHA * (end**3 - begin**3) / 6.0 / (end - begin)
-    np.testing.assert_allclose(unsteady.mean_turned(accelerated(), begin, end), mean, atol=1e-7)
+    np.testing.assert_allclose(unsteady.mean_rotation(accelerated(), begin, end), mean, atol=1e-7)
 
 
 def test_the_mean_of_an_exposure_is_a_third_of_its_ends():
     np.testing.assert_allclose(
-        unsteady.mean_turned(accelerated(), -0.5 * T, 0.5 * T), ALPHA * T**2 / 24, rtol=1e-3
+        unsteady.mean_rotation(accelerated(), -0.5 * T, 0.5 * T), ALPHA * T**2 / 24, rtol=1e-3
     )
 
 
@@ -55,7 +55,7 @@ def test_what_a_fit_sees_along_a_streak(half_px):
 
     slope = (drawn(s + 1e-4) - drawn(s - 1e-4)) / 2e-4
     fitted = slope @ (drawn(s + moved) - drawn(s)) / (slope @ slope)
-    seen = unsteady.fitted_turned(table, -0.5 * T, 0.5 * T, half_px, sigma)
+    seen = unsteady.fitted_rotation(table, -0.5 * T, 0.5 * T, half_px, sigma)
     expected = 1e-3 * seen[0] / (0.5 * ALPHA[0] * T**2)
     assert fitted == pytest.approx(expected, rel=0.05)
 

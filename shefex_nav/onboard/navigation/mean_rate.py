@@ -25,6 +25,10 @@ from shefex_nav.onboard.navigation.calibration import (
 from shefex_nav.onboard.navigation.state import MOUNTING
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
+SEEN = 16.3  # chi-square of three axes that noise exceeds once in a thousand exposures
+SHARE = 0.05  # [E] of the mean, by which a fit of a bent streak may see it wrong
+CHANGE = 1.0  # 1/s [E], change of a rate in a second over the rate, at most, where no more is seen
+
 
 class Estimates(NamedTuple):
     """What the filter estimates in a tick, and what drives the increments in it."""
@@ -68,12 +72,12 @@ def camera_rate(constants, memory, ticks, tick, C_bc, interval_s):
     omega_c : (3,) rad/s
     P_omega_c : (3, 3) (rad/s)^2
     unsteady_c : (m, 4) s and rad, table of `geometry.unsteady`
-    variance : rad^2, of the error of its mean on each axis
+    variance : rad^2, of the error of its mean on each axis; NaN where nothing is known of it
     """
     begin_s, end_s, _ = interval_s
     samples = _samples(memory, ticks, begin_s, end_s)
     if len(samples.dt_s) == 0:
-        return False, np.full(3, np.nan), np.full((3, 3), np.nan), np.empty((0, 4)), 0.0
+        return False, np.full(3, np.nan), np.full((3, 3), np.nan), np.empty((0, 4)), np.nan
     acts, model = acting(tick.x, samples.vibration, samples.drive), constants.model[0]
     omega_b, f_b, noise = _body_rate(model, samples, acts, begin_s, end_s)
     H, _ = jacobians_packed(constants.at, tick.P.shape[0], tick.x, omega_b, f_b, tick.vibration, tick.drive)
@@ -106,8 +110,11 @@ def _unsteady(model, samples, acts, omega_b, interval_s):
     """How the body turns in an interval besides its mean rate.
 
     -> (m, 4) s from the instant, rad in body axes; variance of the error of its mean over the interval on
-    each axis. The angle between the instant and the mean of an interval T is that of a random walk with
-    N^2 T / 12. Nothing is known where a gyro is not trusted.
+    each axis, NaN where a gyro is not trusted. The angle between the instant and the mean of an interval T is
+    that of a random walk with N^2 T / 12; that at its ends, three times as much.
+
+    What is no more than this noise is left alone: the prediction of the filter has the same noise, of which
+    fixes must be independent. The rate is then taken to change by no more than itself in a second.
     """
     begin_s, end_s, instant_s = interval_s
     n, angle = len(samples.dt_s), np.zeros(3)
@@ -133,9 +140,19 @@ def _unsteady(model, samples, acts, omega_b, interval_s):
         )
     turned[:, 0] = inside[: m + 2] - instant_s
     if samples.doubtful:
-        return turned[:0], 0.0
-    variance = model.gyro_random_walk**2 * (end_s - begin_s) / 12.0 + model.gyro_quantum**2 / 12.0
-    return turned, variance + (samples.vibration * model.gyro_vibration) ** 2
+        return turned[:0], np.nan
+    duration_s = end_s - begin_s
+    noise = model.gyro_random_walk**2 * duration_s / 12.0 + model.gyro_quantum**2 / 12.0
+    noise += (samples.vibration * model.gyro_vibration) ** 2
+    largest = 0.0
+    for k in range(m + 2):
+        largest = max(largest, turned[k, 1] ** 2 + turned[k, 2] ** 2 + turned[k, 3] ** 2)
+    if largest > 3.0 * SEEN * noise:
+        return turned, noise + (
+            SHARE**2 / 9.0
+        ) * largest  # of a steady change the mean is a third of the ends
+    unseen = (omega_b @ omega_b) * (CHANGE * duration_s**2 / 24.0) ** 2
+    return turned[:0], min(noise, unseen)
 
 
 @inner

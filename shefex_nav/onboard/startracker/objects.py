@@ -3,12 +3,12 @@
 In: a frame, the navigation's `Context`, what is remembered of the frame before. Out: objects at the frame's
 instant, and how they were found.
 
-As spots (`detect`), a frame speaks for itself. Along streaks (`streaks`), the rate of the camera says what a
-star looks like at every place: then faint stars are found at rates at which no pixel of them stands out, and
-their places are those of one instant whatever the shutter did. With a narrow prediction of the attitude the
-places of the stars are known too and only those are looked at; if they do not show the stars, the whole
-frame is. Without a rate a frame is searched for spots, which is right for a camera that is nearly at rest.
-Other searches are added to `SEARCHES`.
+As spots (`detect`), a frame is searched without the rate, which brings what was found to one instant. Along
+streaks (`streaks`), the rate of the camera says what a star looks like at every place: then faint stars are
+found at rates at which no pixel of them stands out, and their places are those of one instant whatever the
+shutter did. With a narrow prediction of the attitude the places of the stars are known too and only those are
+looked at; if they do not show the stars, the whole frame is. Without a rate a frame is searched for spots,
+which is right for a camera that is nearly at rest. Other searches are added to `SEARCHES`.
 """
 
 import math
@@ -30,7 +30,8 @@ from shefex_nav.records import Scan
 
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
 KNOWN_PX = 1.0  # a rate is known if its error moves no star by more in half of the frame [E]
-MARKED_PX = 10.0  # the same, for spots of a rolling shutter: farther, a star is taken for its neighbour [E]
+ROUGHLY_PX = 10.0  # the same, of a rate that is known roughly: spots of a rolling shutter, brought by it
+PIXEL_SIGMA_PX = math.sqrt(1.0 / 12.0)  # of light that falls anywhere on a pixel
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
@@ -46,6 +47,8 @@ class Found(NamedTuple):
     memory: Any = None  # what the same search is given with the next frame
     # (t_s (n,), P_omega (3, 3)): when each was seen, and of the rate that brought them to one instant
     rate: Any = None
+    # rad^2 on each axis, of what a rate that changes has moved all places by; None: that was not looked at
+    variance: float | None = None
 
 
 def searches(params, stars, memory, frame, context):
@@ -72,31 +75,40 @@ def as_spots(params, stars, memory, frame, context):
     spots = of_spots(params.settings.detection)
     detections, statistics = detect(spots, params.camera, frame.image_dn)
     kind = int(SPOTS.get(spots.scan, Scan.OTHER))
-    if not moved_by_a_rate(params.camera.pinhole, frame, context):
+    if not can_be_brought(params.camera.pinhole, frame, context):
         yield Found(detections, statistics, kind, frame.line_s == 0.0)
         return
-    detections, seen_s = at_frame_instant(params.camera, frame, context, detections)
+    fits = spots.centroid == "fit"
+    detections, seen_s = at_frame_instant(params.camera, frame, context, detections, fits)
     rate = None if frame.line_s == 0.0 else (seen_s, context.P_omega_c)
-    yield Found(detections, statistics, kind, True, rate=rate)
+    yield Found(detections, statistics, kind, True, rate=rate, variance=variance_of(context))
 
 
-def moved_by_a_rate(camera, frame, context):
+def can_be_brought(camera, frame, context):
     """Whether the rate can bring spots to the frame's instant. Pinhole, Frame, Context -> bool.
 
     With a global shutter all are seen at once: only what is unsteady has to be taken out. With a rolling one
     the error of the rate, which all stars share, is estimated with the attitude.
     """
-    if frame.line_s == 0.0:
-        return context.omega_c is not None and context.unsteady_c is not None
-    return rate_error_px(camera, frame, context) < MARKED_PX
+    error_px = rate_error_px(camera, frame, context)
+    return error_px < ROUGHLY_PX if frame.line_s else context.unsteady_c is not None and error_px < np.inf
 
 
-def at_frame_instant(camera, frame, context, detections):
-    """Detections at the frame's instant, without those that outran the rows; when each was seen (n,), s."""
+def variance_of(context):
+    """`Found.variance` of places that a context has brought to one instant."""
+    return None if context.unsteady_c is None else context.unsteady_variance
+
+
+def at_frame_instant(camera, frame, context, detections, fits):
+    """Detections at the frame's instant, without those that outran the rows; when each was seen (n,), s.
+
+    fits : whether places are those of a fit, or moments
+    """
+    sigma_px = math.hypot(camera.psf_sigma, PIXEL_SIGMA_PX) if fits else math.inf
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
     unsteady_c = STEADY if context.unsteady_c is None else context.unsteady_c
     xy_px, seen_s = unsteady.at_instant(
-        camera.pinhole, camera.psf_sigma, times, context.omega_c, unsteady_c, detections.xy_px
+        camera.pinhole, sigma_px, times, context.omega_c, unsteady_c, detections.xy_px
     )
     good = np.isfinite(xy_px.sum(axis=1))
     kept = detections._make(column[good] for column in detections._replace(xy_px=xy_px))
@@ -132,9 +144,11 @@ def _along_streaks(params, stars, frame, context):
         xy_px, P_px = predicted(params, stars, context)
         if len(xy_px) >= FEWEST:
             near = streaks.detect_near(settings, camera, frame.image_dn, motion, xy_px, P_px)
-            yield Found(*near, int(Scan.STREAKS_NEAR), True, rate=rate_of(hole, motion, near[0]))
+            rate, variance = rate_of(hole, motion, near[0]), variance_of(context)
+            yield Found(*near, int(Scan.STREAKS_NEAR), True, rate=rate, variance=variance)
     whole = streaks.detect_streaks(settings, camera, frame.image_dn, motion)
-    yield Found(*whole, int(Scan.STREAKS), True, rate=rate_of(hole, motion, whole[0]))
+    rate, variance = rate_of(hole, motion, whole[0]), variance_of(context)
+    yield Found(*whole, int(Scan.STREAKS), True, rate=rate, variance=variance)
 
 
 def rate_of(camera, motion, detections):

@@ -2,10 +2,11 @@
 
 frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`. What comes from the navigation, the `Context`,
 corrects aberration, says where to look for the stars first, how they move (`objects`), and names the reason
-of a failure. The attitude is that of the stars alone; a prediction that they contradict is forgotten, the
-frame is lost in space. Only with rows exposed one after the other it rests on the rate too, whose error is
-solved for along. No attitude is given at rates for which the tracker is not made, nor of rows whose places no
-rate has brought to one instant: an error message is better than a wrong attitude.
+of a failure. The attitude is that of the stars; a prediction that they contradict is forgotten, the frame is
+lost in space. It rests on the gyros too where the rate changes within the exposure, and with rows exposed one
+after the other, where the error of the rate is solved for along. No attitude is given at rates for which the
+tracker is not made, nor of rows whose places no rate has brought to one instant: an error message is better
+than a wrong attitude.
 
 The flags of the frame set the exposure of the next one (SHEFEX-2 star tracker, section 3.1 and figure 2); the
 gain stays where the scenario puts it.
@@ -158,21 +159,25 @@ def step(tracker, state, frame, context):
     StarFix, with the attitude or the reason for none
     CameraCommand for the next frame
     """
-    params, exposed = tracker.params, of_frame(tracker, frame, context)
+    params = tracker.params
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
+        exposed = of_frame(tracker, frame, seen)
         found, reason, solution, stars = attitude_with_stars(exposed, seen.detections, context, seen.rate)
         if reason == Reason.NONE:
             break
     return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
 
 
-def of_frame(tracker, frame, context):
-    """`of_exposure`; with a rolling shutter the error of `unsteady_c` differs from row to row as well."""
+def of_frame(tracker, frame, seen):
+    """`of_exposure`; what the gyros do not know of a rate that changes differs from row to row as well.
+
+    seen : objects.Found
+    """
     exposed = of_exposure(tracker, frame.exposure_s)
-    if frame.line_s == 0.0 or context.unsteady_variance == 0.0:
+    if frame.line_s == 0.0 or not seen.variance:
         return exposed
     params = exposed.params
-    moved_px = params.camera.pinhole.focal_length_px * math.sqrt(context.unsteady_variance)
+    moved_px = params.camera.pinhole.focal_length_px * math.sqrt(seen.variance)
     settings = replace(params.settings, centroid_floor=math.hypot(params.settings.centroid_floor, moved_px))
     return exposed._replace(params=params._replace(settings=settings))
 
@@ -205,14 +210,14 @@ def concluded(tracker, state, frame, context, seen, result):
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
-        exposed = of_frame(tracker, frame, context)
+        exposed = of_frame(tracker, frame, seen)
         found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
-    P_c = P_c + context.unsteady_variance * np.eye(3)
-    stars = of_all_stars(stars, context.unsteady_variance)
+    if seen.variance is not None:
+        P_c, stars = P_c + seen.variance * np.eye(3), with_common_error(stars, seen.variance)
     if reason != Reason.NONE:
         reason = explain(params, reason, mean_dn, context)
     fix = StarFix(
@@ -231,14 +236,18 @@ def concluded(tracker, state, frame, context, seen, result):
         flag_no_stars=flag_no_stars,
         scan=seen.scan,
         stars=stars,
+        straight=seen.variance is not None,
     )
     exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
     return TrackerState(exposure_s, seen.memory), fix, command
 
 
-def of_all_stars(stars, variance):
-    """StarVectors with an error that all share, rad^2 on each axis: so large that their mean has it."""
+def with_common_error(stars, variance):
+    """StarVectors with an error that all of them share, rad^2 on each axis.
+
+    As independent errors it is averaged away; n times as large, it is left in the mean of n stars.
+    """
     return stars._replace(P_u=stars.P_u + len(stars.hip) * variance * np.eye(2)) if variance > 0.0 else stars
 
 
