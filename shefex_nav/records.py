@@ -256,7 +256,7 @@ class StarFix(NamedTuple):
     flag_no_stars: bool
     scan: int = int(Scan.UNKNOWN)  # Scan
     stars: StarVectors = NO_STARS
-    # whether the attitude is that of t_valid_s also where the rate changes; else it is the mean of the exposure
+    # whether the attitude is that of t_valid_s also where the rate changes; else the mean of the exposure
     straight: bool = False
 
 

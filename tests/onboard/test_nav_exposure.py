@@ -127,3 +127,9 @@ def test_a_turn_is_seen_above_the_noise():
         rate = np.array([0.0, 0.0, size * noise * 24.0 / T**2])
         one = fix(T)
         assert (seen(moment(lambda t, rate=rate: rate * t), one) is not one) == is_seen
+
+
+def test_a_fix_of_its_instant_stays_as_it_is():
+    """The star tracker has taken the turn out itself: twice would be as wrong as not at all."""
+    one = fix(T)._replace(straight=True)
+    assert seen(moment(tumbling), one) is one
