@@ -224,7 +224,7 @@ def applied(one, settings, faults, measured):
 def _changed(change, fault, readings):
     """Readings with one fault: list.
 
-    One of before it may be repeated, by its stamp: another fault may have changed that, and the order with it.
+    What it may repeat is from before it by its stamp: another fault may have changed that, and the order.
     """
 
     def may_be_repeated(reading):

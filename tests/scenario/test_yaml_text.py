@@ -68,7 +68,7 @@ def test_half_a_surrogate_pair(parser):
         document.parse("a: 1\nb: \udcff\n", "text")
     mark, words = refused.value.args
     assert mark == ("text", 2, 4) and "unacceptable character #xdcff" in words
-    with pytest.raises(load.ScenarioError, match="^--set mission.name: not valid YAML: unacceptable character"):
+    with pytest.raises(load.ScenarioError, match=r"^--set mission.name: not valid YAML: unacceptable"):
         load.load("rexus_like", ["mission.name=\udcff"])
 
 

@@ -59,7 +59,7 @@ VALUES = (  # above the background, grey values in 8 bits and in 16 with a gain 
 
 @pytest.mark.parametrize("level", [0.0, 100.0])
 def test_frames_are_rounded_and_end_at_black_and_white(level):
-    """The noise of 3 DN in the first; steps of a 32nd in the second, whose last one is for saturated pixels."""
+    """8 bits, and steps of a 32nd in 16, the last of which is for saturated pixels."""
     above, coarse, fine = (np.array(column) for column in zip(*VALUES, strict=True))
     grey = (level + np.tile(above, (4, 5))).astype(np.float32)
     below = background.Below(np.full((1, 1), level), np.zeros(1), np.zeros(1))

@@ -75,7 +75,7 @@ def test_infinite_values_of_either_sign_are_refused(colour):
     values = np.ones((70, 80, 3), dtype=np.float32)
     values[3, 4, :2] = np.inf, -np.inf
     values[3, 5, 0] = -np.inf
-    with pytest.raises(PictureError, match="^image: contains NaN or infinite values"):
+    with pytest.raises(PictureError, match=r"^image: contains NaN or infinite values"):
         picture.grey(values if colour else values[:, :, 0])
 
 

@@ -99,7 +99,8 @@ def test_times_of_a_fault_begin_with_it_and_end_before_its_end():
 
 def test_a_reading_stamped_after_a_stuck_instrument_is_not_the_one_repeated():
     """Another fault may shift stamps: its readings come before those with earlier stamps."""
-    shifted = [one._replace(t_valid_s=one.t_valid_s + 1.0) if k == 9 else one for k, one in enumerate(SAID[0])]
+    shifted = list(SAID.readings)
+    shifted[9] = shifted[9]._replace(t_valid_s=1.9)
     stuck = said(fault(WIND, "stuck", 0.95, 1.35), measured=Measured(shifted, "drawn"))
     np.testing.assert_array_equal(column(stuck, "speed"), [*range(10), 8, 8, 8, 8, *range(14, 20)])
 
