@@ -258,18 +258,25 @@ def field_of_view(text):
     from shefex_nav.solve.image import FOV_DEG, NARROWEST_DEG
 
     low, high = NARROWEST_DEG, FOV_DEG[1]
-    parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
-    if parts is None or parts[2] not in DEGREES:
+    fov_deg = _degrees(text)
+    if fov_deg is None:
         words = f"expected an angle such as '11.4 deg', or a number of degrees, got {text!r}"
-        with_point = re.sub(r"(\d),(\d)", r"\1.\2", text)
-        if with_point != text:
+        with_point = text.replace(",", ".")
+        if _degrees(with_point) is not None:
             words += f"; decimals follow a point: '{with_point}'"
         raise typer.BadParameter(words, param_hint="--fov")
-    fov_deg = float(parts[1]) * DEGREES[parts[2]]
     if not low <= fov_deg <= high:
         words = f"expected {low:g} to {high:g} deg, got {text!r}, which is {fov_deg:.3g} deg"
         raise typer.BadParameter(words, param_hint="--fov")
     return fov_deg
+
+
+def _degrees(text):
+    """Degrees of an angle; None if the text is none."""
+    parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
+    if parts is None or parts[2] not in DEGREES:
+        return None
+    return float(parts[1]) * DEGREES[parts[2]]
 
 
 def _show(found, *, told, fov_deg=None):

@@ -222,8 +222,15 @@ def applied(one, settings, faults, measured):
 
 
 def _changed(change, fault, readings):
-    """Readings with one fault: list."""
-    found = with_fault(fault, readings, change, _measures)
+    """Readings with one fault: list.
+
+    What it may repeat is from before it by its stamp: another fault may have changed that, and the order.
+    """
+
+    def may_be_repeated(reading):
+        return reading.t_valid_s < fault.start and _measures(reading)
+
+    found = with_fault(fault, readings, change, may_be_repeated)
     return [reading for reading in found if reading is not None]
 
 

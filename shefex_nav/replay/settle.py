@@ -9,7 +9,7 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
-from shefex_nav.records import GpsFix, row
+from shefex_nav.records import GpsFix, StarFix, row
 from shefex_nav.replay import params
 from shefex_nav.scenario.data_table import DataError
 
@@ -65,10 +65,10 @@ def _not_found(alignment, mixture, hint):
 def mixtures(bank, blocks, received):
     """Go through blocks and what is received with a Bank; Mixture after every tick in which a fix arrived.
 
-    received : GpsFix and readings of instruments, in any order
+    received : GpsFix, GpsRanges and readings of instruments, in any order; a StarFix is not used
     """
     start_s = bank.members[0].nav.history.ends_s[-1]
-    waiting = [one for one in received if one.t_valid_s > start_s]
+    waiting = [one for one in received if one.t_valid_s > start_s and not isinstance(one, StarFix)]
     waiting.sort(key=lambda one: one.t_available_s, reverse=True)
     for k in range(len(blocks.t_valid_s)):
         block, arrived = row(blocks, k), []

@@ -53,9 +53,11 @@ def parse(text, file):
             Mark(file, 1, 1), "the file is empty; a scenario is a mapping that starts with 'mission:'"
         )
     mark = _mark(node, file)
-    if node.tag != "tag:yaml.org,2002:map":
-        kind = "list" if isinstance(node.value, list) else "single value"
+    if node.id != "mapping":
+        kind = "list" if node.id == "sequence" else "single value"
         raise BadText(mark, f"the file holds a {kind}; expected a mapping that starts with 'mission:'")
+    if node.tag != yaml_text.MAP:
+        raise BadText(mark, _wrong_tag(node))
     document.keys[()] = document.values[()] = mark
     _check_aliases(node, file)
     return document._replace(tree=_build(node, (), file, document, ()))
@@ -85,14 +87,24 @@ def _compose(text, file):
             said = text.splitlines()[mark.line].strip()
             raise BadText(Mark(file, mark.line + 1, mark.column + 1), _no_colon(said)) from None
         words = ", ".join(str(part) for part in (error.context, error.problem) if part)
-        hint = "; indent with spaces, not tabs" if "'\\t'" in words else ""
-        raise BadText(Mark(file, mark.line + 1, mark.column + 1), f"not valid YAML: {words}{hint}") from None
+        raise BadText(
+            Mark(file, mark.line + 1, mark.column + 1), f"not valid YAML: {words}{_hint(words)}"
+        ) from None
     except YAMLError as error:  # a character that YAML forbids
         words = str(error).splitlines()[0]
         position = getattr(error, "position", 0)
         before = text[:position]
         line, column = before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1
         raise BadText(Mark(file, line, column), f"not valid YAML: {words}") from None
+
+
+def _hint(words):
+    """What to do about an error of the parser, as far as it does not say so itself."""
+    if "'\\t'" in words:
+        return "; indent with spaces, not tabs"
+    if "incompatible YAML document" in words:
+        return "; files of YAML 1.1 and 1.2 are read: leave the line with %YAML out"
+    return ""
 
 
 def _no_colon(line):
@@ -111,10 +123,13 @@ def _build(node, path, file, document, parents):
     if any(node is parent for parent in parents):
         document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
         return None
-    if isinstance(node.value, str):
+    if not yaml_text.fits(node):
+        document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
+        return None
+    if node.id == "scalar":
         return _scalar(node, path, file, document)
     parents = (*parents, node)
-    if node.tag == "tag:yaml.org,2002:seq":
+    if node.tag == yaml_text.SEQ:
         for index, item in enumerate(node.value):
             document.keys[(*path, index)] = _mark(item, file)
             if halves := decimal_comma.of_list(node, index):
@@ -123,14 +138,19 @@ def _build(node, path, file, document, parents):
         return [
             _build(item, (*path, index), file, document, parents) for index, item in enumerate(node.value)
         ]
-    if node.tag == "tag:yaml.org,2002:map":
+    if node.tag == yaml_text.MAP:
         return _mapping(node, path, file, document, parents)
-    return _unused_tag(node, path, file, document)
+    document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
+    return None
 
 
-def _unused_tag(node, path, file, document):
-    """None; that the tag of a node has no meaning here becomes an error."""
-    document.errors.append((_mark(node, file), f"{dotted(path)}: tag {node.tag} is not used in scenarios"))
+def _wrong_tag(node):
+    """Words about a tag that has no meaning here, or that says of a node what it is not."""
+    tag = node.tag.replace(yaml_text.OWN, "!!")
+    if yaml_text.fits(node):
+        return f"tag {tag} is not used in scenarios"
+    kinds = {"sequence": "a list", "mapping": "a mapping"}
+    return f"tag {tag} does not fit {kinds.get(node.id) or repr(node.value[:40])}"
 
 
 def _check_aliases(root, file):
@@ -152,7 +172,7 @@ def _check_aliases(root, file):
 
 def _is_null(node):
     """Whether a node is `null` or `~`, written out; nothing after the colon is not."""
-    return node is not None and node.tag == yaml_text.NULL and bool(node.value)
+    return node is not None and node.tag == yaml_text.NULL and bool(node.value) and yaml_text.fits(node)
 
 
 def _mapping(node, path, file, document, parents):
@@ -200,7 +220,8 @@ def _scalar(node, path, file, document):
             return text
     if node.tag == yaml_text.FLOAT:
         return float(re.sub(r"\.(?=[in])", "", text.replace("_", "").lower()))
-    return _unused_tag(node, path, file, document)
+    document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
+    return None
 
 
 def dotted(path):

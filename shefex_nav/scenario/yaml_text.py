@@ -1,7 +1,9 @@
-"""YAML 1.2 by PyYAML: text -> tree of nodes, each of which knows where it stands; and plain values -> text.
+"""YAML by PyYAML: text -> tree of nodes, each of which knows where it stands; and plain values -> text.
 
-PyYAML's own rules are those of YAML 1.1, in which `off` is no word, `1e-6` no number and `12:30:00` no text.
-Here are those of the core schema of YAML 1.2 (section 10.3.2). Numbers may have underscores.
+What is a word and what a number is decided by the core schema of YAML 1.2 (section 10.3.2), not by PyYAML's
+own rules of YAML 1.1, in which `off` is no word, `1e-6` no number and `12:30:00` no text. Beyond it, whole
+numbers may be binary, `0o` and `0x` may have a sign, and all numbers underscores. PyYAML scans the text by
+YAML 1.1: U+0085, U+2028 and U+2029 end a line.
 """
 
 import re
@@ -9,10 +11,11 @@ from contextlib import suppress
 
 import yaml
 
-STR, INT, FLOAT, BOOL, NULL = (
-    f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
+OWN = "tag:yaml.org,2002:"  # of the tags of YAML itself, written !!
+STR, INT, FLOAT, BOOL, NULL, SEQ, MAP = (
+    f"{OWN}{name}" for name in ("str", "int", "float", "bool", "null", "seq", "map")
 )
-WHOLE = r"[-+]?(?:0b[01_]+|0o?[0-7_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)"
+WHOLE = r"[-+]?(?:0b[01_]+|0o[0-7_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)"
 DIGITS = r"(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?"
 KINDS = (  # of plain words: tag, pattern, how they begin; the first that fits holds
     (NULL, r"~|null|Null|NULL|", "~nN"),
@@ -20,6 +23,8 @@ KINDS = (  # of plain words: tag, pattern, how they begin; the first that fits h
     (INT, WHOLE, "-+0123456789"),
     (FLOAT, rf"[-+]?(?:{DIGITS}|\.(?:inf|Inf|INF))|\.(?:nan|NaN|NAN)", "-+.0123456789"),
 )
+WORDS = {tag: re.compile(pattern) for tag, pattern, _ in KINDS} | {STR: re.compile(".*", re.DOTALL)}
+HOLDERS = {SEQ: "sequence", MAP: "mapping"}  # tag -> kind of node
 DEEPEST = 100  # lists and mappings within each other
 
 
@@ -33,7 +38,7 @@ def _rules():
 
 
 class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-    """Reads by the rules of YAML 1.2, in C wherever PyYAML was built with it."""
+    """Reads words and numbers by KINDS, in C wherever PyYAML was built with it."""
 
     yaml_implicit_resolvers = _rules()
 
@@ -60,7 +65,7 @@ def compose(text):
     try:
         too_deep = _too_deep(text)
         root = None if too_deep else yaml.compose(text, Loader=Loader)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, UnicodeEncodeError):  # the latter in C, of half a surrogate pair
         with suppress(RecursionError):
             yaml.compose(text, Loader=yaml.SafeLoader)  # its messages say more than those in C
         raise
@@ -68,6 +73,13 @@ def compose(text):
         words = f"more than {DEEPEST} lists and mappings within each other"
         raise yaml.MarkedYAMLError(problem=words, problem_mark=too_deep)
     return root
+
+
+def fits(node):
+    """Whether a node is what its tag says, True of tags that are not known here."""
+    if node.tag in WORDS:
+        return isinstance(node.value, str) and WORDS[node.tag].fullmatch(node.value) is not None
+    return HOLDERS.get(node.tag, node.id) == node.id
 
 
 def _too_deep(text):

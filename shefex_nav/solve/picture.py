@@ -196,14 +196,16 @@ def grey(values, name="image"):
         values = _mean_of_colours(values) if values.shape[2] >= 3 else values[:, :, 0]
     with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused
         values = np.ascontiguousarray(values, dtype=np.float32)
-    if not whole and not np.isfinite(values.sum(dtype=np.float64)):
+    with np.errstate(invalid="ignore"):  # infinite values of either sign
+        total = values.sum(dtype=np.float64)
+    if not whole and not np.isfinite(total):
         raise PictureError(f"{name}: contains NaN or infinite values")
     return values
 
 
 def _mean_of_colours(values):
     """Mean of the first three channels, (rows, columns) float32; `mean` over so short an axis is slow."""
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite, of either sign, is refused later
         total = values[:, :, 0].astype(np.float32)
         for k in (1, 2):
             total += values[:, :, k]

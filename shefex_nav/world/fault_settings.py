@@ -234,8 +234,9 @@ def with_fault(fault, records, change, is_good):
     Parameters
     ----------
     fault : its settings
-    records : in the order of their t_valid_s
-    change : function of the fault, a record within it and the last good one before it, or None -> record
+    records : in the order of their instants; another fault may have given them stamps in another one
+    change : function of the fault, a record within it and the last good one before that in the list, or None
+        -> record
     is_good : function of a record: whether it is one that a faulty sensor may repeat
     """
     changed, last = [], None

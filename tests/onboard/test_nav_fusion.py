@@ -29,6 +29,22 @@ def run(fixes, until_s, start=None, params=PARAMS, blocks=BLOCKS):
     return nav, results
 
 
+def test_stars_have_their_turn_last_whatever_arrives_first():
+    """What is refused is told in the order in which it is taken."""
+    gps = [gps_fix(BLOCKS, STATES, t, 0.0) for t in (3.5, 3.0)]
+    stars = [star_fix(BLOCKS, STATES, t, 0.0) for t in (3.2, 2.9, 3.1)]
+
+    def told(arrived):
+        nav, _ = run([], 2.0)
+        return [(one.sensor, one.t_valid_s, one.note) for one in fusion.take(nav, arrived)]
+
+    wanted = told([*gps, *stars])
+    assert [name for name, *_ in wanted] == ["gps_position", "gps_velocity"] * 2 + ["star_tracker"] * 3
+    assert [t_s for _, t_s, _ in wanted[4:]] == [3.2, 2.9, 3.1] and wanted[0][1] == 3.5
+    assert all(note == "from the future" for *_, note in wanted)
+    assert told([stars[0], gps[0], stars[1], gps[1], stars[2]]) == wanted
+
+
 def error(nav, truth):
     """Error of the estimate at the last tick, position, velocity, attitude (9,)."""
     state = nav.history[-1].state

@@ -51,9 +51,17 @@ def test_a_window_finds_what_its_statistics_say(scale, tie, offset):
         found.append(got)
     assert any(one.sensor for one in found) == (scale == 1.8)
     assert any(one.process for one in found) == (tie > 0.0 or offset > 0.0)
-    np.testing.assert_allclose(window.last(20), seen[-20:])
+    last = window.last(20)
+    window.take(w)
+    np.testing.assert_allclose(last, seen[-20:])
+    last[:] = 1e9  # a copy either way
+    np.testing.assert_allclose(window.last(20), [*seen[-19:], w])
     window.forget()
     assert window.take(np.zeros(3)) == Finding(False, False, False, 1.0, False) and len(window.last(20)) == 1
+
+
+def test_there_are_no_innovations_before_the_first():
+    assert Window().last(6).shape == (0, 0)
 
 
 def share_of(n=6):

@@ -8,8 +8,9 @@ from scipy import stats
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.hypotheses import Bank
 from shefex_nav.onboard.navigation.state import ATT, X_Q
-from shefex_nav.records import row
+from shefex_nav.records import Reason, StarFix, row
 from shefex_nav.replay import align, external, load, params, settle
 from shefex_nav.scenario.data_table import DataError
 
@@ -91,8 +92,20 @@ def settled(seed, length_s=60.0, speed=9.0):
     rng = np.random.default_rng(seed)
     truth = drive.drive(EARTH, length_s, heading=rng.uniform(-np.pi, np.pi), speed=speed)
     data, said = drive.sensed(truth, rng), scenario(UNKNOWN)
-    wrong = rng.uniform(-np.pi, np.pi)  # the heading that the search begins with
-    start = align.alignment(
+    start = unknown(truth, rng)
+
+    def blocks_from(start_s):
+        return external.imu_blocks(data.imu, 4, start_s)
+
+    found, since_s = settle.settle(said, data, start, EARTH, blocks_from)
+    assert since_s == 0.0
+    return truth, data, said, found, blocks_from(found.t_valid_s)
+
+
+def unknown(truth, rng):
+    """Alignment of a heading that nobody knows."""
+    wrong = rng.uniform(-np.pi, np.pi)  # that the search begins with
+    return align.alignment(
         0.0,
         *drive.frames.inertial_from_ecef(
             EARTH, 0.0, truth.r_e[0] + 2.0 * rng.standard_normal(3), truth.v_e[0]
@@ -104,12 +117,26 @@ def settled(seed, length_s=60.0, speed=9.0):
         np.diag(np.radians([0.5, 0.5, 103.9])) ** 2,
     )
 
-    def blocks_from(start_s):
-        return external.imu_blocks(data.imu, 4, start_s)
 
-    found, since_s = settle.settle(said, data, start, EARTH, blocks_from)
-    assert since_s == 0.0
-    return truth, data, said, found, blocks_from(found.t_valid_s)
+def test_stars_have_no_part_in_the_search():
+    """A star fix would end it at once, by a heading that nothing has checked."""
+    rng = np.random.default_rng(1)
+    truth = drive.drive(EARTH, 3.0, heading=1.0)
+    data, said, start = drive.sensed(truth, rng), scenario(UNKNOWN), unknown(truth, rng)
+    nav_params, blocks = params.nav_params(said, 0.01), external.imu_blocks(data.imu, 4, 0.0)
+    C_bc = rotation.quat_from_dcm(nav_params.C_bc)
+    seen = [
+        StarFix(
+            k, t_s, t_s, Reason.NONE, rotation.quat_multiply(truth.q_ib[round(t_s * drive.RATE)], C_bc),
+            1e-8 * np.eye(3), None, None, 0.1, 10.0, 0.05, False, False,
+        )
+        for k, t_s in enumerate((0.5, 1.5, 2.5))
+    ]  # fmt: skip
+    banks = [Bank(nav_params, start, EARTH) for _ in range(2)]
+    without = [one.sigma for one in settle.mixtures(banks[0], blocks, data.received)]
+    assert [one.sigma for one in settle.mixtures(banks[1], blocks, [*seen, *data.received])] == without
+    assert len(without) > 2 and np.degrees(without[0]) > 5.0
+    assert all(member.nav.health["star_tracker"].used == 0 for member in banks[1].members)
 
 
 @pytest.mark.slow

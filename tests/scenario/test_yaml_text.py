@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from shefex_nav.scenario import document, yaml_text
+from shefex_nav.scenario import document, load, yaml_text
 
 SHIPPED = sorted((Path(__file__).parents[2] / "scenarios").rglob("*.yaml"))
 WORDS = {  # examples of the specification, 10.3.2, and what YAML 1.1 reads otherwise
@@ -60,6 +60,22 @@ def parser(request, monkeypatch):
 def test_plain_words(parser, word):
     value = document.parse(f"key: {word}\n", "text").tree["key"]
     assert value == WORDS[word] and type(value) is type(WORDS[word])
+
+
+def test_half_a_surrogate_pair(parser):
+    """What Python makes of an argument that is not UTF-8; the parser in C cannot even be given it."""
+    with pytest.raises(document.BadText) as refused:
+        document.parse("a: 1\nb: \udcff\n", "text")
+    mark, words = refused.value.args
+    assert mark == ("text", 2, 4) and "unacceptable character #xdcff" in words
+    with pytest.raises(load.ScenarioError, match=r"^--set mission.name: not valid YAML: unacceptable"):
+        load.load("rexus_like", ["mission.name=\udcff"])
+
+
+@pytest.mark.parametrize("tagged, value", [("!!float 5", 5.0), ("!!str 5", "5"), ("!!int 0x10", 16)])
+def test_tags_that_fit(parser, tagged, value):
+    found = document.parse(f"key: {tagged}\n", "text")
+    assert not found.errors and repr(found.tree["key"]) == repr(value)
 
 
 def test_both_parsers_see_the_same_in_every_shipped_file(monkeypatch):

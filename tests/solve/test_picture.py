@@ -57,6 +57,28 @@ def test_alpha_and_palette_and_jpeg(tmp_path, pixels):
         assert np.abs(read(tmp_path / name).grey - grey).mean() < 3.0
 
 
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("kind", ["u1", "u2", ">u2", "i4", "f4", "f8"])
+def test_grey_of_colours_is_their_mean(kind, channels):
+    """To a rounding of float32 or two; the fourth channel is transparency."""
+    values = np.random.default_rng(4).uniform(0.0, 250.0, (70, 80, channels)).astype(kind)
+    values[:, :, 3:] = 255
+    values[0, 0, :3] = np.iinfo(kind).max if np.dtype(kind).kind in "ui" else 1e30
+    grey = picture.grey(values)
+    assert grey.dtype == np.float32
+    np.testing.assert_allclose(grey, values[:, :, :3].mean(axis=2, dtype=np.float64), rtol=3e-7)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("colour", [True, False])
+def test_infinite_values_of_either_sign_are_refused(colour):
+    values = np.ones((70, 80, 3), dtype=np.float32)
+    values[3, 4, :2] = np.inf, -np.inf
+    values[3, 5, 0] = -np.inf
+    with pytest.raises(PictureError, match=r"^image: contains NaN or infinite values"):
+        picture.grey(values if colour else values[:, :, 0])
+
+
 def test_date_of_the_picture(tmp_path):
     exif = Image.Exif()
     exif.get_ifd(picture.EXIF_BLOCK)[picture.EXIF_TAKEN] = "2019:07:29 20:47:26"

@@ -94,6 +94,8 @@ def test_hostile_files_end_with_2(tmp_path, name, content, says):
         (["--fov", "wide"], "--fov: expected an angle such as '11.4 deg', or a number of degrees"),
         (["--fov", "11.4 parsec"], "--fov: expected an angle"),
         (["--fov", "14,9 deg"], "decimals follow a point: '14.9 deg'"),
+        (["--fov", "1,234,5 deg"], "or a number of degrees, got '1,234,5 deg'\n"),
+        (["--fov", "14,9 parsec"], "or a number of degrees, got '14,9 parsec'\n"),
         (["--fov", "90 deg"], "--fov: expected 2 to 70 deg"),
         (["--fov", "0.25"], "'0.25', which is 0.25 deg"),
         (["--epoch", "20"], "--epoch"),

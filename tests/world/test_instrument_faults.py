@@ -97,6 +97,14 @@ def test_times_of_a_fault_begin_with_it_and_end_before_its_end():
     np.testing.assert_array_equal(column(silent, "speed"), [*range(5), *range(10, 20)])
 
 
+def test_a_reading_stamped_after_a_stuck_instrument_is_not_the_one_repeated():
+    """Another fault may shift stamps: its readings come before those with earlier stamps."""
+    shifted = list(SAID.readings)
+    shifted[9] = shifted[9]._replace(t_valid_s=1.9)
+    stuck = said(fault(WIND, "stuck", 0.95, 1.35), measured=Measured(shifted, "drawn"))
+    np.testing.assert_array_equal(column(stuck, "speed"), [*range(10), 8, 8, 8, 8, *range(14, 20)])
+
+
 def test_late_readings_keep_their_instants():
     late = said(fault(WIND, "late", 0.5, 1.0, by=0.3))
     more = column(late, "t_available_s") - column(SAID, "t_available_s")

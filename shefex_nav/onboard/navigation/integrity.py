@@ -95,8 +95,11 @@ class Innovations:
         self.n = 0
 
     def last(self, count):
-        """The last innovations: (count, d) at most, not copied."""
-        return self.kept[max(self.n - count, 0) : self.n]
+        """A copy of the last innovations, `count` or as many as there are: (n, d).
+
+        (0, 0) before the first, which says what d is.
+        """
+        return self.kept[max(self.n - count, 0) : self.n].copy()
 
     def add(self, w):
         """Keep another one: (d,)."""

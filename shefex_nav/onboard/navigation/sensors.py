@@ -318,7 +318,7 @@ def _lasting_position(nav, fix, R, gap_s):
 
 
 def arrivals(nav, arrived):
-    """What the filter takes of what has arrived, in the same order.
+    """What the filter takes of what has arrived, in the same order, but stars last.
 
     Of GPS the fixes, or the ranges if it is coupled tightly; of a StarFix the attitude, or each star by
     itself; readings of aids. Before stars have been used for the first time it is the attitude in any case:
@@ -332,7 +332,8 @@ def arrivals(nav, arrived):
     by_stars = params.stars != "attitude" and nav.health["star_tracker"].used
     takes[StarFix] = ("star_vectors", _has_stars) if by_stars else ("star_tracker", _has_attitude)
     takes |= {aid.record: (aid.name, aid.holds) for aid in params.aids}
-    known = [(*takes[type(one)], one) for one in arrived if type(one) in takes]
+    stars_last = sorted(arrived, key=lambda one: isinstance(one, StarFix))
+    known = [(*takes[type(one)], one) for one in stars_last if type(one) in takes]
     return [(arrival, one) for arrival, holds, one in known if holds is None or holds(one)]
 
 
