@@ -169,7 +169,7 @@ def test_reference_of_messages_has_every_field():
         fields = re.findall(r"^  (?:optional |repeated )?\w+ (\w+) = \d+;", body, re.M)
         assert fields.pop(0) == "timestamp_ns" and section, name
         assert all(f"| `{one}` |" in section for one in fields), name
-    assert "| `dv_b_m_s` | double (n, 3) | integrated specific force, body axes, n x 3 [m/s] |" in text
+    assert "| `dv_b_m_s` | double (n, 3) | integrated specific force, body axes, likewise [m/s] |" in text
 
 
 def test_fields_of_records_are_described_by_their_comments(site, tmp_path):

@@ -67,4 +67,4 @@ def test_the_table_names_the_heights_where_there_is_no_apogee():
     seen = none | {"of": "truth", "events": [], "height_km": {"min": 544.71, "max": 552.3}}
     summary = {"flight": seen, "simulated_s": 0.0, "attitude_control": None, "software": {}}
     section, lines = next(rows(summary))
-    assert (section, dict(lines)) == ("flight", {"height": "544.7 to 552.3 km"})
+    assert (section, dict(lines)) == ("flight", {"height": "544.7 to 552.3 km above the ellipsoid"})

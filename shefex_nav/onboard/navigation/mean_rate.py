@@ -133,12 +133,11 @@ def _unsteady(model, samples, acts, omega_b, interval_s):
             m += 1
     inside[0], inside[m + 1] = begin_s, end_s
     turned = np.empty((m + 2, 4))
+    since_s = inside[: m + 2] - instant_s
     for j in range(3):
-        at = np.interp(inside[: m + 2], times, angles[:, j])
-        turned[:, 1 + j] = (
-            at - np.interp(instant_s, times, angles[:, j]) - omega_b[j] * (inside[: m + 2] - instant_s)
-        )
-    turned[:, 0] = inside[: m + 2] - instant_s
+        at_instant = np.interp(instant_s, times, angles[:, j])
+        turned[:, 1 + j] = np.interp(inside[: m + 2], times, angles[:, j]) - at_instant - omega_b[j] * since_s
+    turned[:, 0] = since_s
     if samples.doubtful:
         return turned[:0], np.nan
     duration_s = end_s - begin_s
@@ -148,9 +147,8 @@ def _unsteady(model, samples, acts, omega_b, interval_s):
     for k in range(m + 2):
         largest = max(largest, turned[k, 1] ** 2 + turned[k, 2] ** 2 + turned[k, 3] ** 2)
     if largest > 3.0 * SEEN * noise:
-        return turned, noise + (
-            SHARE**2 / 9.0
-        ) * largest  # of a steady change the mean is a third of the ends
+        of_bend = SHARE**2 / 9.0 * largest  # at a steady change the mean is a third of the ends
+        return turned, noise + of_bend
     unseen = (omega_b @ omega_b) * (CHANGE * duration_s**2 / 24.0) ** 2
     return turned[:0], min(noise, unseen)
 

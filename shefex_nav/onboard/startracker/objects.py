@@ -90,8 +90,10 @@ def can_be_brought(camera, frame, context):
     With a global shutter all are seen at once: only what is unsteady has to be taken out. With a rolling one
     the error of the rate, which all stars share, is estimated with the attitude.
     """
-    error_px = rate_error_px(camera, frame, context)
-    return error_px < ROUGHLY_PX if frame.line_s else context.unsteady_c is not None and error_px < np.inf
+    if frame.line_s:
+        return rate_error_px(camera, frame, context) < ROUGHLY_PX
+    is_known = context.unsteady_c is not None and context.omega_c is not None
+    return is_known and bool(np.isfinite(context.omega_c.sum()))
 
 
 def variance_of(context):
