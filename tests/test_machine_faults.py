@@ -48,7 +48,7 @@ def log(once):
         (("export", "LOG", "--csv"), "tables", "tables/truth.csv"),
         (("export", "LOG", "--parquet"), "tables", "tables/truth.parquet"),
         (("export", "LOG", "--geojson"), "track.json", "track.json"),
-        (("report", "LOG", "--html"), "page.html", "page.html"),
+        pytest.param(("report", "LOG", "--html"), "page.html", "page.html", marks=pytest.mark.slow),
         (("report", "LOG", "--figures"), "figures", "figures/glance.png"),
     ],
     ids=lambda words: words[-1] if isinstance(words, tuple) else "",

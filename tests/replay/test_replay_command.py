@@ -154,6 +154,7 @@ def test_navego_errors_are_what_the_filter_says(navego):
         assert nis["rejected"] == 0 and nis["samples"] == 378
 
 
+@pytest.mark.slow
 @needs_navego
 def test_navego_at_whole_seconds_has_the_errors_of_other_fixes(command):
     """pyins with the fixes of whole seconds: position 0.486, 0.393, 1.008 m, as here within 10 %."""

@@ -23,7 +23,7 @@ from shefex_nav.world import imu
 @pytest.mark.parametrize(
     ("name", "more", "until_s"),
     [
-        ("night_sky", (), 3.0),
+        pytest.param("night_sky", (), 3.0, marks=pytest.mark.slow),
         pytest.param("shefex2_andoya", (STATISTICAL,), 60.0, marks=pytest.mark.slow),
         ("tight", (STATISTICAL,), 20.0),
     ],

@@ -76,7 +76,9 @@ ENDS = (  # what a program does at tick 50, and what is said
     ("sys.exit(4)", "T+0.50 s: it ended with exit code 4"),
     ("os.kill(os.getpid(), 9)", "T+0.50 s: it was killed by signal 9"),
     ("1 / 0", r"T+0.50 s: failed:"),
-    ("time.sleep(30)", "T+0.50 s: no answer in time (answer_within: 5 s)"),
+    pytest.param(
+        "time.sleep(30)", "T+0.50 s: no answer in time (answer_within: 5 s)", marks=pytest.mark.slow
+    ),
 )
 OTHER = """
 import os, sys, time

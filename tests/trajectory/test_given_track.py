@@ -92,6 +92,7 @@ def test_the_digits_of_columns():
     assert rows.rounding(np.zeros((5, 1))) == 0.0
 
 
+@pytest.mark.slow
 def test_an_imu_without_errors_integrates_back_to_the_example(example):
     away_m, tilt = reckoned(example)
     assert away_m < 0.02 and tilt < 2e-5
