@@ -47,9 +47,7 @@ def run(
     from shefex_nav.scenario import load
 
     until_s = math.inf if until is None else mission_time(until, "--until", "240s")
-    if pace is not None and not 0.0 < pace < math.inf:
-        words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
-        raise typer.BadParameter(words, param_hint="--pace")
+    _check_pace(pace)
     loaded = load.load(scenario, overrides or ())
     _check_until(until, until_s, loaded.mission.start, thinning.earliest_end(loaded.mission.start))
     path, earlier = (out, None) if out else _free_name(loaded.mission.name, seed)
@@ -76,6 +74,13 @@ def run(
     if until is not None and flown.data.until_s is None:
         say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
     show_run(flown.summary(), json, flown.data, flown.scenario)
+
+
+def _check_pace(pace):
+    """BadParameter for a pace at which nothing can fly; None: as fast as it goes."""
+    if pace is not None and not 0.0 < pace < math.inf:
+        words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
+        raise typer.BadParameter(words, param_hint="--pace")
 
 
 @contextmanager

@@ -210,16 +210,14 @@ def concluded(tracker, state, frame, context, seen, result):
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
-        exposed = of_frame(tracker, frame, seen)
-        found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
+        found, reason, stars = _single(of_frame(tracker, frame, seen), detections, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
     if seen.variance is not None:
         P_c, stars = P_c + seen.variance * np.eye(3), with_common_error(stars, seen.variance)
-    if reason != Reason.NONE:
-        reason = explain(params, reason, mean_dn, context)
+    reason = reason if reason == Reason.NONE else explain(params, reason, mean_dn, context)
     fix = StarFix(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
