@@ -16,8 +16,8 @@ from shefex_nav.geometry.streak import place_at, seen_from_to, turn_jacobian, ve
 
 STEADY = np.empty((0, 4))
 POINTS = 16  # of an exposure, at which a weighted mean is taken
-ROUNDS = 2  # when a row is read depends little on where in it a star is
-LONG = 60.0  # sigma of the spot, half of a streak of which a fit sees the ends alone
+ROUNDS = 2  # of the iteration: the row in which a star is read hardly moves with the correction
+LONG = 60.0  # half length over sigma of the spot; of a longer streak a fit sees the ends alone
 
 
 @inner

@@ -4,7 +4,7 @@ Between two fixes the specific force is known twice: by the GNSS velocities, in 
 accelerometers, which the gyros turn into axes that do not turn. Over some seconds one rotation must take one
 to the other (Wahba's problem, solved by the singular value decomposition). With gyros in a wrong unit none
 does, as soon as the direction of the force changes or the vehicle turns under it; with the right unit one
-does. A vehicle that never turns shows nothing, and nothing is said of it. At rest the bias hides the Earth's
+does. Where the vehicle never turns nothing is said. At rest the bias hides the Earth's
 rate, so that only readings that are far too large are noticed there (`align`).
 
 A bias or noise of the gyros can make a unit fit that turns them off. So another unit must also fit better
@@ -23,10 +23,8 @@ from shefex_nav.scenario.data_table import DataError
 WINDOW_S = 30.0  # [E] in which the drift of a gyro worth a filter is small
 PAIR_S = 0.45  # [E] shortest time between two fixes that are compared
 FEWEST = 4  # [E] pairs in a window
-FORCE_NOISE, FORCE_SHARE = (
-    0.05,
-    0.005,
-)  # [E] m/s^2 and share: scale, latency, vibration, the turn of the Earth
+FORCE_NOISE = 0.05  # [E] m/s^2, error of a mean force: latency, vibration, the turn of the Earth
+FORCE_SHARE = 0.005  # [E] of the force: scale factors
 FITS = 4.0  # [E] squared differences over their noise, per degree of freedom, up to which a unit fits
 BETTER = 5.0  # [E] times by which it must fit better than the one that is told, and than no gyros
 APART = 20.0  # [E] least ratio of two units: less may be a bias
