@@ -170,14 +170,27 @@ def _task(scenario, path, task):
             yield from within(scenario, (*path, "at"), task.at)
     if task.task == "dwell":
         yield from _dwell(path, task)
+    if task.task == "turn_with_orbit":
+        if scenario.orbit is None:
+            yield (
+                (*path, "task"),
+                "turn_with_orbit is for a vehicle in orbit: the scenario has no section orbit",
+            )
+        else:
+            yield from _fades(path, task)
 
 
 def _dwell(path, task):
-    """Rates that can fade in and out."""
+    """Rates that can be flown."""
     if task.ramp is None and (task.boresight_rate != 0.0 or task.cross_rate != 0.0):
         yield (*path, "ramp"), "is missing; rates must fade in and out, expected for example 'ramp: 5 s'"
     if task.cross_period is None and task.cross_rate != 0.0:
         yield (*path, "cross_period"), "is missing; cross_rate needs it, for example 'cross_period: 40 s'"
+    yield from _fades(path, task)
+
+
+def _fades(path, task):
+    """Rates can fade in and out within the task."""
     length = task.end - task.start
     if task.ramp is not None and 2.0 * task.ramp > length:
         words = f"fading in and out takes {seconds(2.0 * task.ramp)}, the task lasts {seconds(length)} only"

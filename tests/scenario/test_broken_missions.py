@@ -102,6 +102,12 @@ BROKEN = {
         "programme.damping.until",
         "is missing; expected for example 'until: 145 s'",
     ),
+    "turning with an orbit on a rocket": (
+        "    task: damp\n",
+        "    task: @turn_with_orbit\n",
+        "programme.damping.task",
+        "turn_with_orbit is for a vehicle in orbit: the scenario has no section orbit",
+    ),
     "task that ends before it starts": (
         "until: 145 s",
         "until: @60 s",

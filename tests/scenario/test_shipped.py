@@ -179,6 +179,8 @@ def test_a_copy_needs_nothing_else(name, empty, monkeypatch):
         target = empty / "copy" / Path(path).relative_to(SCENARIOS)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(Path(path).read_bytes())
+    (empty / "nowhere" / "data").mkdir(parents=True)
+    (empty / "nowhere" / "data" / "instruments").symlink_to(SCENARIOS / "data" / "instruments")  # by name
     monkeypatch.setattr(shipped, "folder", lambda: str(empty / "nowhere"))
     after = load.load(empty / "copy" / f"{name}.yaml", given).model_dump()
     if before["trajectory"] is not None:  # its file is named where it is, with its content

@@ -146,6 +146,41 @@ def test_a_satellite_points_and_holds():
     assert np.arcsin(-u_n[2]) == pytest.approx(0.8, abs=1.0 * DEG)
 
 
+@pytest.mark.parametrize(
+    ("apogee_height", "eccentricity"), [(400e3, 0.0), (900e3, 500e3 / (2.0 * wgs84.A + 1300e3))]
+)
+def test_a_satellite_that_turns_with_its_orbit_keeps_one_side_to_the_earth(apogee_height, eccentricity):
+    period = 2.0 * np.pi * np.sqrt((wgs84.A + (400e3 + apogee_height) / 2.0) ** 3 / SATELLITE.gravity.gm)
+    orbit = replace(SATELLITE.start, perigee_height=400e3, apogee_height=apogee_height, anomaly=0.0)
+    programme = (("nadir", task(tasks.TurnWithOrbit, 0.0, period, ramp=5.0)),)
+    trajectory, _, _ = flown(
+        SATELLITE._replace(
+            programme=programme, start=orbit, attitude=p.PRESCRIBED, time_limit_s=period - 10.0
+        )
+    )
+    t_s = trajectory.t_s[trajectory.t_s > 10.0]
+    mean = 2.0 * np.pi * t_s / period
+    lag = 2.5 * 2.0 * np.pi / period  # half a fade
+    ahead = true_anomaly(mean, eccentricity) - mean + lag
+    assert nadir_ahead(trajectory)[trajectory.t_s > 10.0] == pytest.approx(ahead, abs=1e-4)
+
+
+def nadir_ahead(trajectory):
+    """Angle by which the direction to the Earth's centre has gone from body z, as the orbit turns; (N,) rad."""
+    seen = [rotation.dcm_from_quat(q).T @ -r for q, r in zip(trajectory.q_ib, trajectory.r_i, strict=True)]
+    x, _, z = np.transpose(seen)
+    return np.arctan2(-x, z)
+
+
+def true_anomaly(mean, eccentricity):
+    """By Kepler's equation, rad, without jumps."""
+    angle = mean.copy()
+    for _ in range(30):
+        angle = mean + eccentricity * np.sin(angle)
+    root = np.sqrt((1.0 + eccentricity) / (1.0 - eccentricity))
+    return np.unwrap(2.0 * np.arctan(root * np.tan(angle / 2.0)), period=2.0 * np.pi)
+
+
 def test_a_kick_motor_in_orbit_gives_what_the_rocket_equation_says():
     kick = STAGE._replace(
         t_ignition_s=20.0,

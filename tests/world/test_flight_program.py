@@ -151,6 +151,15 @@ def test_point_lays_the_boresight_where_it_is_told_at_its_end():
     )
 
 
+def test_point_inertial_lays_the_boresight_among_the_stars():
+    q_0 = random_attitude(np.random.default_rng(5))
+    slew = task(tasks.PointInertial, 0.0, 60.0, right_ascension=136.0 * DEG, declination=51.0 * DEG, roll=0.4)
+    law = attitude.rate_law(slew, q_0, 0.0, None, EARTH, C_BC)
+    boresight_i = rotation.dcm_from_quat(end_attitude(law, q_0)) @ C_BC[:, 2]
+    assert np.arctan2(boresight_i[1], boresight_i[0]) == pytest.approx(136.0 * DEG, abs=1e-7)
+    assert np.arcsin(boresight_i[2]) == pytest.approx(51.0 * DEG, abs=1e-7)
+
+
 @pytest.mark.parametrize("roll", [0.0, 0.7, np.pi])
 def test_camera_attitude(roll):
     rng = np.random.default_rng(3)

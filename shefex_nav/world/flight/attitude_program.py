@@ -137,6 +137,13 @@ def turn_to(t_0, t_1, q_ib, q_target):
     return hold(t_0, t_1, 0.0)._replace(axis=axis, angle=angle)
 
 
+def point(task, q_ib, boresight_i, C_bc):
+    """Turn the star camera's boresight to a direction, and the camera about it to `task.roll`."""
+    roll_axis_i = rotation.quat_rotate(q_ib, np.array([1.0, 0.0, 0.0]))
+    target = camera_attitude(boresight_i, roll_axis_i, task.roll, C_bc)
+    return turn_to(task.start, task.end, q_ib, target)
+
+
 def dwell(task, C_bc):
     """Hold the star camera's attitude, but for the rates asked for. C_bc: (3, 3) nominal mounting."""
     law = hold(task.start, task.end, 0.0)
@@ -148,6 +155,17 @@ def dwell(task, C_bc):
         frequency=2.0 * np.pi / float(task.cross_period or 1.0),
         phase=float(task.cross_phase),
         ramp=float(task.ramp),
+    )
+
+
+def turn_with_orbit(task, q_ib, r_i, v_i):
+    """Turn about the normal of an orbit by its mean motion. q_ib (4,), r_i, v_i (3,) at the begin."""
+    a = 1.0 / (2.0 / np.sqrt(r_i @ r_i) - (v_i @ v_i) / wgs84.GM)
+    normal_i = np.cross(r_i, v_i)
+    rate_i = np.sqrt(wgs84.GM / a**3) * normal_i / np.sqrt(normal_i @ normal_i)
+    law = hold(task.start, task.end, 0.0)
+    return law._replace(
+        steady=rotation.quat_rotate(rotation.quat_conjugate(q_ib), rate_i), ramp=float(task.ramp)
     )
 
 
@@ -172,10 +190,13 @@ def rate_law(task, q_ib, spin, ahead, earth, C_bc):
         case tasks.Point():
             r_i, _ = ahead(t_1)
             boresight_i = direction_i(earth, t_1, r_i, task.azimuth, task.elevation)
-            roll_axis_i = rotation.quat_rotate(q_ib, np.array([1.0, 0.0, 0.0]))
-            return turn_to(t_0, t_1, q_ib, camera_attitude(boresight_i, roll_axis_i, task.roll, C_bc))
+            return point(task, q_ib, boresight_i, C_bc)
+        case tasks.PointInertial():
+            return point(task, q_ib, sky_direction_i(task.right_ascension, task.declination), C_bc)
         case tasks.Dwell():
             return dwell(task, C_bc)
+        case tasks.TurnWithOrbit():
+            return turn_with_orbit(task, q_ib, *ahead(t_0))
         case tasks.Hold():
             return hold(t_0, t_1, spin)
     raise TypeError(f"no law for {task!r}")
@@ -189,6 +210,12 @@ def direction_i(earth, t_s, r_i, azimuth, elevation):
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), -np.sin(elevation)]
     )
     return C_ie @ wgs84.dcm_en(latitude, longitude) @ u_n
+
+
+def sky_direction_i(right_ascension, declination):
+    """Unit vector of a place in the sky: (3,), frame i."""
+    across = np.cos(declination)
+    return np.array([across * np.cos(right_ascension), across * np.sin(right_ascension), np.sin(declination)])
 
 
 def camera_attitude(boresight_i, x_b_i, roll, C_bc):

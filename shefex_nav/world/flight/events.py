@@ -38,7 +38,7 @@ def phases(params, t_s, stage, instants):
     last = params.programme[-1][1].end if params.programme else -np.inf
     out[between(t_s, max(down, last), np.inf)] = Phase.DESCENT
     for _, task in params.programme:
-        still = isinstance(task, tasks.Dwell | tasks.Hold)
+        still = isinstance(task, tasks.Dwell | tasks.TurnWithOrbit | tasks.Hold)
         out[between(t_s, task.start, task.end)] = Phase.POINTING if still else Phase.MANOEUVRE
     out[between(t_s, instants.get("parachute", np.inf), np.inf)] = Phase.PARACHUTE
     out[stage > 0] = Phase.BOOST

@@ -313,7 +313,7 @@ class _Run:
     def _prescribe(self, name, task):
         """Begin a task whose attitude is prescribed."""
         spin, row = self.x[10], _mass_row(self.configuration, self.t_s)
-        if isinstance(task, tasks.Point | tasks.Dwell) and abs(spin) > control.SPINNING:
+        if isinstance(task, tasks.LOOKS) and abs(spin) > control.SPINNING:
             raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {name} begins")
         if isinstance(task, tasks.Damp):
             self.law = attitude.damp(task.start, task.end, self.x[10:13], (row[3] / row[4] - 1.0) * spin)

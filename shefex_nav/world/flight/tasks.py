@@ -67,6 +67,30 @@ class Point(Task):
     )
 
 
+class PointInertial(Task):
+    """Turn the boresight of the star camera to a place among the stars."""
+
+    task: Literal["point_inertial"] = choice()
+    right_ascension: float = quantity(
+        "rad", "136 deg", "of the boresight at the end, axes of the GCRS (J2000)"
+    )
+    declination: float = quantity("rad", "51 deg", "likewise", at_least="-90 deg", at_most="90 deg")
+    roll: float = quantity(
+        "rad", "0 deg", "about the boresight; 0: camera x as near to the roll axis as it gets", "0 deg"
+    )
+
+
+class TurnWithOrbit(Task):
+    """Turn about the orbit's normal as the orbit does: the side that faces the Earth goes on facing it.
+
+    The rate is the mean motion of the orbit at the begin, so that an eccentricity e moves the Earth by up to 2 e
+    rad. It fades in and out; the angle of half a fade stays behind.
+    """
+
+    task: Literal["turn_with_orbit"] = choice()
+    ramp: float = quantity("s", "5 s", "in which the rate fades in and out", "5 s", positive=True)
+
+
 class Dwell(Task):
     """Hold an attitude in which the star camera works, but for rates that are asked for."""
 
@@ -91,4 +115,5 @@ class Hold(Task):
     task: Literal["hold"] = choice()
 
 
-KINDS = (Damp, Turn, AlignVelocity, SpinTo, Point, Dwell, Hold)
+KINDS = (Damp, Turn, AlignVelocity, SpinTo, Point, PointInertial, Dwell, TurnWithOrbit, Hold)
+LOOKS = (Point, PointInertial, Dwell, TurnWithOrbit)  # the star camera works meanwhile; nothing spins
