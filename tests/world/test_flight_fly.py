@@ -166,7 +166,7 @@ def test_a_satellite_that_turns_with_its_orbit_keeps_one_side_to_the_earth(apoge
 
 
 def nadir_ahead(trajectory):
-    """Angle by which the direction to the Earth's centre has gone from body z, as the orbit turns; (N,) rad."""
+    """Angle from body z to the Earth's centre, positive as the orbit turns; (N,) rad."""
     seen = [rotation.dcm_from_quat(q).T @ -r for q, r in zip(trajectory.q_ib, trajectory.r_i, strict=True)]
     x, _, z = np.transpose(seen)
     return np.arctan2(-x, z)
