@@ -22,6 +22,8 @@ def summary_object(campaign):
     """The object that `campaign --json` and `report DIR --json` print: plain dict, ready for JSON."""
     succeeded, verified = int(campaign.succeeded.sum()), verdicts.summary(campaign)
     return {
+        "scenario": campaign.head["scenario"],
+        "seed": campaign.head["seed"],
         "runs": len(campaign),
         "asked": campaign.head["runs"],
         "lost": len(campaign.lost),
@@ -45,8 +47,14 @@ def _requirement(success):
 
 def of_nothing(head, lost, digest):
     """The same of a campaign that has no run. head : of campaign.json, lost : how many runs were lost"""
-    counts = {"runs": 0, "asked": head["runs"], "lost": lost, "succeeded": 0, "failed": 0}
-    return counts | {
+    return {
+        "scenario": head["scenario"],
+        "seed": head["seed"],
+        "runs": 0,
+        "asked": head["runs"],
+        "lost": lost,
+        "succeeded": 0,
+        "failed": 0,
         "requirements": [],
         "integrity": [],
         "wall_s": head["wall_s"] or None,

@@ -50,7 +50,7 @@ def _list(of, found, json):
     """Print a table for each kind, or all as JSON."""
     if json:
         kinds = {kind: [one.as_json() for one in found if one.instrument == kind] for kind in of.KINDS}
-        print_json(kinds)
+        print_json({"instruments": kinds})
         return
     from shefex_nav.report import columns
 

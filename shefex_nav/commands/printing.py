@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import typer
 
+from shefex_nav import __version__
 from shefex_nav.progress import bar
 
 
@@ -15,8 +16,8 @@ def say(text):
 
 
 def print_json(found):
-    """Print an object of plain values on stdout, as one line; NaN is a fault."""
-    typer.echo(json.dumps(found, allow_nan=False))
+    """Print an object of plain values on stdout, as one line, with the program's version; NaN is a fault."""
+    typer.echo(json.dumps({"version": __version__} | found, allow_nan=False))
 
 
 def stdout(width, **more):

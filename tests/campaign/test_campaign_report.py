@@ -15,7 +15,7 @@ from shefex_nav.scenario import load
 
 N = 60
 KEYS = {"runs", "asked", "lost", "succeeded", "failed", "requirements", "wall_s", "results_digest"}
-KEYS |= {"integrity"}
+KEYS |= {"integrity", "version", "scenario", "seed"}
 REQUIREMENT_KEYS = {"name", "limit", "unit", "passed", "of", "ci95", "verification"}
 VERIFICATION_KEYS = {"verdict", "probability", "confidence", "runs", "missed", "least", "most", "more"}
 VERIFICATION_KEYS |= {"more_at_rate", "looks", "finished", "flown_on_from"}

@@ -52,7 +52,7 @@ def test_the_list_has_all_by_kind_and_grade(command):
     assert len(places) == len(NAMES) and places == sorted(places)
     assert "for imu: {use: " in out and "for gps: {use: " in out and "for star_camera: {use: " in out
     code, out, _ = command("--json")
-    listed = json.loads(out)
+    listed = json.loads(out)["instruments"]
     assert {one["name"] for kind in listed.values() for one in kind} == set(NAMES)
     assert all(one["instrument"] == kind for kind, several in listed.items() for one in several)
 

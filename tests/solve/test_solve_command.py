@@ -33,8 +33,8 @@ def test_json(sky):
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
     assert list(result) == [
-        "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg", "matched",
-        "false_probability", "wall_ms", "q_ic", "sigma_arcsec", "covariance_rad2", "residual_px",
+        "version", "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg",
+        "matched", "false_probability", "wall_ms", "q_ic", "sigma_arcsec", "covariance_rad2", "residual_px",
         "aberration_removed", "julian_year", "fov_x_sigma_deg",
     ]  # fmt: skip
     assert result["status"] == "ok" and result["reason"] == ""

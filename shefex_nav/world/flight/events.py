@@ -11,6 +11,7 @@ from shefex_nav.records import Event, Phase
 from shefex_nav.world.flight import settings, tasks, timeline
 
 LEVELS = (("entry", 100e3), ("altitude_60km", 60e3), ("altitude_20km", 20e3))  # m, on the way down
+SOUND_TO = 120e3  # m; above it the air is too thin for sound
 
 
 def burning(params, t_s):
@@ -82,7 +83,9 @@ def describe(trajectory, height, earth, instants):
     for name, t in sorted(instants.items(), key=lambda item: item[1]):
         j = min(int(np.searchsorted(t_s, t)), len(t_s) - 1)
         _, v_e = frames.ecef_from_inertial(earth, t_s[j], trajectory.r_i[j], trajectory.v_i[j])
-        detail = f"{np.sqrt(v_e @ v_e):.0f} m/s, Mach {trajectory.mach[j]:.1f}"
+        detail = f"{np.sqrt(v_e @ v_e):.0f} m/s"
+        if height[j] < SOUND_TO:
+            detail += f", Mach {trajectory.mach[j]:.1f}"
         if name == "max_dynamic_pressure":
             detail += f", {1e-3 * trajectory.dynamic_pressure_pa[j]:.0f} kPa"
         near = slice(max(j - 1, 0), j + 1)
