@@ -22,6 +22,7 @@ def lines():
     for arc in atlas["arcs"]:
         points = np.cumsum(np.array(arc), axis=0) * scale + origin
         on_seam = np.abs(points[:, 0]) > _SEAM
-        cuts = np.flatnonzero(on_seam[1:] & on_seam[:-1]) + 1
+        jumps = np.abs(np.diff(points[:, 0])) > 180.0  # over the antimeridian
+        cuts = np.flatnonzero(on_seam[1:] & on_seam[:-1] | jumps) + 1
         out += [part for part in np.split(points, cuts) if len(part) > 1]
     return out

@@ -34,3 +34,4 @@ def test_lines_are_of_degrees_without_the_seam_of_the_map():
     for line in lines:
         along_seam = (np.abs(line[1:, 0]) > 179.99) & (np.abs(line[:-1, 0]) > 179.99)
         assert not along_seam.any()
+        assert np.abs(np.diff(line[:, 0])).max() < 60.0  # no line runs around the Earth

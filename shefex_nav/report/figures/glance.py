@@ -74,7 +74,7 @@ def _attitude(panels, data, t_s):
         axes.set_xlim(since_s, last_s)
         axes.set_ylabel("xyz"[k], rotation=0)
         axes.tick_params(labelbottom=k == 2)
-    panels[-1].set_xlabel("time from lift-off [s]")
+    panels[-1].set_xlabel(style.time_label(data))
 
 
 def _mark(axes, t_s):

@@ -33,7 +33,7 @@ _DARK = {Phase.BOOST, Phase.POINTING, Phase.DESCENT}  # white letters on these
 
 QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
 TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}  # of blocks of errors
-RIGHT, BOTTOM = 0.15, 0.55  # inches, margins of a figure
+RIGHT, BOTTOM = 0.22, 0.55  # inches, margins of a figure
 WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
 STILL_KM = 0.2  # height that an axis shows at least
 _FEW_DOTS = 200
@@ -117,7 +117,7 @@ def title(figure, text):
     figure.text(0.01, y, text, ha="left", va="top", fontsize=14, fontweight="bold")
 
 
-def grid(figure, heights, *, columns=1, gap=0.24, left=1.02, top=0.5, between=0.85, below=0.0):
+def grid(figure, heights, *, columns=1, gap=0.24, left=1.1, top=0.5, between=0.85, below=0.0):
     """GridSpec with everything in inches: heights of the rows, gaps, margins; `below` widens the lower."""
     width, height = figure.get_size_inches()
     each = (width - left - RIGHT - (columns - 1) * between) / columns
@@ -154,16 +154,22 @@ def panels(data, n, text, *, columns=1, height=1.75, heads=None, spans_s=None):
         for k in range(n):
             rows[k, c] = drawn.add_subplot(spec[k + has_phases, c], sharex=rows[0, c] if k else None)
             rows[k, c].tick_params(labelbottom=k == n - 1, bottom=k == n - 1)
-            rows[k, c].yaxis.set_label_coords(-0.6 / _width_of(rows[k, c]), 0.5)
+            rows[k, c].yaxis.set_label_coords(-0.68 / _width_of(rows[k, c]), 0.5)
         if has_phases:
             strip = drawn.add_subplot(spec[0, c], sharex=rows[0, c])
             phase_strip(strip, data, spans_s[c])
         if heads:
             (strip if has_phases else rows[0, c]).set_title(heads[c], pad=7)
-        rows[-1, c].set_xlabel("time from lift-off [s]")
+        rows[-1, c].set_xlabel(time_label(data))
         rows[0, c].set_xlim(*spans_s[c])
     title(drawn, text)
     return drawn, rows
+
+
+def time_label(data):
+    """Label of an axis of mission time."""
+    flew_up = any(event.name == "lift_off" for event in data.events)
+    return "time from lift-off [s]" if flew_up else "mission time [s]"
 
 
 def whole(data):

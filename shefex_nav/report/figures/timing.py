@@ -19,7 +19,7 @@ def chain(data):
     over_time, share = figure.add_subplot(spec[0, 0]), figure.add_subplot(spec[0, 1])
     style.dots(over_time, t_s, chain_ms, color=style.BLUE)
     style.log_scale(over_time)
-    over_time.set_xlabel("time from lift-off [s]")
+    over_time.set_xlabel(style.time_label(data))
     over_time.set_ylabel("time [ms]")
     ordered = np.sort(chain_ms)
     percent = 100.0 * np.arange(1, len(ordered) + 1) / len(ordered)
