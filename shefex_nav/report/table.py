@@ -80,7 +80,7 @@ def _flight_rows(flight, *, stood):
     if flight["climbs_at_km"] is not None:
         climbs = number(flight["climbs_at_km"], 1, "km")
         yield "height at the end", f"{climbs} above the ellipsoid, no apogee before it"
-    elif flight["apogee_km"] is None and (heights := flight.get("height_km")):
+    elif (heights := flight.get("height_km")) and heights["max"] != flight["apogee_km"]:  # no launch
         low, high = (number(heights[key], 1) for key in ("min", "max"))
         yield "height", f"{low} to {high} km above the ellipsoid"
     for name, key, digits, unit in _FLOWN:
