@@ -1,6 +1,6 @@
 """The default mission end to end: the promises of the README, on one seed.
 
-The statistics over many seeds are in docs/verification.md, made by the studies in benchmarks/.
+The statistics over many seeds are in docs/verification/, made by the studies in benchmarks/.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Blocks of `navigation.states` that are missing: of errors that last in a flight, noise to the filter.
 
 Where weight lasts (`scenario.weight`) these errors are biases, and the filter's covariance does not hold
-(docs/theory/filter.md, docs/verification.md). Not looked at: what falls through the air without a parachute,
-and that one which opens at a great height hangs in free fall first.
+(docs/theory/filter.md, docs/verification/navigation.md). Not looked at: what falls through the air without a
+parachute, and that one which opens at a great height hangs in free fall first.
 """
 
 from shefex_nav.instruments import state_sizes
