@@ -69,7 +69,7 @@ def test_the_table_names_the_heights_where_there_is_no_apogee():
     section, lines = next(rows(summary))
     assert (section, dict(lines)) == ("flight", {"height": "544.7 to 552.3 km above the ellipsoid"})
     polar = seen | {"apogee_km": 503.2}  # over the equator; the ellipsoid is lower under the poles
-    _, lines = next(rows(summary | {"flight": polar}))
-    assert dict(lines)["height"].startswith("544.7 to 552.3 km") and "503.2" in dict(lines)["apogee"]
+    lines = dict(next(rows(summary | {"flight": polar}))[1])
+    assert lines["height"].startswith("544.7 to 552.3 km") and lines["apogee"].startswith("503.2 km")
     launched = seen | {"apogee_km": 552.3}
     assert "height" not in dict(next(rows(summary | {"flight": launched}))[1])
