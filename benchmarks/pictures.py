@@ -9,7 +9,7 @@ A picture counts when eight stars of the catalogue are in it that stand out of t
 tree before them. An answer is wrong when the middle of the picture is off by more than a hundredth of its
 width, or up by more than 2 deg. NEES is of the attitude of the middle, 3 is expected.
 
-    uv run python benchmarks/pictures.py [--seed 401] [--each 40] [--widths 5 10 20 40 65] [--mirrored]
+    uv run python benchmarks/pictures.py [--seed 733] [--each 40] [--widths 5 10 20 40 65] [--mirrored]
         [--told] [--keep DIR]
 
 Seeds below 100 are for tuning; docs/verification/pictures.md reports 733, 811 and 977.
@@ -261,7 +261,7 @@ def main():
     from shefex_nav.solve.image import solve_image
 
     parser = argparse.ArgumentParser()
-    parser.add_argument("--seed", type=int, default=401)
+    parser.add_argument("--seed", type=int, default=733)
     parser.add_argument("--each", type=int, default=40)
     parser.add_argument("--widths", type=float, nargs="+", default=WIDTHS_DEG)
     parser.add_argument("--told", action="store_true", help="the field of view is told")
