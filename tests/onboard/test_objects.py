@@ -106,10 +106,11 @@ def test_a_prediction_is_narrow_in_all_axes():
 @pytest.mark.parametrize("scan", ["sequential", "maximum", "streaks"])
 def test_without_a_rate_a_frame_is_searched_for_spots(scan):
     params = tracker_with(PARAMS, detection__scan=scan)
-    (found,) = objects.searches(params, stars(), None, sky(), tracker.NO_CONTEXT)
+    search = objects.SEARCHES.get(scan, objects.as_spots)
+    (found,) = search(params, stars(), None, sky(), tracker.NO_CONTEXT)
     assert found.scan == (Scan.MAXIMUM if scan == "maximum" else Scan.SEQUENTIAL)
     assert found.at_instant
-    (found,) = objects.searches(params, stars(), None, sky(line_s=1e-4), tracker.NO_CONTEXT)
+    (found,) = search(params, stars(), None, sky(line_s=1e-4), tracker.NO_CONTEXT)
     assert not found.at_instant
 
 
