@@ -34,7 +34,8 @@ def sensor(rows=0, alone=None, agree=True, admits=None, **rule):
 
 def verdict(nav, name="gps_velocity", nis=1.0, t_s=10.0, z=X, v=(1.0, 0.0, 0.0), S=ONE):
     measurement = SimpleNamespace(sensor=name, fix=gps(t_s, v))
-    return gate._verdict(nav, NOW, Innovation(np.array(z), None, ONE, S, nis), measurement)
+    limit = nav.limits[len(z)]
+    return gate._verdict(nav, NOW, Innovation(np.array(z), None, ONE, S, nis, limit), measurement)
 
 
 def of(one, **health):

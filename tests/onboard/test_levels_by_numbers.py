@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from plain import plain
 from test_integrity_protection import LIMIT, NED, N, case, followed, updated
+from unpacked import FALLING
 
 from shefex_nav.onboard.navigation import integrity_gps
 from shefex_nav.onboard.navigation import integrity_protection as protection
+from shefex_nav.onboard.navigation.history import Corrections
 from shefex_nav.onboard.navigation.integrity_protection import Level, Slope
 from shefex_nav.onboard.navigation.protected import BODY, P_NED, V_NED
-from shefex_nav.onboard.navigation.state import ATT, POS, VEL, layout
+from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, layout
 
 T = followed()
 ROWS = ("worst", "before", "after", "left", "left_stars", "most")
@@ -190,12 +192,13 @@ def test_a_fix_without_height_says_nothing_along_a_third_axis():
 
 def test_the_path_without_corrections():
     """Sums of dr_k - t_k dv_k and dv_k until a tick; a filter that goes back makes them again."""
-    path, x = integrity_gps.RawPath(), np.zeros(16)
+    path, x = Corrections(), np.zeros(len(FALLING))
+    x[X_Q] = 1.0, 0.0, 0.0, 0.0
     made = []
     for number, t_s in ((3, 1.0), (5, 2.0), (5, 2.5), (8, 4.0)):
         after = x.copy()
         after[:6] = np.arange(6.0) * t_s
-        path.corrected(number, 0, t_s, x, after)
+        path.add(number, 0, t_s, x, after)
         made.append((number, after[:3] - t_s * after[3:6], after[3:6]))
     for number in range(2, 10):
         sums = path.until(number)
@@ -205,5 +208,5 @@ def test_the_path_without_corrections():
     np.testing.assert_allclose(path.until(9).dv, sum(dv for n, _, dv in made if n <= 5))
     path.back_to(4)
     np.testing.assert_allclose(path.until(9).dv, made[0][2])
-    path.corrected(6, 5, 3.0, x, x)  # nothing before tick 5 is asked for any more
-    assert [one.number for one in path.sums] == [3, 6]
+    path.add(6, 5, 3.0, x, x)  # nothing before tick 5 is asked for any more
+    assert [one.number for one in path.kept] == [3, 6]

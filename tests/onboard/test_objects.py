@@ -148,7 +148,7 @@ def test_a_wrong_prediction_confirms_nothing_by_looking_only_where_it_predicts(n
         n_lists += 1
         u_c = unit_vectors(camera, np.ascontiguousarray(xy_px[rows]))
         P_px = np.tile(0.08**2 * np.eye(2), (len(rows), 1, 1))
-        prediction = rotation.quat_conjugate(told), P_c
+        prediction = told, P_c
         found, _ = identify_near(IDENTIFY, MODEL, pairs, u_c, 10.0 ** (-0.4 * mag[rows]), prediction, P_px)
         if found.reason == Reason.NONE:
             known = found.star >= 0

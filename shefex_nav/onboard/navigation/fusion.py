@@ -230,7 +230,7 @@ def _worth_trying(nav, arrival, fix, index, results):
 def _inertial_state(nav, index):
     """integrity_gps.InertialState of a tick."""
     history, t_s = nav.history, nav.history.ends_s[index]
-    sums = nav.watch.path.until(history.oldest + index)
+    sums = history.corrections.until(history.oldest + index)
     return integrity_gps.inertial_state(t_s, history.arrays, history.place(index), sums, nav.earth)
 
 
@@ -256,11 +256,11 @@ def _out_of_reach(history, fix):
 
 def _reprocess(nav, first, last, results, recorder=None):
     """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
-    history, watch = nav.history, nav.watch
-    history.go_to(first - 1)
-    if recorder is None:  # corrections after that tick are not made yet
-        watch.gyros.back_to(history.oldest + first - 1)
-        watch.path.back_to(history.oldest + first - 1)
+    history = nav.history
+    if recorder is None:
+        history.back_to(first - 1)
+    else:
+        history.go_to(first - 1)
     if nav.params.lasting_share or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
@@ -338,9 +338,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        number, oldest = history.oldest + index, history.oldest
-        nav.watch.gyros.corrected(number, oldest, x, history.x)
-        nav.watch.path.corrected(number, oldest, now.t_s, x, history.x)
+        history.corrections.add(history.oldest + index, history.oldest, now.t_s, x, history.x)
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:

@@ -279,7 +279,7 @@ def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
     H, R : (m, n), (m, m) of the rows used;  confirmed : whether another fix agrees with it
     """
     name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
-    limit = nav.limits.of(sensor, len(R))
+    limit = nav.limits[len(R), sensor.gate_probability]
     rows, axes = sensor.rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
     grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
     agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree

@@ -63,10 +63,10 @@ class Watch:
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
         self.learnt = integrity_learnt.Learnt()
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
+        self.replaced = False  # whether some have been replaced: axes that are silent or stuck
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
-        self.path = integrity_gps.RawPath()
         self.constants = integrity_constants.Constants()
         self.far = False  # whether its sensor's rejected fixes before the one that is judged were far off
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
@@ -120,12 +120,8 @@ class Watch:
         """The state of axes of the unit has changed."""
         self.pending += changes
         self.unread = bool(self.imu.state.any())
+        self.replaced = integrity_imu.replaced(self.imu.state)
         self.gyros.forget()
-
-    @property
-    def replaced(self):
-        """Whether readings are others than those that were read: axes that are silent or stuck."""
-        return self.unread and integrity_imu.replaced(self.imu.state)
 
     @property
     def imu_blind(self):
@@ -188,11 +184,6 @@ class Watch:
             return
         if angle * self.pushed > BACK * np.linalg.norm(self.step):
             self.step = self.moved = None  # the velocity has moved the position
-
-    def check_constants(self, nav, now, name, z, H, S, fate):
-        """A measurement is judged: `integrity_constants.Constants.take`."""
-        self.constants.take(nav, now, name, z, H, S, fate)
-        self.report(nav.history.ends_s[-1], "gps_constants", self.constants.found)
 
     def level_axes(self, earth, t_s, x):
         """`protected.level_axes`, kept for AXES_S: in a second they turn by 1e-3 rad, also in orbit."""
@@ -259,8 +250,8 @@ class Watch:
 
     def changes(self):
         """The list of NavHealth since the last call."""
-        said, self.pending = self.pending, []
-        return said
+        changes, self.pending = self.pending, []
+        return changes
 
 
 def start(params):

@@ -40,8 +40,8 @@ def _antenna(nav, now):
 
 
 def _gps_position(nav, now, fix):
-    said = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
-    z, H, R = said(fix, _antenna(nav, now))
+    linearise = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
+    z, H, R = linearise(fix, _antenna(nav, now))
     arm = unknown_attitude.of_arm(now.P, nav.params.l_ba_b)
     return z, H, R + arm * np.eye(len(z)) if arm else R
 
@@ -208,7 +208,7 @@ def _star_trial(nav, now, z, R, fix):
     def agree(earlier, later):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
-    return Trial(rule, integrity.star_evidence(state, z, R, nav.watch.gyros.turned[-1][1]), agree)
+    return Trial(rule, integrity.star_evidence(state, z, R, nav.history.corrections.kept[-1].A), agree)
 
 
 def _vectors_trial(nav, now, z, R, fix):
@@ -229,7 +229,7 @@ def _vectors_alone(nav, S):
 
 def _star_confirmed(nav, now, fix):
     z, _, R = _star_attitude(nav, now, fix)
-    held = integrity.star_evidence(now.state, z, R, nav.watch.gyros.turned[-1][1])
+    held = integrity.star_evidence(now.state, z, R, nav.history.corrections.kept[-1].A)
     return nav.health["star_tracker"]._replace(held=held)
 
 

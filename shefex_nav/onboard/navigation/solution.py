@@ -139,10 +139,10 @@ def _fill(at, first, step, memory, noise, earth, bounds, out):
         P = as_reported(Ps[place], swings[0], swings[1])
         _derive(at, memory, place, P, noise, earth, out[j], axes)
         _sigmas(Ps[place], axes, swings, known, sigma)
-        dt_s, told = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
-        integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, told)
+        dt_s, protection = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
+        integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, protection)
         out[j, T_S] = numbers[place, 0]
-        integrity_protection.doubts(told, wanted.limits, bounds.graver, out[j, DOUBT:WIDTH])
+        integrity_protection.doubts(protection, wanted.limits, bounds.graver, out[j, DOUBT:WIDTH])
 
 
 @inner

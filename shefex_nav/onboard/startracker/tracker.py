@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
@@ -325,7 +324,7 @@ def _identify(tracker, u_c, flux, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
     params, settings = tracker.params, tracker.params.settings.identification
     if settings.tracking and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
-        prediction = quat_conjugate(context.q_ic), context.P_c
+        prediction = context.q_ic, context.P_c
         found, tracked = identify_near(settings, params.camera, tracker.pairs, u_c, flux, prediction, P_px)
         return found, MIN_TRACKED if tracked else settings.fewest_stars
     identify = IDENTIFIERS[settings.method]
