@@ -32,7 +32,7 @@ from shefex_nav.onboard.navigation import (
     prediction,
     unknown_attitude,
 )
-from shefex_nav.onboard.navigation.history import History, Moment, Tick
+from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
@@ -268,12 +268,11 @@ def _reprocess(nav, first, last, results, recorder=None):
         decided = []
         for measurement in history.measurements[index]:
             if measurement.fate not in UNUSED:
-                start_s = begin_s if k == index else 0.0
-                at_s = history.since(index, start_s, measurement.fix.t_valid_s)
-                if k < index or at_s > begin_s:
-                    _propagate(nav, k, begin_s, index, at_s, recorder)
-                k, begin_s = index, at_s
-                measurement = _apply(nav, index, at_s, measurement, results, recorder)
+                now = history.moment(index, begin_s if k == index else 0.0, measurement.fix.t_valid_s)
+                if k < index or now.at_s > begin_s:
+                    _propagate(nav, k, begin_s, index, now.at_s, recorder)
+                k, begin_s = index, now.at_s
+                measurement = _apply(nav, now, measurement, results, recorder)
             decided.append(measurement)
         if decided:
             history.measurements[index] = tuple(decided)
@@ -298,10 +297,9 @@ def _propagate(nav, first, begin_s, last, end_s, recorder):
         recorder(Interval(t_s, after_s, state, P, Phi, Q, after, history.P.copy(), imu))
 
 
-def _apply(nav, index, at_s, measurement, results, recorder):
-    """Correct the instant that has been reached, at_s in tick `index`, with a measurement. -> Measurement"""
+def _apply(nav, now, measurement, results, recorder):
+    """Correct the Moment that has been reached with a measurement. -> Measurement"""
     history, sensor, fix = nav.history, nav.sensors[measurement.sensor], measurement.fix
-    now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
     of_gps = measurement.sensor in VECTORS
     beyond = unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if of_gps else None
@@ -338,7 +336,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        history.corrections.add(history.oldest + index, history.oldest, now.t_s, x, history.x)
+        history.corrections.add(history.oldest + now.k, history.oldest, now.t_s, x, history.x)
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:

@@ -166,6 +166,10 @@ class History:
             return length_s
         return at_s if at_s - begin_s > SAME_S else begin_s
 
+    def moment(self, k, begin_s, t_s):
+        """The Moment of an instant in tick k, for when it has been reached; as `since`."""
+        return Moment(self, k, self.since(k, begin_s, t_s))
+
     def make_room(self, samples, ticks=1):
         """Place of the next tick, with places for `ticks`; what stands there is to be overwritten."""
         size = len(self.numbers)

@@ -21,7 +21,6 @@ from shefex_nav.onboard.navigation import (
     measurements,
     unknown_attitude,
 )
-from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
 from shefex_nav.onboard.navigation.settings import Release
@@ -97,7 +96,7 @@ def straightened(nav, arrival, index, fix):
     if fix.straight or not fix.exposure_s > 0.0:
         return fix
     history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
-    bend_c = C_cb @ Moment(history, index, history.since(index, 0.0, fix.t_valid_s)).bend(fix.exposure_s)
+    bend_c = C_cb @ history.moment(index, 0.0, fix.t_valid_s).bend(fix.exposure_s)
     noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
     if not bend_c @ bend_c > BEND_SEEN * noise:
         return fix

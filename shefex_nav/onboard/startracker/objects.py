@@ -32,7 +32,7 @@ from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
 from shefex_nav.geometry.unsteady import STEADY
 from shefex_nav.onboard.startracker import centroid, fit, scan
-from shefex_nav.onboard.startracker.background import survey
+from shefex_nav.onboard.startracker.background import FrameStatistics, survey
 from shefex_nav.onboard.startracker.methods import Table
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Detections, Scan
@@ -44,14 +44,6 @@ PIXEL_SIGMA_PX = math.sqrt(1.0 / 12.0)  # of light that falls anywhere on a pixe
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
-
-
-class FrameStatistics(NamedTuple):
-    """What a frame looks like as a whole."""
-
-    mean_dn: float
-    background_dn: float  # median over the tiles
-    noise_dn: float  # standard deviation of one pixel, median over the tiles
 
 
 class Found(NamedTuple):

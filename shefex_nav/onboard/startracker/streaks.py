@@ -23,6 +23,7 @@ import numpy as np
 
 from shefex_nav.geometry.shutter import RowTimes
 from shefex_nav.geometry.unsteady import STEADY
+from shefex_nav.onboard.startracker.background import FrameStatistics
 from shefex_nav.onboard.startracker.binned import bad_map, in_noise, level_of
 from shefex_nav.onboard.startracker.matched import (
     candidates,
@@ -31,7 +32,6 @@ from shefex_nav.onboard.startracker.matched import (
     steps_of,
     threshold,
 )
-from shefex_nav.onboard.startracker.objects import FrameStatistics
 from shefex_nav.onboard.startracker.streak_field import Field, fit_field
 from shefex_nav.onboard.startracker.streak_light import (
     MOST_PIXELS,

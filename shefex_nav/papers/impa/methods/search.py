@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.shutter import row_times
-from shefex_nav.onboard.startracker.objects import Found, FrameStatistics
+from shefex_nav.onboard.startracker.background import FrameStatistics
+from shefex_nav.onboard.startracker.objects import Found
 from shefex_nav.papers.impa.methods import chain
 from shefex_nav.papers.impa.methods.clusters import Clusters
 from shefex_nav.papers.impa.methods.compensate import EXTENT_PX
