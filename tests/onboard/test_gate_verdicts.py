@@ -132,7 +132,8 @@ def slope_of(name, rows=0, block="velocity", H=None, fate=Fate.USED, confirmed=F
     order, n = layout(("mounting",)), layout(("mounting",)).n
     P = np.eye(n) + 0.01
     sensors = {name: SimpleNamespace(rows=rows, block=block, gate_probability=None)}
-    watch = SimpleNamespace(level_axes=lambda *_: np.vstack([ONE, [0.0, 0.0, 1e-4]]))
+    axes = SimpleNamespace(axes=lambda *_: np.vstack([ONE, [0.0, 0.0, 1e-4]]))
+    watch = SimpleNamespace(protection=axes)
     nav = SimpleNamespace(limits=filter_of().limits, sensors=sensors, watch=watch, layout=order, earth=None)
     H = np.zeros((3, n)) if H is None else H
     H[:3, 3:6] = ONE

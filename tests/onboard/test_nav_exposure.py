@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from unpacked import FALLING
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import sensors
+from shefex_nav.onboard.navigation import fusion, sensors
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import X_Q, layout
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -130,5 +130,9 @@ def test_a_turn_is_seen_above_the_noise():
 
 def test_a_fix_of_its_instant_stays_as_it_is():
     """The star tracker has taken the turn out itself: twice would be as wrong as not at all."""
-    one = fix(T)._replace(straight=True)
-    assert seen(moment(tumbling), one) is one
+    now = moment(tumbling)
+    nav = SimpleNamespace(history=now.history, params=NAV.params, sensors=sensors.SENSORS)
+    for straight in (True, False):
+        one = fix(T)._replace(straight=straight)
+        _, taken = fusion._worth_trying(nav, "star_tracker", one, now.k, [])
+        assert (taken is one) == straight

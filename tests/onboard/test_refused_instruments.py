@@ -81,7 +81,8 @@ def worst(one, limits):
     P, H = np.eye(order.n) + 0.01, np.zeros((1, order.n))
     H[0, POS.start + 2] = 1.0
     after = P - P @ H.T @ H @ P / (H @ P @ H.T + 1.0)
-    watch = SimpleNamespace(level_axes=lambda *_: np.vstack([np.eye(3), [0.0, 0.0, 1e-4]]))
+    axes = SimpleNamespace(axes=lambda *_: np.vstack([np.eye(3), [0.0, 0.0, 1e-4]]))
+    watch = SimpleNamespace(protection=axes)
     nav = SimpleNamespace(limits=limits, sensors={"altimeter": one}, watch=watch, layout=order, earth=None)
     measurement = SimpleNamespace(sensor="altimeter", admitted=None, fate=integrity.Fate.USED)
     now = SimpleNamespace(P=after, t_s=0.0, x=None)

@@ -26,7 +26,6 @@ from shefex_nav.onboard.navigation import (
     integrity_bank,
     integrity_gps,
     integrity_learnt,
-    integrity_protection,
     integrity_watch,
     measurements,
     prediction,
@@ -199,7 +198,7 @@ def fuse(nav, arrived):
             earliest = min(earliest, index)
     if earliest <= last:
         _reprocess(nav, earliest, last, results)
-    nav.watch.protect(nav.earth, history)
+    nav.watch.protection.update(nav.earth, history)
     return results
 
 
@@ -218,7 +217,7 @@ def _worth_trying(nav, arrival, fix, index, results):
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
     if about(names[0]) is ATTITUDE:
-        return names, straightened(nav, arrival, index, fix)
+        return names, fix if fix.straight else straightened(nav, arrival, index, fix)
     if about(names[0]):
         repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, _inertial_state(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
@@ -376,5 +375,4 @@ def _used(nav, now, measurement, P, prior, H, R, confirmed):
     fix, name = measurement.fix, measurement.sensor
     whole = about(name) is ATTITUDE and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
-    slope = integrity_protection.of_measurement(nav, now, measurement, P, prior, H, R, confirmed)
-    nav.watch.used_now.append((now.t_s, slope))
+    nav.watch.protection.used(nav, now, measurement, P, prior, H, R, confirmed)

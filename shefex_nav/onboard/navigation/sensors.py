@@ -85,15 +85,15 @@ def straightened(nav, arrival, index, fix):
     """A StarFix as its instant shows it: what a rate that changes during the exposure does is taken out.
 
     The star tracker does so itself where it knows the rate (`StarFix.straight`); fixes by statistics, and
-    those of other trackers, are the mean of the exposure. Once, when it arrives: later the memory may have
-    lost the beginning of the exposure. Where the memory does not cover it, the rate is taken as steady, and
-    the fix is what it was. So it is where no more is seen than the noise of the gyros: the prediction has
-    that, too, and taking it out of the fix would make an error of the fix that is no longer independent of
-    the prediction's.
+    those of other trackers, are the mean of the exposure, and are for this function. Once, when it arrives:
+    later the memory may have lost the beginning of the exposure. Where the memory does not cover it, the rate
+    is taken as steady, and the fix is what it was. So it is where no more is seen than the noise of the
+    gyros: the prediction has that, too, and taking it out of the fix would make an error of the fix that is
+    no longer independent of the prediction's.
 
     nav : fusion.Filter;  arrival : of `ARRIVALS`, of single stars or not;  index : of its tick in the History
     """
-    if fix.straight or not fix.exposure_s > 0.0:
+    if not fix.exposure_s > 0.0:
         return fix
     history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
     bend_c = C_cb @ history.moment(index, 0.0, fix.t_valid_s).bend(fix.exposure_s)

@@ -92,7 +92,7 @@ def fill(nav, ticks, rows, imu_blind=None):
     """
     model, watch = nav.params.imu, nav.watch
     noise = Noise(model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration)
-    bounds = Bounds(watch.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
+    bounds = Bounds(watch.protection.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
     _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
 

@@ -136,8 +136,7 @@ CENTROIDS = Table("centroid", fit=by_fit, weighted=by_scan)
 def as_spots(params, stars, memory, frame, context):
     """By a scan, the sequential one if another search is set.
 
-    Searches are generators: the next of the lists that one yields is looked at if the one before shows no
-    attitude.
+    A search says what it has found, the likelier first; the next is looked at if one shows no attitude.
 
     Parameters
     ----------
@@ -147,20 +146,19 @@ def as_spots(params, stars, memory, frame, context):
     frame : Frame
     context : Context
 
-    Yields
-    ------
-    Found
+    Returns
+    -------
+    iterable of Found
     """
     spots = of_spots(params.settings.detection)
     detections, statistics = detect(spots, params.camera, frame.image_dn)
     kind = int(SPOTS.get(spots.scan, Scan.OTHER))
     if not can_be_brought(params.camera.pinhole, frame, context):
-        yield Found(detections, statistics, kind, frame.line_s == 0.0)
-        return
+        return [Found(detections, statistics, kind, frame.line_s == 0.0)]
     fits = spots.centroid == "fit"
     detections, seen_s = at_frame_instant(params.camera, frame, context, detections, fits)
     rate = None if frame.line_s == 0.0 else (seen_s, context.P_omega_c)
-    yield Found(detections, statistics, kind, True, rate=rate, variance=variance_of(context))
+    return [Found(detections, statistics, kind, True, rate=rate, variance=variance_of(context))]
 
 
 def can_be_brought(camera, frame, context):
@@ -205,9 +203,8 @@ def along_streaks(params, stars, memory, frame, context):
     """Along streaks if the rate is known and low enough for an attitude, else as spots. As `as_spots`."""
     is_slow = not context.rate > params.settings.highest_rate  # an unknown rate is NaN
     if is_slow and rate_error_px(params.camera.pinhole, frame, context) < KNOWN_PX:
-        yield from _along_streaks(params, stars, frame, context)
-    else:
-        yield from as_spots(params, stars, memory, frame, context)
+        return _along_streaks(params, stars, frame, context)
+    return as_spots(params, stars, memory, frame, context)
 
 
 SEARCHES = Table("search", streaks=along_streaks)  # and as spots
