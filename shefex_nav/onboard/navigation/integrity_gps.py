@@ -5,7 +5,7 @@ unless the last bit is coarse. Stale: valid at the instant of one that was here 
 of one that was here before, with a new time, although the vehicle has moved meanwhile further than a fix is
 uncertain, or faster; or likewise its velocity. Whether it has moved, the inertial sensors say alone: repeated
 fixes would hold a filter that believes them. So it is the path on which the filter would have gone on from
-any instant without later corrections,
+any instant without later corrections (`history.Corrections`),
 
     r_raw(t) = r(t) - sum of (dr_k + (t - t_k) dv_k),   v_raw(t) = v(t) - sum of dv_k
 

@@ -62,7 +62,7 @@ NO_DOUBT, TOO_HIGH = int(Doubt.NONE), int(Doubt.LEVEL)  # for kernels
 # [E] errors in an hour that know nothing of each other: one a second, since GPS fixes, the quickest to renew
 # all three, come once a second, and an error counts if it lasts for longer (report.trust)
 INDEPENDENT_PER_HOUR = 3600.0
-AXES_S = 1.0
+AXES_S = 1.0  # for which the axes of a place are kept
 
 
 class Requirement(NamedTuple):
@@ -275,7 +275,8 @@ class Protection:
     """
 
     def __init__(self):
-        self.level, self._used = NO_FIX, []  # (s, Slope) of each fix used in this tick
+        self.level = NO_FIX
+        self._used = []  # (s, Slope) of each fix used in this tick
         self._axes, self._axes_s = None, -np.inf
 
     def axes(self, earth, t_s, x):
