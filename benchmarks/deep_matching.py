@@ -18,7 +18,7 @@ from shefex_nav.frames import camera_file
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.geometry.streak import turn_jacobians
-from shefex_nav.onboard.startracker import detect
+from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.papers.stills import StillCamera, electrons, random_attitude, still
 from shefex_nav.records import Reason
@@ -77,7 +77,7 @@ def answers(made, body, args):
         q_ic = random_attitude(rng)
         light = electrons(body, sky.vmag + rng.normal(0.0, SCATTER_MAG, len(sky.vmag)))
         image, _ = still(body, seen_i, light, q_ic, rng)
-        found, _ = detect.detect(settings.detection, model, image)
+        found, _ = objects.detect(settings.detection, model, image)
         found = found._replace(P_px=found.P_px * args.told**2)
         bounds.append(bound(body, seen_i, light, q_ic))
         for n, one in enumerate(made):

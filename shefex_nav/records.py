@@ -375,22 +375,6 @@ def row(arrays, k):
     return type(arrays)(*(column[k].item() if column.ndim == 1 else column[k] for column in arrays))
 
 
-class Rows:
-    """Records of a record of arrays by number; many are made at once, in a fifth of the time of `row`."""
-
-    AT_ONCE = 128
-
-    def __init__(self, arrays):
-        self._arrays, self._first, self._made = arrays, 0, []
-
-    def __getitem__(self, k):
-        """Record k, from 0 on, as of `row`."""
-        if not 0 <= k - self._first < len(self._made):
-            self._first, parts = k, (column[k : k + self.AT_ONCE] for column in self._arrays)
-            self._made = rows(type(self._arrays)(*parts))
-        return self._made[k - self._first]
-
-
 def rows(arrays):
     """All records of a record of arrays: list."""
     columns = (column.tolist() if column.ndim == 1 else list(column) for column in arrays)

@@ -15,7 +15,7 @@ from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.onboard.startracker.detect import FrameStatistics
+from shefex_nav.onboard.startracker.background import FrameStatistics
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import Reason

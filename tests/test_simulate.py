@@ -7,7 +7,7 @@ import pytest
 
 from shefex_nav import simulate
 from shefex_nav.geometry import rotation, wgs84
-from shefex_nav.records import ControlSample, Rows, Trajectory, row, rows
+from shefex_nav.records import ControlSample, Trajectory, row, rows
 from shefex_nav.world import columns
 
 
@@ -36,11 +36,11 @@ def test_attitude_control_is_logged_ten_times_a_second():
 
 
 def test_records_that_are_made_many_at_once_are_those_made_one_by_one():
-    n = 3 * Rows.AT_ONCE + 5
+    n = 3 * simulate.Rows.AT_ONCE + 5
     arrays = ControlSample(np.arange(n) / 3.0, *np.random.default_rng(1).random((2, n, 3)), np.arange(n))
-    by_number, together = Rows(arrays), rows(arrays)
+    by_number, together = simulate.Rows(arrays), rows(arrays)
     assert len(together) == n
-    for k in (0, 1, Rows.AT_ONCE - 1, Rows.AT_ONCE, 5, 0, n - 1):
+    for k in (0, 1, simulate.Rows.AT_ONCE - 1, simulate.Rows.AT_ONCE, 5, 0, n - 1):
         for one in (by_number[k], together[k]):
             assert type(one) is ControlSample
             for a, b in zip(one, row(arrays, k), strict=True):

@@ -38,10 +38,10 @@ class Records:
 
     def now(self, nav, tick):
         """Of the tick that the filter has reached, number `tick` of the run: list of records."""
-        told = [solution.solution(nav)]
+        records = [solution.solution(nav)]
         if tick % COVARIANCE_TICKS == 0:
-            told.append(covariance.covariance(nav))
-        return told
+            records.append(covariance.covariance(nav))
+        return records
 
     def passed(self, nav, first, last, imu_blind):
         """Of the ticks after `first` and before `last` of the run, the one that the filter has reached.
@@ -51,10 +51,10 @@ class Records:
         """
         later = nav.history.newest - last  # numbers of the history, beyond those of the run
         ticks = range(first + 1, last)
-        said = solution.solutions(nav, range(later + first + 1, later + last), imu_blind) if ticks else []
+        found = solution.solutions(nav, range(later + first + 1, later + last), imu_blind) if ticks else []
         return [
             (tick, [one, covariance.covariance(nav, later + tick)] if tick % COVARIANCE_TICKS == 0 else [one])
-            for tick, one in zip(ticks, said, strict=True)
+            for tick, one in zip(ticks, found, strict=True)
         ]
 
 
@@ -103,10 +103,10 @@ class Columns:
 
     def read(self):
         """NavSolution and NavCovariance of arrays, of all that has been kept: list."""
-        told = [solution.columns(self._solutions.filled)]
+        arrays = [solution.columns(self._solutions.filled)]
         if self._layout is not None:
-            told.append(covariance.columns(self._layout, self._covariances.filled))
-        return told
+            arrays.append(covariance.columns(self._layout, self._covariances.filled))
+        return arrays
 
 
 class Nothing:
@@ -198,7 +198,7 @@ def full_context(nav, frame, sky):
     fusion.Filter, Frame, Sky -> tracker.Context
     """
     history, C_bc = nav.history, nav.params.C_bc
-    ticks = history.oldest, history.newest, history.place(history.nearest(frame.t_valid_s))
+    ticks = history.oldest, history.newest, history.nearest(frame.t_valid_s)
     shot = frame.t_valid_s, frame.t_start_s, frame.exposure_s, frame.line_s, frame.image_dn.shape[0]
     context, known = _full_context(nav.constants, history.arrays, ticks, C_bc, shot, sky)
     if not known:
@@ -209,7 +209,7 @@ def full_context(nav, frame, sky):
 def brief_context(nav, frame, sky):
     """`full_context` without prediction and rate, for a chain that does not search by them."""
     history, t_valid_s = nav.history, frame.t_valid_s
-    place = history.place(history.nearest(t_valid_s))
+    place = history.nearest(t_valid_s)
     v_i, _, _, *angles = _sight(history.arrays, place, nav.params.C_bc, t_valid_s, nav.earth, sky.sun_i)
     return Context(v_i + sky.earth_velocity_i, *angles)
 

@@ -16,7 +16,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.startracker import fit
 from shefex_nav.onboard.startracker.camera import CameraModel
-from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS, X, Y
 from shefex_nav.onboard.startracker.settings import Detection
 from shefex_nav.onboard.startracker.spot import Picture

@@ -104,28 +104,9 @@ def all_stars(fit, found, xy_px, size_px, year):
 
 @kernel
 def matched(seen_px, xy_px, gate_px):
-    """Mutually nearest stars (m, 2) and detections (n, 2) within the gate: rows of the stars (n,), -1.
-
-    Of the stars in the order of their rows of pixels only those within the gate are looked at.
-    """
-    n, m, limit2 = xy_px.shape[0], seen_px.shape[0], gate_px * gate_px
-    order = np.argsort(seen_px[:, 1])
-    down = seen_px[order, 1]
-    star, back, nearest = np.full(n, -1), np.full(m, -1), np.full(m, limit2)
-    for i in range(n):
-        least = limit2
-        for p in range(np.searchsorted(down, xy_px[i, 1] - gate_px), m):
-            if down[p] > xy_px[i, 1] + gate_px:
-                break
-            s = order[p]
-            d2 = (seen_px[s, 0] - xy_px[i, 0]) ** 2 + (seen_px[s, 1] - xy_px[i, 1]) ** 2
-            if d2 < least:
-                star[i], least = s, d2
-            if d2 < nearest[s]:
-                back[s], nearest[s] = i, d2
-    for i in range(n):
-        if star[i] >= 0 and back[star[i]] != i:
-            star[i] = -1
+    """Mutually nearest stars (m, 2) and detections (n, 2) within the gate: rows of the stars (n,), -1."""
+    star = np.empty(xy_px.shape[0], dtype=np.int64)
+    steps.match(seen_px, np.ones(seen_px.shape[0], dtype=np.bool_), xy_px, gate_px, star)
     return star
 
 

@@ -178,15 +178,21 @@ def solved(N, b, k, prior):
 def match(seen_px, inside, xy_px, gate_px, star):
     """Mutually nearest stars and detections within the gate; how many. star : (n,), filled, -1 where none
 
+    Of the stars in the order of their rows of pixels only those within the gate are looked at.
+
     seen_px : (m, 2) places of the stars;  inside : (m,) which may be matched
     """
     n, m, known = xy_px.shape[0], seen_px.shape[0], 0
     back, near = np.full(m, -1, dtype=np.int64), np.full(m, gate_px * gate_px)
+    order = np.flatnonzero(inside)
+    order = order[np.argsort(seen_px[order, 1])]
+    down = seen_px[order, 1]
     for i in range(n):
         star[i], least = -1, gate_px * gate_px
-        for s in range(m):
-            if not inside[s]:
-                continue
+        for p in range(np.searchsorted(down, xy_px[i, 1] - gate_px), len(down)):
+            if down[p] > xy_px[i, 1] + gate_px:
+                break
+            s = order[p]
             d2 = (seen_px[s, 0] - xy_px[i, 0]) ** 2 + (seen_px[s, 1] - xy_px[i, 1]) ** 2
             if d2 < least:
                 star[i], least = s, d2

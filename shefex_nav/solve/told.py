@@ -21,7 +21,7 @@ from shefex_nav.environment.ephemeris import sky_bodies
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import turn_slopes, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
-from shefex_nav.onboard.startracker import best_attitude, detect, objects
+from shefex_nav.onboard.startracker import best_attitude, objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.shape import streak_px
 from shefex_nav.onboard.startracker.spot import Picture
@@ -209,9 +209,9 @@ def _detect(settings, model, image_dn):
             1.0 / camera.electrons_per_dn,
         )  # fmt: skip
         length_px = streak_px(picture, table, float(camera.psf_sigma))
-        return detect.STEPS["centroid"].ways()[settings.centroid](settings, camera, image_dn, table)
+        return objects.CENTROIDS[settings.centroid](settings, camera, image_dn, table)
 
-    return *detect.detect(spots, model, image_dn, centres), length_px
+    return *objects.detect(spots, model, image_dn, centres), length_px
 
 
 def _why(tracker, detections, context, reason, mean_dn):

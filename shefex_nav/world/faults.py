@@ -266,11 +266,6 @@ class StarLine:
             fix = _turned(fix, turned_c)
         return fix
 
-    def step(self, step, *arguments):
-        """A step of the star tracker's chain, with the faults of its fixes. -> state, fix, command"""
-        state, fix, command = step(*arguments)
-        return state, self.fix(fix), command
-
     def _wrong(self, fault):
         """Rotation vector (3,) rad about a random axis."""
         direction = self.rng.standard_normal(3)

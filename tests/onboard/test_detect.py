@@ -8,7 +8,7 @@ from scipy import ndimage
 from star_fields import DETECT, MODEL, digitise, signal, spot
 
 from shefex_nav.onboard.startracker.background import block_sums, repair, tile_statistics
-from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.objects import detect
 
 SHAPE = (493, 659)
 

@@ -233,9 +233,8 @@ def outcome(rng, n_fields, n_false, told=lambda P: P, near=False, **options):
         xy, flux, P, star, q_ic = streaks(rng, n_false, **options)
         u_c, said = unit_vectors(CAMERA, xy), told(P)
         if near:
-            q_ci = q_ic * [1.0, -1.0, -1.0, -1.0]
             found, _ = bayes.identify_near(
-                PARAMS, MODEL, pairs, u_c, flux, (q_ci, np.eye(3) * np.radians(0.05) ** 2), said
+                PARAMS, MODEL, pairs, u_c, flux, (q_ic, np.eye(3) * np.radians(0.05) ** 2), said
             )
         else:
             found = IDENTIFIERS["bayes"](PARAMS, MODEL, pairs, u_c, flux, said)

@@ -9,7 +9,7 @@ from star_fields import DETECT, MODEL, digitise, spot
 
 from shefex_nav.onboard.startracker import scan, shape
 from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
-from shefex_nav.onboard.startracker.detect import detect, rules
+from shefex_nav.onboard.startracker.objects import detect, rules
 from shefex_nav.onboard.startracker.spot import Picture
 
 SHAPE = (493, 659)

@@ -9,7 +9,7 @@ from star_fields import DETECT, MODEL, digitise, signal, spot
 from shefex_nav.onboard.startracker import scan, shape
 from shefex_nav.onboard.startracker import spot as star_light
 from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
-from shefex_nav.onboard.startracker.detect import detect, rules
+from shefex_nav.onboard.startracker.objects import detect, rules
 
 PER_DN = 7.4  # electrons, as `digitise` has it
 SETTINGS = replace(DETECT, most_objects=200)

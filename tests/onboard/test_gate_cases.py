@@ -9,6 +9,7 @@ from scipy import stats
 from shefex_nav.onboard.navigation import gate, integrity_gps
 from shefex_nav.onboard.navigation.gate import Verdict
 from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.history import Corrections
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, GpsEvidence, Limits
 from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.records import GpsFix, Reason
@@ -48,7 +49,8 @@ def watch(**values):
 def filter_of(health=None, **values):
     return SimpleNamespace(
         limits=Limits(1e-3), health=health or {}, watch=watch(**values),
-        history=SimpleNamespace(ends_s=[0.0, 42.0]), params=SimpleNamespace(lasting_share=0.0),
+        history=SimpleNamespace(ends_s=[0.0, 42.0], corrections=Corrections()),
+        params=SimpleNamespace(lasting_share=0.0),
     )  # fmt: skip
 
 
@@ -96,13 +98,14 @@ def test_a_result_counts_the_rows_that_were_used():
     S, z = np.diag([4.0, 9.0, 1.0]), np.array([2.0, 99.0, 3.0])
     measurement = SimpleNamespace(sensor="gps_range", fix=SimpleNamespace(t_valid_s=41.0))
     verdict = USED._replace(rows=np.array([True, False, True]), note="said")
-    got = gate._result(nav, Innovation(z, None, None, S, 1e4), measurement, verdict)
+    innovation = Innovation(z, None, None, S, 1e4, stats.chi2.isf(1e-3, 3))
+    got = gate._result(nav, innovation, measurement, verdict)
     assert (got.t_s, got.t_valid_s, got.sensor, got.dof) == (42.0, 41.0, "gps_range", 2)
     assert got.nis == pytest.approx(1.0 + 9.0) and got.limit == pytest.approx(LIMIT)
     assert got.accepted and got.note == "said; rejected: row 1" and got.innovation.tolist() == [2.0, 3.0]
-    got = gate._result(nav, Innovation(z, None, None, S, 1e4), measurement, USED._replace(fate=Fate.HELD))
+    got = gate._result(nav, innovation, measurement, USED._replace(fate=Fate.HELD))
     assert not got.accepted and got.nis == 1e4 and got.limit == pytest.approx(stats.chi2.isf(1e-3, 3))
-    assert gate._result(nav, Innovation(z, None, None, S, 1e4), measurement, RESET).accepted
+    assert gate._result(nav, innovation, measurement, RESET).accepted
 
 
 @pytest.mark.parametrize(
@@ -247,8 +250,9 @@ def gyros(nav, now=NOW, fate=Fate.USED, found=None):
 
 def test_gyros_are_compared_with_the_stars_but_in_vibration_or_at_a_reset():
     nav = filter_of()
-    found, ((*_, f_b, turned),) = gyros(nav)
+    found, ((*_, f_b, A, turned),) = gyros(nav)
     assert found is None and f_b.tolist() == [3.0, 4.0, 5.0] and turned == 0.0
+    assert A.tolist() == [1.0, 0.0, 0.0, 0.0]  # nothing was corrected
     assert gyros(filter_of(), fate=Fate.REJECTED)[1][0][-1] == 3.0  # the camera may be turned by the angle
     shaken = SimpleNamespace(**{**vars(NOW), "vibration": 1.0})
     for nav, given in (

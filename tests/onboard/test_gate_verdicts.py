@@ -34,7 +34,8 @@ def sensor(rows=0, alone=None, agree=True, admits=None, **rule):
 
 def verdict(nav, name="gps_velocity", nis=1.0, t_s=10.0, z=X, v=(1.0, 0.0, 0.0), S=ONE):
     measurement = SimpleNamespace(sensor=name, fix=gps(t_s, v))
-    return gate._verdict(nav, NOW, Innovation(np.array(z), None, ONE, S, nis), measurement)
+    limit = nav.limits[len(z)]
+    return gate._verdict(nav, NOW, Innovation(np.array(z), None, ONE, S, nis, limit), measurement)
 
 
 def of(one, **health):
@@ -131,7 +132,8 @@ def slope_of(name, rows=0, block="velocity", H=None, fate=Fate.USED, confirmed=F
     order, n = layout(("mounting",)), layout(("mounting",)).n
     P = np.eye(n) + 0.01
     sensors = {name: SimpleNamespace(rows=rows, block=block, gate_probability=None)}
-    watch = SimpleNamespace(level_axes=lambda *_: np.vstack([ONE, [0.0, 0.0, 1e-4]]))
+    axes = SimpleNamespace(axes=lambda *_: np.vstack([ONE, [0.0, 0.0, 1e-4]]))
+    watch = SimpleNamespace(protection=axes)
     nav = SimpleNamespace(limits=filter_of().limits, sensors=sensors, watch=watch, layout=order, earth=None)
     H = np.zeros((3, n)) if H is None else H
     H[:3, 3:6] = ONE

@@ -10,6 +10,7 @@ from scipy import stats
 from test_integrity_gyro import packed
 
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import history
 from shefex_nav.onboard.navigation import integrity_gyro as gyro
 from shefex_nav.onboard.navigation.integrity_gyro import CONFORM, UNDECIDED, WRONG
 
@@ -18,6 +19,7 @@ LIMITS = np.array([stats.chi2.isf(p, 3) for p in (1e-9, 0.05, 1e-3, 1e-4)])
 Q_B = rotation.quat_from_rotvec(np.array([0.5, -0.2, 1.0]))
 C_IB = rotation.dcm_from_quat(Q_B)
 SIGMA = 5e-6
+NONE = np.array([1.0, 0.0, 0.0, 0.0])  # nothing was corrected
 
 
 def rows_of(times_s, turned_i, path=0.0, push=0.0, path_stars=0.0, sigma=SIGMA, bias=0.0):
@@ -90,7 +92,7 @@ def test_a_correction_turns_what_was_seen_before():
         rotation.quat_from_rotvec(np.array([0.02, 0.01, 0.0])),
     )
     after = rotation.quat_multiply(turn, Q_B)
-    got = plain(gyro._corrected)(A, packed(Q_B, (0.1, 0.0, 0.0)), packed(after, (0.1, 0.0, 0.0)))
+    got = plain(history._corrected)(A, packed(Q_B, (0.1, 0.0, 0.0)), packed(after, (0.1, 0.0, 0.0)))
     assert np.linalg.norm(rotation.rotvec_between(got, rotation.quat_multiply(turn, A))) < 1e-12
 
 
@@ -212,7 +214,7 @@ def test_fixes_too_far_apart_begin_anew_and_late_ones_are_left_out():
     one, R, P, f_b = watch(), 1e-10 * np.eye(3), 1e-14 * np.eye(15), np.zeros(3)
 
     def compare(t_s):
-        return one.compare(t_s, packed(Q_B), P, np.zeros(3), R, f_b)
+        return one.compare(t_s, packed(Q_B), P, np.zeros(3), R, f_b, NONE)
 
     for t_s in (0.0, 0.5, 1.04):
         compare(t_s)
@@ -239,7 +241,7 @@ def test_the_camera_that_may_be_turned_explains_a_turn_of_the_vehicle():
             angle = 0.05 * k
             q = rotation.quat_from_rotvec(np.array([angle, 0.0, 0.0]))
             z = np.array([0.0, 2e-3 * angle, 0.0])
-            found.append((turned, one.compare(0.1 * k, packed(q), P, z, R, f_b, turned)))
+            found.append((turned, one.compare(0.1 * k, packed(q), P, z, R, f_b, NONE, turned)))
         assert one.noise[4] == 0.0
     assert any(one for turned, one in found if turned == 0.0)
     assert not any(one for turned, one in found if turned == 0.5)

@@ -8,6 +8,7 @@ from unpacked import FALLING
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import integrity_gyro
+from shefex_nav.onboard.navigation.history import Corrections
 from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q
 
 ARCSEC = np.pi / 648000.0
@@ -49,21 +50,23 @@ def fly(
     force : m/s^2, specific force along x
     """
     true = estimated = rotation.quat_normalise(rng.standard_normal(4))
-    found = []
+    found, corrections = [], Corrections()
     for k in range(round(seconds / DT)):
         t_s = k * DT
         measured = turned(true, SIGMA * rng.standard_normal(3) + (spoil(k) if spoil else 0.0))
         z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(estimated), measured))
         good = uses and np.linalg.norm(z) < 200.0 * ARCSEC
-        finding = one.compare(t_s, packed(estimated), P, z, R, np.array([force, 0.0, 0.0]))
+        finding = one.compare(
+            t_s, packed(estimated), P, z, R, np.array([force, 0.0, 0.0]), corrections.kept[-1].A
+        )
         if finding:
             found.append((t_s, finding))
         if good:
             before, estimated = estimated, turned(estimated, GAIN * z)
-            one.corrected(k + 1, k - 1, packed(before), packed(estimated))
+            corrections.add(k + 1, k - 1, t_s, packed(before), packed(estimated))
         if pushed is not None and k % 10 == 3:  # another sensor, once a second
             before, estimated = estimated, turned(estimated, pushed)
-            one.corrected(k + 1, k - 1, packed(before), packed(estimated))
+            corrections.add(k + 1, k - 1, t_s, packed(before), packed(estimated))
         true = turned(true, np.array(rate) * DT)
         error = WALK * np.sqrt(DT) * rng.standard_normal(3) + (wrong(t_s) * DT if wrong else 0.0)
         estimated = turned(estimated, np.array(rate) * DT + error)
@@ -142,25 +145,25 @@ def test_corrections_by_other_sensors_are_not_blamed_on_the_gyros():
 
 def test_what_goes_from_the_attitude_to_the_mounting_is_no_rotation():
     """An update that turns the body and the camera's mounting against each other leaves E as it is."""
-    one, rng = watch(), np.random.default_rng(10)
+    one, rng = Corrections(), np.random.default_rng(10)
     q, phi = turned(np.array([1.0, 0.0, 0.0, 0.0]), rng.standard_normal(3)), 1e-3 * rng.standard_normal(3)
-    one.corrected(1, 0, packed(q, phi), packed(turned(q, phi)))
-    np.testing.assert_allclose(one.turned[-1][1], [1.0, 0.0, 0.0, 0.0], atol=1e-15)
+    one.add(1, 0, 0.0, packed(q, phi), packed(turned(q, phi)))
+    np.testing.assert_allclose(one.kept[-1].A, [1.0, 0.0, 0.0, 0.0], atol=1e-15)
 
 
 def test_going_back_takes_corrections_back():
     """A late measurement: what was corrected after it is corrected again, otherwise, and E stays the same."""
-    one, rng = watch(), np.random.default_rng(9)
+    one, rng = Corrections(), np.random.default_rng(9)
     q = [turned(np.array([1.0, 0.0, 0.0, 0.0]), 1e-3 * rng.standard_normal(3)) for _ in range(6)]
     for number in range(1, 6):
-        one.corrected(number, 0, packed(q[number - 1]), packed(q[number]))
-    wanted = one.turned[2][1]
+        one.add(number, 0, 0.0, packed(q[number - 1]), packed(q[number]))
+    wanted = one.kept[2].A
     one.back_to(2)
-    assert np.array_equal(one.turned[-1][1], wanted) and one.turned[-1][0] == 2
-    one.corrected(4, 2, packed(q[2]), packed(q[4]))
-    assert [number for number, _ in one.turned] == [2, 4]  # and nothing before the oldest tick is kept
+    assert np.array_equal(one.kept[-1].A, wanted) and one.kept[-1].number == 2
+    one.add(4, 2, 0.0, packed(q[2]), packed(q[4]))
+    assert [kept.number for kept in one.kept] == [2, 4]  # and nothing before the oldest tick is kept
     expected = rotation.quat_multiply(q[4], rotation.quat_conjugate(q[0]))
-    np.testing.assert_allclose(one.turned[-1][1], expected, atol=1e-15)
+    np.testing.assert_allclose(one.kept[-1].A, expected, atol=1e-15)
 
 
 def test_a_camera_that_is_knocked_is_not_blamed_on_the_gyros():

@@ -32,6 +32,15 @@ def updated(P, H, R):
     return P - K @ S @ K.T, K, S
 
 
+def slope(P, after, limit, axes, confirmed=False):
+    """Slope of a fix whose rows are gated together."""
+    return protection.Slope(False, protection._slope(P, after, limit, confirmed, axes))
+
+
+def slope_of_stars(P, after, limit, H, R, confirmed, axes):
+    return protection.Slope(True, protection._slope_of_stars(P, after, limit, H, R, confirmed, axes))
+
+
 def case(seed):
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((N, N))
@@ -47,7 +56,7 @@ def test_the_slope_is_the_worst_that_passes_the_gate(seed):
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     z = np.sqrt(LIMIT) * directions @ np.linalg.cholesky(S).T
     moved = np.abs(z @ K.T @ followed().T).max(axis=0)
-    worst = protection.slope(P, after, LIMIT, NED).table[protection.WORST]
+    worst = slope(P, after, LIMIT, NED).table[protection.WORST]
     assert np.all(moved <= worst * (1 + 1e-9)) and np.all(moved > 0.999 * worst)
 
 
@@ -62,19 +71,18 @@ def test_the_worst_single_satellite(seed):
     after, K, S = updated(P, H, R)
     single = 15.1
     rim = followed() @ K * np.sqrt(single * np.diag(S))  # a column for each satellite
-    found = protection.slope_of_rows(P, after, single, H, R, 1, NED)
-    np.testing.assert_allclose(found.table[protection.WORST], np.abs(rim).max(axis=1), rtol=1e-9)
+    table = protection._slope_of_rows(P, after, single, H, R, 1, False, NED)
+    np.testing.assert_allclose(table[protection.WORST], np.abs(rim).max(axis=1), rtol=1e-9)
     known = np.sqrt(np.diag(followed() @ after @ followed().T))
-    np.testing.assert_allclose(found.table[protection.AFTER], known, rtol=1e-9)
+    np.testing.assert_allclose(table[protection.AFTER], known, rtol=1e-9)
     np.testing.assert_allclose(sigmas(after, NED), known, rtol=1e-9)
-    assert not found.stars
 
 
 def test_a_confirmed_fix_can_be_wrong_by_less():
     P, H, R = np.eye(N), np.zeros((3, N)), 1e-6 * np.eye(3)
     H[:, ATT] = np.eye(3)
     after, _, _ = updated(P, H, R)
-    both = (protection.slope_of_stars(P, after, LIMIT, H, R, confirmed, NED) for confirmed in (False, True))
+    both = (slope_of_stars(P, after, LIMIT, H, R, confirmed, NED) for confirmed in (False, True))
     alone, confirmed = (found.table[protection.WORST, BODY] for found in both)
     assert np.allclose(alone, np.sqrt(LIMIT), rtol=1e-5)
     assert np.allclose(confirmed, np.sqrt(2.0 * LIMIT * 1e-6))
@@ -89,7 +97,7 @@ def test_later_fixes_take_the_error_of_a_wrong_one_out():
         after, K, S = updated(P, H, R)
         wrong = np.sqrt(LIMIT * S[0, 0]) * np.array([1.0, 0.0, 0.0]) if k == 0 else np.zeros(3)
         x = x + K @ (wrong - H @ x)
-        found = protection.slope_of_stars(P, after, LIMIT, H, R, False, NED)
+        found = slope_of_stars(P, after, LIMIT, H, R, False, NED)
         level = protection.after_fixes(level, [(float(k), found)], float(k), after, NED)
         P = after
         assert abs(x[ATT.start]) <= level.w[protection.STARS, BODY.start] * (1 + 1e-9)
@@ -103,7 +111,7 @@ def test_a_star_fix_that_passes_bounds_what_others_have_done():
     H[:, ATT] = np.eye(3)
     P[ATT.start, ATT.start] = 1.0
     after, K, S = updated(P, H, R)
-    found = protection.slope_of_stars(P, after, LIMIT, H, R, True, NED)
+    found = slope_of_stars(P, after, LIMIT, H, R, True, NED)
     w = np.zeros((2, 9))
     w[protection.OTHERS, BODY] = 1e3
     level = protection.after_fixes(
@@ -118,7 +126,7 @@ def test_a_star_fix_that_passes_bounds_what_others_have_done():
             assert np.all(np.abs(b) <= found.table[protection.MOST, BODY])
             assert np.all(np.abs((np.eye(3) - K[ATT]) @ b) <= level.w[protection.OTHERS, BODY] * (1 + 1e-9))
     assert passed > 100
-    other = protection.after_fixes(level, [(0.0, protection.slope(P, P, LIMIT, NED))], 0.0, P, NED)
+    other = protection.after_fixes(level, [(0.0, slope(P, P, LIMIT, NED))], 0.0, P, NED)
     assert np.allclose(other.w[:, BODY], level.w[:, BODY])  # no other sensor bounds anything
 
 
@@ -132,7 +140,7 @@ def test_an_error_of_a_wrong_fix_that_grows_stays_below_its_level():
     H, R = np.zeros((3, N)), 0.01 * np.eye(3)
     H[:, VEL] = np.eye(3)
     after, K, S = updated(P, H, R)
-    found = protection.slope(P, after, LIMIT, NED)
+    found = slope(P, after, LIMIT, NED)
     level = protection.after_fixes(protection.NO_FIX, [(0.0, found)], 0.0, after, NED)
     z = rng.standard_normal((200, 3))
     z *= (np.sqrt(LIMIT) / np.linalg.norm(np.linalg.solve(np.linalg.cholesky(S), z.T), axis=0))[:, None]
@@ -152,7 +160,7 @@ def test_a_reset_is_bounded_by_what_agreeing_fixes_let_through():
     P[POS, POS] = 1e10 * np.eye(3)
     H[:, POS] = np.eye(3)
     after, _, _ = updated(P, H, R)
-    alone, agreed = (protection.slope(P, after, LIMIT, NED, told) for told in (False, True))
+    alone, agreed = (slope(P, after, LIMIT, NED, told) for told in (False, True))
     assert np.all(alone.table[protection.WORST, P_NED] > 1e5)
     np.testing.assert_allclose(agreed.table[protection.WORST, P_NED], np.sqrt(2.0 * LIMIT * 4.0), rtol=1e-6)
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from plain import plain
-from test_integrity_protection import LIMIT, NED, N, case, followed, updated
+from test_integrity_protection import LIMIT, NED, N, case, followed, slope, slope_of_stars, updated
+from unpacked import FALLING
 
 from shefex_nav.onboard.navigation import integrity_gps
 from shefex_nav.onboard.navigation import integrity_protection as protection
+from shefex_nav.onboard.navigation.history import Corrections
 from shefex_nav.onboard.navigation.integrity_protection import Level, Slope
 from shefex_nav.onboard.navigation.protected import BODY, P_NED, V_NED
-from shefex_nav.onboard.navigation.state import ATT, POS, VEL, layout
+from shefex_nav.onboard.navigation.state import ATT, MOUNTING, POS, VEL, X_Q, layout
 
 T = followed()
 ROWS = ("worst", "before", "after", "left", "left_stars", "most")
@@ -31,7 +33,7 @@ def test_what_a_fix_could_do_and_what_it_leaves(seed, confirmed):
     P, H, R = case(seed)
     R = 99.0 * R if confirmed and seed else R
     after, _, _ = updated(P, H, R)
-    got = table_of(protection.slope(P, after, LIMIT, NED, confirmed))
+    got = table_of(slope(P, after, LIMIT, NED, confirmed))
     worst = along(P) - along(after)
     worst = np.minimum(worst, 2.0 * along(after)) if confirmed else worst
     np.testing.assert_allclose(got["worst"], np.sqrt(LIMIT * worst), rtol=1e-6)
@@ -40,9 +42,7 @@ def test_what_a_fix_could_do_and_what_it_leaves(seed, confirmed):
     np.testing.assert_allclose(got["left"], along(after) / along(P), rtol=1e-9)
     assert np.all(got["left_stars"][BODY] == 1.0) and np.all(np.isinf(got["most"]))
     np.testing.assert_array_equal(got["left_stars"][:6], got["left"][:6])
-    grown = table_of(
-        protection.slope(after, P, LIMIT, NED)
-    )  # a covariance that has grown: nothing is taken out
+    grown = table_of(slope(after, P, LIMIT, NED))  # a covariance that has grown: nothing is taken out
     assert np.all(grown["left"] == 1.0) and not grown["worst"].any()
 
 
@@ -57,7 +57,7 @@ def star_case(seed):
 @pytest.mark.parametrize("confirmed", [False, True])
 def test_what_a_star_fix_could_do_is_of_what_it_measures(confirmed):
     P, H, R, after = star_case(1)
-    got = table_of(protection.slope_of_stars(P, after, LIMIT, H, R, confirmed, NED))
+    got = table_of(slope_of_stars(P, after, LIMIT, H, R, confirmed, NED))
     seen = np.diag(H @ P @ H.T)
     np.testing.assert_allclose(got["left_stars"][BODY], np.diag(H @ after @ H.T) / seen, rtol=1e-9)
     np.testing.assert_allclose(got["most"][BODY], 2.0 * np.sqrt(LIMIT * (seen + np.diag(R))), rtol=1e-9)
@@ -74,7 +74,8 @@ def test_single_stars_leave_of_attitude_and_mounting_together(mounting):
     P, H = A @ A.T, np.random.default_rng(3).standard_normal((4, order.n))
     R = np.diag([1.0, 2.0, 1.0, 3.0])
     after, K, S = updated(P, H, R)
-    got = table_of(protection.slope_of_vectors(order, P, after, LIMIT, H, R, NED))
+    table = protection._slope_of_vectors(P, after, LIMIT, H, R, int(order.at[MOUNTING]), NED)
+    got = dict(zip(ROWS, table, strict=True))
     sees = np.zeros((3, order.n))
     sees[:, ATT] = np.eye(3)
     if mounting:
@@ -190,12 +191,13 @@ def test_a_fix_without_height_says_nothing_along_a_third_axis():
 
 def test_the_path_without_corrections():
     """Sums of dr_k - t_k dv_k and dv_k until a tick; a filter that goes back makes them again."""
-    path, x = integrity_gps.RawPath(), np.zeros(16)
+    path, x = Corrections(), np.zeros(len(FALLING))
+    x[X_Q] = 1.0, 0.0, 0.0, 0.0
     made = []
     for number, t_s in ((3, 1.0), (5, 2.0), (5, 2.5), (8, 4.0)):
         after = x.copy()
         after[:6] = np.arange(6.0) * t_s
-        path.corrected(number, 0, t_s, x, after)
+        path.add(number, 0, t_s, x, after)
         made.append((number, after[:3] - t_s * after[3:6], after[3:6]))
     for number in range(2, 10):
         sums = path.until(number)
@@ -205,5 +207,5 @@ def test_the_path_without_corrections():
     np.testing.assert_allclose(path.until(9).dv, sum(dv for n, _, dv in made if n <= 5))
     path.back_to(4)
     np.testing.assert_allclose(path.until(9).dv, made[0][2])
-    path.corrected(6, 5, 3.0, x, x)  # nothing before tick 5 is asked for any more
-    assert [one.number for one in path.sums] == [3, 6]
+    path.add(6, 5, 3.0, x, x)  # nothing before tick 5 is asked for any more
+    assert [one.number for one in path.kept] == [3, 6]

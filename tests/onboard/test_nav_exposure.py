@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from unpacked import FALLING
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import sensors
-from shefex_nav.onboard.navigation.history import History, Moment, Tick
+from shefex_nav.onboard.navigation import fusion, sensors
+from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import X_Q, layout
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import NO_STARS, StarFix, StarVectors
@@ -33,8 +33,7 @@ def moment(rate_b, t_s=0.1):
             begin_s = end_s - (SAMPLES - m) * DT
             history.increments[place, BEFORE + m, :3] = quad_vec(rate_b, begin_s, begin_s + DT)[0]
         history.extend([end_s])
-    index = history.within(t_s)
-    return Moment(history, index, history.since(index, 0.0, t_s))
+    return history.moment(history.within(t_s), 0.0, t_s)
 
 
 @pytest.mark.parametrize("t_s", [0.1, 0.1 + 0.3 * DT, 0.0931])
@@ -131,5 +130,9 @@ def test_a_turn_is_seen_above_the_noise():
 
 def test_a_fix_of_its_instant_stays_as_it_is():
     """The star tracker has taken the turn out itself: twice would be as wrong as not at all."""
-    one = fix(T)._replace(straight=True)
-    assert seen(moment(tumbling), one) is one
+    now = moment(tumbling)
+    nav = SimpleNamespace(history=now.history, params=NAV.params, sensors=sensors.SENSORS)
+    for straight in (True, False):
+        one = fix(T)._replace(straight=straight)
+        _, taken = fusion._worth_trying(nav, "star_tracker", one, now.k, [])
+        assert (taken is one) == straight

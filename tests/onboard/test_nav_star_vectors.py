@@ -17,7 +17,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, pixels, unit_vectors
 from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import fusion, integrity_protection, measure_stars, protected
-from shefex_nav.onboard.navigation.state import ATT, layout
+from shefex_nav.onboard.navigation.state import ATT, MOUNTING, layout
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.onboard.startracker import likelihood
 from shefex_nav.records import GateResult, NavHealth
@@ -235,11 +235,12 @@ def test_what_one_wrong_star_could_do():
         rim = np.linalg.cholesky(S[k : k + 2, k : k + 2]) @ np.array([np.cos(angle), np.sin(angle)])
         worst = np.maximum(worst, np.abs(K[ATT, k : k + 2] @ rim * np.sqrt(limit)).max(axis=1))
     axes = protected.level_axes(nav.earth, tick.t_s, tick.x)
-    found = integrity_protection.slope_of_vectors(nav.layout, tick.P, P_after, limit, H, R, axes)
+    mounting = int(nav.layout.at[MOUNTING])
+    table = integrity_protection._slope_of_vectors(tick.P, P_after, limit, H, R, mounting, axes)
     body = protected.BODY
-    np.testing.assert_allclose(found.table[integrity_protection.WORST, body], worst, rtol=1e-6)
-    np.testing.assert_allclose(found.table[integrity_protection.AFTER, body] ** 2, np.diag(P_after)[ATT])
-    assert np.all(found.table[integrity_protection.LEFT_STARS, body] < 1.0)
+    np.testing.assert_allclose(table[integrity_protection.WORST, body], worst, rtol=1e-6)
+    np.testing.assert_allclose(table[integrity_protection.AFTER, body] ** 2, np.diag(P_after)[ATT])
+    assert np.all(table[integrity_protection.LEFT_STARS, body] < 1.0)
 
 
 @pytest.mark.parametrize("way", ["attitude", "vectors"])

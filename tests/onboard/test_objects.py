@@ -106,10 +106,11 @@ def test_a_prediction_is_narrow_in_all_axes():
 @pytest.mark.parametrize("scan", ["sequential", "maximum", "streaks"])
 def test_without_a_rate_a_frame_is_searched_for_spots(scan):
     params = tracker_with(PARAMS, detection__scan=scan)
-    (found,) = objects.searches(params, stars(), None, sky(), tracker.NO_CONTEXT)
+    search = objects.SEARCHES.get(scan, objects.as_spots)
+    (found,) = search(params, stars(), None, sky(), tracker.NO_CONTEXT)
     assert found.scan == (Scan.MAXIMUM if scan == "maximum" else Scan.SEQUENTIAL)
     assert found.at_instant
-    (found,) = objects.searches(params, stars(), None, sky(line_s=1e-4), tracker.NO_CONTEXT)
+    (found,) = search(params, stars(), None, sky(line_s=1e-4), tracker.NO_CONTEXT)
     assert not found.at_instant
 
 
@@ -147,7 +148,7 @@ def test_a_wrong_prediction_confirms_nothing_by_looking_only_where_it_predicts(n
         n_lists += 1
         u_c = unit_vectors(camera, np.ascontiguousarray(xy_px[rows]))
         P_px = np.tile(0.08**2 * np.eye(2), (len(rows), 1, 1))
-        prediction = rotation.quat_conjugate(told), P_c
+        prediction = told, P_c
         found, _ = identify_near(IDENTIFY, MODEL, pairs, u_c, 10.0 ** (-0.4 * mag[rows]), prediction, P_px)
         if found.reason == Reason.NONE:
             known = found.star >= 0

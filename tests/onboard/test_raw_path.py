@@ -28,7 +28,7 @@ def test_it_is_the_path_of_a_filter_without_fixes(latency_s):
         if k in (49, 599):
             for name, nav in (("corrected", corrected), ("free", free)):
                 history = nav.history
-                sums, t_s = nav.watch.path.until(history.newest), history.ends_s[-1]
+                sums, t_s = history.corrections.until(history.newest), history.ends_s[-1]
                 x, off = history.x, (sums.dr + t_s * sums.dv, sums.dv)
                 at[name, k] = np.concatenate([x[0:3] - off[0], x[3:6] - off[1]])
     moved, expected = (at[name, 599] - at[name, 49] for name in ("corrected", "free"))

@@ -60,9 +60,8 @@ def test_the_filter_cannot_know_which_of_the_two_is_right():
 @pytest.mark.parametrize("own", [None, 1e-9])
 @pytest.mark.parametrize("rows", [1, 3])
 def test_the_gate_of_an_instrument(own, rows):
-    one = sensor.Sensor(None, None, np.inf, sensor.never, gate_probability=own)
-    nav = SimpleNamespace(limits=integrity.Limits(1e-4))
-    assert nav.limits.of(one, rows) == pytest.approx(stats.chi2.isf(own or 1e-4, rows), rel=1e-9)
+    limit = integrity.Limits(1e-4)[rows, own]
+    assert limit == pytest.approx(stats.chi2.isf(own or 1e-4, rows), rel=1e-9)
 
 
 def test_it_is_that_of_the_aid_and_of_the_level_too():
@@ -70,7 +69,7 @@ def test_it_is_that_of_the_aid_and_of_the_level_too():
     aid = Aid("altimeter", None, None, gate_probability=1e-9)
     assert aiding.sensor(aid).gate_probability == 1e-9
     limits = integrity.Limits(1e-4)
-    ratio = limits.of(aiding.sensor(aid), 1) / limits[1]
+    ratio = limits[1, aiding.sensor(aid).gate_probability] / limits[1]
     assert ratio == pytest.approx(stats.chi2.isf(1e-9, 1) / stats.chi2.isf(1e-4, 1), rel=1e-9)
     own, usual = (worst(aiding.sensor(one), limits) for one in (aid, aid._replace(gate_probability=None)))
     assert usual.max() > 0.0 and own == pytest.approx(np.sqrt(ratio) * usual)
@@ -82,7 +81,8 @@ def worst(one, limits):
     P, H = np.eye(order.n) + 0.01, np.zeros((1, order.n))
     H[0, POS.start + 2] = 1.0
     after = P - P @ H.T @ H @ P / (H @ P @ H.T + 1.0)
-    watch = SimpleNamespace(level_axes=lambda *_: np.vstack([np.eye(3), [0.0, 0.0, 1e-4]]))
+    axes = SimpleNamespace(axes=lambda *_: np.vstack([np.eye(3), [0.0, 0.0, 1e-4]]))
+    watch = SimpleNamespace(protection=axes)
     nav = SimpleNamespace(limits=limits, sensors={"altimeter": one}, watch=watch, layout=order, earth=None)
     measurement = SimpleNamespace(sensor="altimeter", admitted=None, fate=integrity.Fate.USED)
     now = SimpleNamespace(P=after, t_s=0.0, x=None)

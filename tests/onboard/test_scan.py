@@ -15,7 +15,7 @@ from shefex_nav.onboard.startracker.background import (
     block_sums,
     tile_statistics,
 )
-from shefex_nav.onboard.startracker.detect import detect, rules
+from shefex_nav.onboard.startracker.objects import detect, rules
 
 
 def frame(seed, n_stars=25):

@@ -181,22 +181,28 @@ def test_the_one_that_explains_more_is_named_and_stays_while_anything_speaks_for
 
 
 def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0):
-    nav = SimpleNamespace(watch=SimpleNamespace(imu_blind=blind), earth=SimpleNamespace(rate=RATE))
+    reported = []
+    nav = SimpleNamespace(
+        watch=SimpleNamespace(imu_blind=blind, report=lambda *given: reported.append(given)),
+        earth=SimpleNamespace(rate=RATE), history=SimpleNamespace(ends_s=[t_s]),
+    )  # fmt: skip
     now = SimpleNamespace(x=packed(), P=np.eye(N), sensed_packed=np.arange(6.0), t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
     one.take(nav, now, name, np.full(3, z), H, 2.0 * np.eye(3), fate)
+    assert reported in ([], [(t_s, "gps_constants", one.found)])
+    return reported
 
 
 def test_what_is_taken_in_and_what_ends_it():
     """GPS fixes judge, used or not, unless they wait or the IMU is blind; a reset ends it."""
     one = told.Constants()
-    take(one, z=2.0)
+    assert take(one, z=2.0)
     assert (one.count, one.seen_s, one.closed) == (1, 1.0, False) and one.beyond == pytest.approx(6.0 - 3.0)
     take(one, fate=Fate.REJECTED, t_s=2.0)
     take(one, "gps_velocity", t_s=3.0)
     assert one.count == 3 and one.seen_s == 3.0 and one.beyond == pytest.approx(3.0 - 3.0 - 3.0)
     for given in ({"fate": Fate.HELD}, {"blind": True}, {"name": "star_tracker"}, {"name": "gps_range"}):
-        take(one, t_s=4.0, **given)
+        assert not take(one, t_s=4.0, **given)
     assert one.count == 3 and one.seen_s == 4.0
     before = one.B.copy()
     take(one, fate=Fate.RESET, t_s=5.0)

@@ -169,12 +169,12 @@ def test_the_same_kind_of_reason_is_told_once():
 
 
 def test_axes_of_the_level_are_kept_for_a_second():
-    one, x = watch(), fusion.start(PARAMS, alignment(fly(0.1)[1][0]), EARTH).history.x
-    first = one.level_axes(EARTH, 10.0, x)
+    one, x = watch().protection, fusion.start(PARAMS, alignment(fly(0.1)[1][0]), EARTH).history.x
+    first = one.axes(EARTH, 10.0, x)
     moved = x.copy()
     moved[X_R] *= -1.0
-    assert one.level_axes(EARTH, 10.9, moved) is first and one.level_axes(EARTH, 9.1, moved) is first
-    assert one.level_axes(EARTH, 11.1, moved) is not first
+    assert one.axes(EARTH, 10.9, moved) is first and one.axes(EARTH, 9.1, moved) is first
+    assert one.axes(EARTH, 11.1, moved) is not first
 
 
 def test_gyros_that_were_wrong_are_trusted_for_a_second_after_stars():

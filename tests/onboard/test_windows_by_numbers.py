@@ -185,7 +185,7 @@ def weighed(nav, name="gps_velocity", verdict=USED, vibration=0.0, t_s=NOW_S):
     S = np.diag([4.0, 9.0, 1.0])
     now = SimpleNamespace(P=P, vibration=vibration, t_s=t_s, k=1)
     measurement = SimpleNamespace(sensor=name, fix=None)
-    return adaptation.weigh(nav, now, Innovation(z, None, 0.5 * S, S, 3.0), measurement, verdict)
+    return adaptation.weigh(nav, now, Innovation(z, None, 0.5 * S, S, 3.0, np.inf), measurement, verdict)
 
 
 def test_what_is_remembered_of_a_measurement():

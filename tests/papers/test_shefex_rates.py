@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.onboard.startracker import background, scan
-from shefex_nav.onboard.startracker.detect import rules
+from shefex_nav.onboard.startracker.objects import rules
 from shefex_nav.papers.shefex2 import chain, end_to_end, rates, readings
 from shefex_nav.papers.shefex2.frames import SPACE
 from shefex_nav.papers.shefex2.methods.single_pixels import single_pixels

@@ -148,8 +148,9 @@ def test_the_compiled_steps_see_the_lens_that_the_module_sees():
     stars = np.ascontiguousarray(seen_px[inside])
     for gate_px in (2.0, 10.0, 60.0):
         star = np.empty(300, dtype=np.int64)
-        known = steps.match(stars, np.ones(len(stars), dtype=np.bool_), xy_px, gate_px, star)
-        np.testing.assert_array_equal(star, mutually_nearest(stars, xy_px, gate_px))
-        np.testing.assert_array_equal(star, naming.matched(stars, xy_px, gate_px))
+        known = steps.match(seen_px, inside, xy_px, gate_px, star)  # those behind the camera are NaN
+        nearest = mutually_nearest(stars, xy_px, gate_px)
+        np.testing.assert_array_equal(star, np.where(nearest >= 0, np.flatnonzero(inside)[nearest], -1))
+        np.testing.assert_array_equal(naming.matched(stars, xy_px, gate_px), nearest)
         assert known == (star >= 0).sum()
     assert known > 50

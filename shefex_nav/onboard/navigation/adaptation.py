@@ -287,7 +287,7 @@ def carry(nav):
 
 def _learn(nav, now, innovation, name, fate):
     """What a measurement says of the share of process noise; the factor when there are enough."""
-    z, H, _, S, _ = innovation
+    z, H, _, S, *_ = innovation
     noise, share, number = nav.noise, nav.noise.share, nav.history.number(now.k)
     if fate not in (Fate.USED, Fate.RESET) or H.shape[0] == 0:
         return

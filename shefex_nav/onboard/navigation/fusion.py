@@ -26,13 +26,12 @@ from shefex_nav.onboard.navigation import (
     integrity_bank,
     integrity_gps,
     integrity_learnt,
-    integrity_protection,
     integrity_watch,
     measurements,
     prediction,
     unknown_attitude,
 )
-from shefex_nav.onboard.navigation.history import History, Moment, Tick
+from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
@@ -199,7 +198,7 @@ def fuse(nav, arrived):
             earliest = min(earliest, index)
     if earliest <= last:
         _reprocess(nav, earliest, last, results)
-    nav.watch.protect(nav.earth, history)
+    nav.watch.protection.update(nav.earth, history)
     return results
 
 
@@ -218,7 +217,7 @@ def _worth_trying(nav, arrival, fix, index, results):
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
     if about(names[0]) is ATTITUDE:
-        return names, straightened(nav, arrival, index, fix)
+        return names, fix if fix.straight else straightened(nav, arrival, index, fix)
     if about(names[0]):
         repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, _inertial_state(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
@@ -230,7 +229,7 @@ def _worth_trying(nav, arrival, fix, index, results):
 def _inertial_state(nav, index):
     """integrity_gps.InertialState of a tick."""
     history, t_s = nav.history, nav.history.ends_s[index]
-    sums = nav.watch.path.until(history.oldest + index)
+    sums = history.corrections.until(history.oldest + index)
     return integrity_gps.inertial_state(t_s, history.arrays, history.place(index), sums, nav.earth)
 
 
@@ -256,11 +255,11 @@ def _out_of_reach(history, fix):
 
 def _reprocess(nav, first, last, results, recorder=None):
     """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
-    history, watch = nav.history, nav.watch
-    history.go_to(first - 1)
-    if recorder is None:  # corrections after that tick are not made yet
-        watch.gyros.back_to(history.oldest + first - 1)
-        watch.path.back_to(history.oldest + first - 1)
+    history = nav.history
+    if recorder is None:
+        history.back_to(first - 1)
+    else:
+        history.go_to(first - 1)
     if nav.params.lasting_share or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
@@ -268,12 +267,11 @@ def _reprocess(nav, first, last, results, recorder=None):
         decided = []
         for measurement in history.measurements[index]:
             if measurement.fate not in UNUSED:
-                start_s = begin_s if k == index else 0.0
-                at_s = history.since(index, start_s, measurement.fix.t_valid_s)
-                if k < index or at_s > begin_s:
-                    _propagate(nav, k, begin_s, index, at_s, recorder)
-                k, begin_s = index, at_s
-                measurement = _apply(nav, index, at_s, measurement, results, recorder)
+                now = history.moment(index, begin_s if k == index else 0.0, measurement.fix.t_valid_s)
+                if k < index or now.at_s > begin_s:
+                    _propagate(nav, k, begin_s, index, now.at_s, recorder)
+                k, begin_s = index, now.at_s
+                measurement = _apply(nav, now, measurement, results, recorder)
             decided.append(measurement)
         if decided:
             history.measurements[index] = tuple(decided)
@@ -298,10 +296,9 @@ def _propagate(nav, first, begin_s, last, end_s, recorder):
         recorder(Interval(t_s, after_s, state, P, Phi, Q, after, history.P.copy(), imu))
 
 
-def _apply(nav, index, at_s, measurement, results, recorder):
-    """Correct the instant that has been reached, at_s in tick `index`, with a measurement. -> Measurement"""
+def _apply(nav, now, measurement, results, recorder):
+    """Correct the Moment that has been reached with a measurement. -> Measurement"""
     history, sensor, fix = nav.history, nav.sensors[measurement.sensor], measurement.fix
-    now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
     of_gps = measurement.sensor in VECTORS
     beyond = unknown_attitude.second_order(now.P, z, H, R, now.x[X_Q]) if of_gps else None
@@ -338,9 +335,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        number, oldest = history.oldest + index, history.oldest
-        nav.watch.gyros.corrected(number, oldest, x, history.x)
-        nav.watch.path.corrected(number, oldest, now.t_s, x, history.x)
+        history.corrections.add(history.oldest + now.k, history.oldest, now.t_s, x, history.x)
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
@@ -380,5 +375,4 @@ def _used(nav, now, measurement, P, prior, H, R, confirmed):
     fix, name = measurement.fix, measurement.sensor
     whole = about(name) is ATTITUDE and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
-    slope = integrity_protection.of_measurement(nav, now, measurement, P, prior, H, R, confirmed)
-    nav.watch.used_now.append((now.t_s, slope))
+    nav.watch.protection.used(nav, now, measurement, P, prior, H, R, confirmed)

@@ -63,8 +63,8 @@ def decide(nav, now, z, H, R, measurement):
     -> Measurement, GateResult, whether another fix has confirmed it
     """
     name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
-    innovation = Innovation(z, H, R, *eskf.innovation(now.P, z, H, R))
-    S, nis = innovation.S, innovation.nis
+    S, nis = eskf.innovation(now.P, z, H, R)
+    innovation = Innovation(z, H, R, S, nis, nav.limits[len(z), sensor.gate_probability])
     if nav.judged is not None:
         nav.judged(name, S, nis)
     verdict = _verdict(nav, now, innovation, measurement)
@@ -79,7 +79,7 @@ def decide(nav, now, z, H, R, measurement):
         verdict = _doubted(nav, now, z, nis, name, verdict)
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
-    nav.watch.check_constants(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
+    nav.watch.constants.take(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
     result = _result(nav, innovation, measurement, verdict)
     believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
     confirmed = not verdict.alone or believed
@@ -92,10 +92,10 @@ def decide(nav, now, z, H, R, measurement):
 
 def _verdict(nav, now, innovation, measurement):
     """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
-    z, _, R, S, nis = innovation
+    z, _, R, S, nis, limit = innovation
     name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
-    limit, alone = nav.limits.of(sensor, len(z)), sensor.alone is None or sensor.alone(nav, S)
+    alone = sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     before = nav.health[name]
     if fix_of(name) is POSITION and _receiver_is_doubtful(nav, fix):
@@ -190,9 +190,8 @@ def _doubted(nav, now, z, nis, name, verdict):
 
 def _result(nav, innovation, measurement, verdict):
     """GateResult for the log."""
-    z, _, _, S, nis = innovation
+    z, _, _, S, nis, limit = innovation
     name, fix, note = measurement.sensor, measurement.fix, verdict.note
-    limit = nav.limits.of(nav.sensors[name], len(z))
     if verdict.rows is not None:
         rows, refused = verdict.rows, _rejected(nav.sensors[name], fix, verdict.rows)
         note = "; ".join(filter(None, (note, f"rejected: {', '.join(refused)}")))
@@ -234,7 +233,8 @@ def _gyros_wrong(nav, now, z, R, fate):
         watch.gyros.forget()
         return None
     turned = np.sqrt(z @ z) if fate == Fate.REJECTED else 0.0  # the camera may be, and turns about other axes
-    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.sensed_packed[3:], turned)
+    f_b, A = now.sensed_packed[3:], nav.history.corrections.kept[-1].A
+    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, f_b, A, turned)
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
     elif watch.gyros.checked_s == now.t_s:

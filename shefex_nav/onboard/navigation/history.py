@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.compiled import kernel
+from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.prediction import Memory
-from shefex_nav.onboard.navigation.state import unpack
+from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q, X_R, X_V, unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, sensed_packed
 
 
@@ -33,6 +34,56 @@ class Tick(NamedTuple):
         return unpack(self.t_s, self.x)
 
 
+class Corrected(NamedTuple):
+    """All that the filter has corrected until the end of a tick, inertial axes."""
+
+    number: int  # of the tick
+    A: np.ndarray  # (4,) by what the camera was turned, one rotation after the other (`integrity_gyro`)
+    dr: np.ndarray  # (3,) m, sum of dr_k - t_k dv_k over the corrections of the position and of the velocity
+    dv: np.ndarray  # (3,) m/s
+
+
+class Corrections:
+    """What the filter has corrected: without it, the state is where the inertial sensors alone had led.
+
+    kept : deque of Corrected, as far back as the filter may go
+    """
+
+    def __init__(self):
+        self.kept = deque([Corrected(-1, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3))])
+
+    def back_to(self, number):
+        """The filter goes back to the end of a tick: corrections after it are not made yet."""
+        while self.kept[-1].number > number:
+            self.kept.pop()
+
+    def add(self, number, oldest, t_s, x_before, x_after):
+        """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
+        last, dv = self.kept[-1], x_after[X_V] - x_before[X_V]
+        dr = x_after[X_R] - x_before[X_R] - t_s * dv
+        self.kept.append(Corrected(number, _corrected(last.A, x_before, x_after), last.dr + dr, last.dv + dv))
+        while self.kept[1].number <= oldest:
+            self.kept.popleft()
+
+    def until(self, number):
+        """Corrected until the end of a tick."""
+        return next((one for one in reversed(self.kept) if one.number <= number), self.kept[0])
+
+
+@inner
+def camera_attitude(x):
+    """Attitude of the camera, but for its nominal mounting, by packed values: (4,)."""
+    return rotation.quat_multiply(x[X_Q], rotation.quat_from_rotvec(x[X_MOUNTING]))
+
+
+@kernel
+def _corrected(A, x_before, x_after):
+    """A of a Corrected after an update, from packed values. -> (4,)"""
+    before = rotation.quat_conjugate(camera_attitude(x_before))
+    moved = rotation.quat_multiply(camera_attitude(x_after), before)
+    return rotation.quat_normalise(rotation.quat_multiply(moved, A))
+
+
 class History:
     """Ticks, oldest first, at least one.
 
@@ -45,6 +96,7 @@ class History:
     increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 2, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
     arrays : these and x, P as `prediction.propagate` takes them, Memory
+    corrections : Corrections until the instant that has been reached
     used_s : {sensor: instant of its last fix that was used before the instant that has been reached}; kept
         where a fix counts by how long ago that was (`sensor.Sensor.counted`)
     """
@@ -55,6 +107,7 @@ class History:
         self.oldest = self.newest = 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
         self.used_s, self._gone_used_s = {}, {}
+        self.corrections = Corrections()
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples, driving)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
@@ -113,6 +166,10 @@ class History:
             return length_s
         return at_s if at_s - begin_s > SAME_S else begin_s
 
+    def moment(self, k, begin_s, t_s):
+        """The Moment of an instant in tick k, for when it has been reached; as `since`."""
+        return Moment(self, k, self.since(k, begin_s, t_s))
+
     def make_room(self, samples, ticks=1):
         """Place of the next tick, with places for `ticks`; what stands there is to be overwritten."""
         size = len(self.numbers)
@@ -158,6 +215,11 @@ class History:
         place = self.place(k)
         self.x[:], self.P[:] = self.xs[place], self.Ps[place]
 
+    def back_to(self, k):
+        """As `go_to`; what was corrected after it is to be corrected anew."""
+        self.go_to(k)
+        self.corrections.back_to(self.number(k))
+
     def within(self, t_s):
         """Index of the tick in which t_s lies, after the tick before and not after its own end; or None."""
         if not self.ends_s[0] + SAME_S < t_s <= self.ends_s[-1] + SAME_S:
@@ -165,11 +227,11 @@ class History:
         return bisect_left(self.ends_s, t_s - SAME_S)
 
     def nearest(self, t_s):
-        """Index of the tick whose end is nearest to t_s, of those that have IMU samples."""
+        """Place of the tick whose end is nearest to t_s, of those that have IMU samples."""
         first = 1 if self.numbers[self.place(0), 2] == 0 else 0
         later = min(max(bisect_left(self.ends_s, t_s), first), len(self) - 1)
         earlier = max(later - 1, first)
-        return earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later
+        return self.place(earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later)
 
 
 def _used_s(measurements):
@@ -181,11 +243,13 @@ class Moment:
     """The instant that a filter on its way through its history has reached, at_s in its tick k.
 
     x, P : (X,), (n, n), the present values of the History, not copied
+    place : of the tick in its arrays;  vibration : its level in the tick
     """
 
     def __init__(self, history, k, at_s):
         self.history, self.k, self.at_s = history, k, at_s
-        self.x, self.P = history.x, history.P
+        self.x, self.P, self.place = history.x, history.P, history.place(k)
+        self.vibration = float(history.numbers[self.place, 3])
         self.t_s = history.ends_s[k] - (history.length_s(k) - at_s)
 
     @property
@@ -197,11 +261,6 @@ class Moment:
     def imu(self):
         """ImuWindow of the tick."""
         return self.history.imu(self.k)
-
-    @property
-    def vibration(self):
-        """Level of the vibration in the tick."""
-        return float(self.history.numbers[self.history.place(self.k), 3])
 
     def bend(self, exposure_s):
         """By how much the mean attitude over an exposure around this instant differs from that at it.
@@ -218,12 +277,12 @@ class Moment:
     @property
     def drive(self):
         """Of the ImuWindow of the tick, not copied."""
-        return self.history.drives[self.history.place(self.k)]
+        return self.history.drives[self.place]
 
     @property
     def extra(self):
         """Of the ImuWindow of the tick, not copied."""
-        return self.history.extra[self.history.place(self.k)]
+        return self.history.extra[self.place]
 
     @property
     def sensed(self):
@@ -238,11 +297,9 @@ class Moment:
 
     def sensed_with(self, x):
         """`sensed_packed`, corrected with the estimates of other packed values."""
-        history, place = self.history, self.history.place(self.k)
-        _, dt_s, n, vibration = history.numbers[place].tolist()
-        return sensed_packed(
-            x, history.increments[place], int(n), dt_s, vibration, history.drives[place], self.at_s
-        )
+        increments = self.history.increments[self.place]
+        _, dt_s, n, vibration = self.history.numbers[self.place].tolist()
+        return sensed_packed(x, increments, int(n), dt_s, vibration, self.drive, self.at_s)
 
 
 @kernel

@@ -115,21 +115,17 @@ class Innovations:
 class Limits(dict):
     """What a normalised innovation squared may be, by degrees of freedom: chi-square, as far as needed yet.
 
-    limits[dof] is exceeded with the probability of the gate, limits[dof, probability] with another one.
+    limits[dof] is exceeded with the probability of the gate, limits[dof, probability] with another one; None
+    is that of the gate, too.
     """
 
     def __init__(self, probability):
         super().__init__()
         self.probability = probability
 
-    def of(self, sensor, rows):
-        """That of so many rows of a sensor.Sensor, which may have a gate of its own."""
-        own = sensor.gate_probability
-        return self[rows] if own is None else self[rows, own]
-
     def __missing__(self, key):
-        dof, probability = key if isinstance(key, tuple) else (key, self.probability)
-        self[key] = chi_square_limit(probability, dof)
+        dof, probability = key if isinstance(key, tuple) else (key, None)
+        self[key] = chi_square_limit(self.probability if probability is None else probability, dof)
         return self[key]
 
 

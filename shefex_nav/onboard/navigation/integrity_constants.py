@@ -97,6 +97,7 @@ class Constants:
             self.beyond += beyond
             self.count += 1
             self._judge(found)
+            nav.watch.report(nav.history.ends_s[-1], "gps_constants", self.found)
         self.closed = fate == Fate.RESET
 
     def _judge(self, found):

@@ -5,7 +5,7 @@ unless the last bit is coarse. Stale: valid at the instant of one that was here 
 of one that was here before, with a new time, although the vehicle has moved meanwhile further than a fix is
 uncertain, or faster; or likewise its velocity. Whether it has moved, the inertial sensors say alone: repeated
 fixes would hold a filter that believes them. So it is the path on which the filter would have gone on from
-any instant without later corrections, `RawPath`,
+any instant without later corrections (`history.Corrections`),
 
     r_raw(t) = r(t) - sum of (dr_k + (t - t_k) dv_k),   v_raw(t) = v(t) - sum of dv_k
 
@@ -68,38 +68,6 @@ class Drift(NamedTuple):
 QUIET = Drift(np.zeros((len(WINDOWS), 3)), np.zeros(len(WINDOWS)), False)
 
 
-class Sums(NamedTuple):
-    """Corrections until the end of a tick."""
-
-    number: int  # of the tick
-    dr: np.ndarray  # (3,) m, sum of dr_k - t_k dv_k
-    dv: np.ndarray  # (3,) m/s
-
-
-class RawPath:
-    """The path of the filter without its corrections; changed in place, kept as far back as it may go."""
-
-    def __init__(self):
-        self.sums = deque([Sums(-1, np.zeros(3), np.zeros(3))])
-
-    def back_to(self, number):
-        """The filter goes back to the end of a tick: corrections after it are not made yet."""
-        while self.sums[-1].number > number:
-            self.sums.pop()
-
-    def corrected(self, number, oldest, t_s, x_before, x_after):
-        """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
-        last, dv = self.sums[-1], x_after[X_V] - x_before[X_V]
-        dr = x_after[X_R] - x_before[X_R] - t_s * dv
-        self.sums.append(Sums(number, last.dr + dr, last.dv + dv))
-        while self.sums[1].number <= oldest:
-            self.sums.popleft()
-
-    def until(self, number):
-        """Sums until the end of a tick."""
-        return next((one for one in reversed(self.sums) if one.number <= number), self.sums[0])
-
-
 class InertialState(NamedTuple):
     """The vehicle by its inertial sensors alone, and how far these can be trusted from here on."""
 
@@ -113,7 +81,7 @@ class InertialState(NamedTuple):
 def inertial_state(t_s, memory, place, sums, earth):
     """InertialState at the end of a tick.
 
-    memory, place : prediction.Memory and where the tick stands in it;  sums : Sums until its end
+    memory, place : prediction.Memory and where the tick stands in it;  sums : history.Corrected until its end
     earth : EarthRotation
     """
     return InertialState(t_s, *_inertial_state(t_s, memory, place, sums.dr, sums.dv, earth))
@@ -121,7 +89,7 @@ def inertial_state(t_s, memory, place, sums, earth):
 
 @kernel
 def _inertial_state(t_s, memory, place, dr, dv, earth):
-    """`inertial_state` without its time; dr, dv : of Sums."""
+    """`inertial_state` without its time; dr, dv : of Corrected."""
     x, numbers = memory.xs[place], memory.numbers[place]
     r_e, v_e = frames.ecef_from_inertial(earth, t_s, x[X_R] - dr - t_s * dv, x[X_V] - dv)
     n, dt_s, drive = int(numbers[2]), numbers[1], memory.drives[place]

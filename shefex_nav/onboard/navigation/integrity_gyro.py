@@ -28,7 +28,6 @@ and the log says why. A star
 tracker whose fixes all turn away at one steady rate cannot be told from a gyro.
 """
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +35,9 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation.history import camera_attitude
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
-from shefex_nav.onboard.navigation.state import BG, X_MOUNTING, X_Q
+from shefex_nav.onboard.navigation.state import BG, X_Q
 
 BASELINES_S = np.array([0.4, 2.0, 8.0])  # [E] from the first fix to the last
 LONGEST_GAP_S = 0.55  # [E] between two fixes, else it starts anew
@@ -128,7 +128,6 @@ class GyroWatch:
         chances = PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY, HALF_PROBABILITY
         self.limits = np.array([chi_square_limit(p, 3) for p in chances])
         self.rows, self.n = np.empty((ROWS, WIDTH)), 0
-        self.turned = deque([(-1, np.array([1.0, 0.0, 0.0, 0.0]))])  # tick, A of the module's text
         self.found_s = []  # of comparisons that called a gyro wrong
         self.wrong = ()  # axes
         self.failed = ()  # axes that have ever been wrong
@@ -139,18 +138,7 @@ class GyroWatch:
         self.n = 0
         self.found_s.clear()
 
-    def back_to(self, number):
-        """The filter goes back to the end of a tick: corrections after it are not made yet."""
-        while self.turned[-1][0] > number:
-            self.turned.pop()
-
-    def corrected(self, number, oldest, x_before, x_after):
-        """The filter has corrected its packed values in a tick; `oldest` is the first it may go back to."""
-        self.turned.append((number, _corrected(self.turned[-1][1], x_before, x_after)))
-        while self.turned[1][0] <= oldest:
-            self.turned.popleft()
-
-    def compare(self, t_s, x, P, z, R, f_b, turned=0.0):
+    def compare(self, t_s, x, P, z, R, f_b, A, turned=0.0):
         """Take in a star fix.
 
         Parameters
@@ -158,6 +146,7 @@ class GyroWatch:
         t_s, x, P : its instant, s, and the filter's packed values and (n, n) at it, before the update
         z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
         f_b : (3,) m/s^2, specific force, to which gyros answer a little
+        A : (4,) of the module's text, `history.Corrected.A`
         turned : rad, by which the camera may be turned: a fix that contradicts the attitude. The axes about
             which the stars turn are then off by as much
 
@@ -172,7 +161,7 @@ class GyroWatch:
         if self.n == ROWS:
             self.n = ROWS // 2
             self.rows[: self.n] = self.rows[ROWS - self.n :]
-        _remember(self.rows, self.n, self.turned[-1][1], StarSight(t_s, x, P, z, R, f_b))
+        _remember(self.rows, self.n, A, StarSight(t_s, x, P, z, R, f_b))
         self.n += 1
         noise = self.noise
         if turned**2 > noise[4]:
@@ -223,23 +212,10 @@ class GyroWatch:
         return not self.failed or not (self.wrong or self.is_unchecked(now_s))
 
 
-@inner
-def _camera(x):
-    """Attitude of the camera, but for its nominal mounting, by packed values: (4,)."""
-    return rotation.quat_multiply(x[X_Q], rotation.quat_from_rotvec(x[X_MOUNTING]))
-
-
-@kernel
-def _corrected(A, x_before, x_after):
-    """A of the module's text after an update, from packed values. -> (4,)"""
-    moved = rotation.quat_multiply(_camera(x_after), rotation.quat_conjugate(_camera(x_before)))
-    return rotation.quat_normalise(rotation.quat_multiply(moved, A))
-
-
 @kernel
 def _remember(rows, n, A, seen):
     """Write row n. A : (4,) all corrections of the attitude so far;  seen : StarSight"""
-    z, q_ib, camera = seen.z, seen.x[X_Q], _camera(seen.x)
+    z, q_ib, camera = seen.z, seen.x[X_Q], camera_attitude(seen.x)
     C_ib, inverse = rotation.dcm_from_quat(q_ib), rotation.quat_conjugate(camera)
     before = rotation.quat_multiply(rotation.quat_multiply(camera, rotation.quat_from_rotvec(z)), inverse)
     R_i, P_i = C_ib @ seen.R @ C_ib.T, C_ib @ np.ascontiguousarray(seen.P[BG, BG]) @ C_ib.T

@@ -62,14 +62,13 @@ NO_DOUBT, TOO_HIGH = int(Doubt.NONE), int(Doubt.LEVEL)  # for kernels
 # [E] errors in an hour that know nothing of each other: one a second, since GPS fixes, the quickest to renew
 # all three, come once a second, and an error counts if it lasts for longer (report.trust)
 INDEPENDENT_PER_HOUR = 3600.0
+AXES_S = 1.0  # for which the axes of a place are kept
 
 
 class Requirement(NamedTuple):
     """What the mission asks."""
 
-    limits: (
-        np.ndarray
-    )  # (3,) m, m/s, rad: of position and velocity as a whole, of the attitude about each axis
+    limits: np.ndarray  # (3,) m, m/s, rad: position and velocity as a whole, attitude about each axis
     k: np.ndarray  # (7,) sigmas of each axis of `protected`
 
 
@@ -113,7 +112,12 @@ MOST = 5  # that an older error can have been, of the attitude one of other sens
 
 @inner
 def _table(P_before, P_after, limit, confirmed, axes):
-    """Table of a `Slope` whose rows were gated together, of a sensor that is no star tracker."""
+    """Table of a `Slope` whose rows were gated together, of a sensor that is no star tracker.
+
+    P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
+    confirmed : whether other fixes agree with it: then it was believed against the filter
+    axes : (4, 3) of `protected.level_axes`
+    """
     out = np.empty((6, N_FOLLOWED))
     before, after = np.empty(N_FOLLOWED), np.empty(N_FOLLOWED)
     protected.variances(P_before, axes, before)
@@ -160,9 +164,7 @@ def bound(found, P, H, R, limit, first, axes):
 @kernel
 def _bound(table, P, H, R, H_block, limit, first, axes):
     S = H @ (P @ H.T) + R
-    seen = np.linalg.solve(
-        H_block.T.copy(), axes[:3].T.copy()
-    )  # (3, 3), column j is axis j by the innovation
+    seen = np.linalg.solve(H_block.T.copy(), axes[:3].T.copy())  # column j is axis j by the innovation
     for j in range(3):
         a = np.ascontiguousarray(seen[:, j])
         table[MOST, first + j] = 2.0 * np.sqrt(limit * (a @ (S @ a)))
@@ -170,7 +172,7 @@ def _bound(table, P, H, R, H_block, limit, first, axes):
 
 @kernel
 def _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
-    """Table of a `Slope` of a star fix."""
+    """Table of a `Slope` of a star fix, whose three rows, H (3, n) and R (3, 3), are about the body axes."""
     out = _table(P_before, P_after, limit, confirmed, axes)
     for i in range(3):
         before, j = _seen(P_before, H[i]), BODY.start + i
@@ -185,7 +187,7 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
 
 @kernel
 def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
-    """Table of a `Slope` of single stars; mounting: its first error, -1 if there is none."""
+    """Table of a `Slope` of stars gated one by one, two rows each; mounting: its first error, or -1."""
     out, row = _table(P_before, P_after, limit, False, axes), np.empty(P_before.shape[0])
     _worst_of(P_before, H, R, limit, 2, axes, out[WORST])
     for i in range(3):  # what stars have misled is attitude and mounting together
@@ -197,41 +199,13 @@ def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
     return out
 
 
-def slope(P_before, P_after, limit, axes, confirmed=False):
-    """Slope of a fix of another sensor than the star tracker, whose rows are gated together.
-
-    P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
-    axes : (4, 3) of `protected.level_axes`
-    confirmed : whether other fixes agree with it: then it was believed against the filter
-    """
-    return Slope(False, _slope(P_before, P_after, limit, confirmed, axes))
-
-
-def slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
-    """Slope of a star fix, whose three rows are about the body axes.
-
-    As `slope`, and
-    H, R : (3, n), (3, 3) rad^2, of the fix
-    confirmed : whether a second fix agrees with it
-    """
-    return Slope(True, _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes))
-
-
-def slope_of_vectors(layout, P_before, P_after, limit, H, R, axes):
-    """Slope of stars that were used and gated one by one, two rows each: of the star that could do worst.
-
-    Star k passes if z_k^T S_kk^-1 z_k <= limit and moves the state by K_k z_k, K_k its columns of the gain,
-    so the worst of it along axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
-
-    layout : Layout;  limit : of the gate of one star;  H, R : (2 m, n), (2 m, 2 m);  else as `slope`
-    """
-    H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
-    return Slope(True, _slope_of_vectors(P_before, P_after, limit, H, R, int(layout.at[MOUNTING]), axes))
-
-
 @inner
 def _worst_of(P, H, R, limit, size, axes, worst):
-    """What the worst group of `size` rows can do: worst (9,) is written."""
+    """What the worst group of `size` rows can do: worst (9,) is written.
+
+    Group k passes if z_k^T S_kk^-1 z_k <= limit and moves the state by K_k z_k, K_k its columns of the gain,
+    so the worst of it along axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
+    """
     g = np.empty((6, 6))
     protected.gradients(axes, g)
     PH = P @ H.T
@@ -252,21 +226,12 @@ def _worst_of(P, H, R, limit, size, axes, worst):
 
 @kernel
 def _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes):
-    """Table of a `Slope` of rows that were gated in groups."""
+    """Table of a `Slope` of rows that were gated in groups of `size`, such as one a satellite."""
     out = _table(P_before, P_after, limit, confirmed, axes)
     worst = np.empty(N_FOLLOWED)
     _worst_of(P_before, H, R, limit, size, axes, worst)
     out[WORST] = np.minimum(worst, out[WORST]) if confirmed else worst
     return out
-
-
-def slope_of_rows(P_before, P_after, limit, H, R, size, axes, confirmed=False):
-    """Slope of rows that were used and gated in groups of `size`, such as one a satellite: the worst group's.
-
-    limit : of the gate of one group;  H, R : (m, n), (m, m);  else as `slope`
-    """
-    H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
-    return Slope(False, _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes))
 
 
 def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
@@ -279,24 +244,58 @@ def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
     H, R : (m, n), (m, m) of the rows used;  confirmed : whether another fix agrees with it
     """
     name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
-    limit = nav.limits.of(sensor, len(R))
-    rows, axes = sensor.rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
+    limit = nav.limits[len(R), sensor.gate_probability]
+    rows, axes = sensor.rows, nav.watch.protection.axes(nav.earth, now.t_s, now.x)
+    of_stars = quantity.about(name) is quantity.ATTITUDE
+    if rows:  # perhaps some of many
+        H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
     grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
     agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree
-    if quantity.about(name) is quantity.ATTITUDE and rows:
-        found = slope_of_vectors(nav.layout, prior, now.P, nav.limits[2], H, R, axes)
-    elif quantity.about(name) is quantity.ATTITUDE:
-        found = slope_of_stars(prior, now.P, limit, H, R, confirmed, axes)
+    if of_stars and rows:
+        mounting = int(nav.layout.at[MOUNTING])
+        found = Slope(True, _slope_of_vectors(prior, now.P, nav.limits[2], H, R, mounting, axes))
+    elif of_stars:
+        found = Slope(True, _slope_of_stars(prior, now.P, limit, H, R, confirmed, axes))
     elif rows:
-        found = slope_of_rows(prior, now.P, nav.limits[rows], H, R, rows, axes, agreed)
+        found = Slope(False, _slope_of_rows(prior, now.P, nav.limits[rows], H, R, rows, agreed, axes))
     else:
-        found = slope(prior, now.P, limit, axes, agreed)
+        found = Slope(False, _slope(prior, now.P, limit, agreed, axes))
         block = nav.layout.places.get(nav.sensors[name].block)
         if len(R) == 3 and block in (POS, VEL) and prior is P:
             bound(found, P, H, R, limit, block.start, axes)
     if prior is not P:
         found.table[BEFORE] = protected.sigmas(P, axes)
     return found
+
+
+class Protection:
+    """Memory of the protection levels, changed in place.
+
+    level : Level, after the fixes used so far
+    """
+
+    def __init__(self):
+        self.level = NO_FIX
+        self._used = []  # (s, Slope) of each fix used in this tick
+        self._axes, self._axes_s = None, -np.inf
+
+    def axes(self, earth, t_s, x):
+        """`protected.level_axes`, kept for AXES_S: in a second they turn by 1e-3 rad, also in orbit."""
+        if not abs(t_s - self._axes_s) <= AXES_S:
+            self._axes_s, self._axes = t_s, protected.level_axes(earth, t_s, x)
+        return self._axes
+
+    def used(self, nav, now, *given):
+        """A measurement has just been used; arguments as of `of_measurement`."""
+        self._used.append((now.t_s, of_measurement(nav, now, *given)))
+
+    def update(self, earth, history):
+        """Bring the level up to date with the fixes used in this tick."""
+        if self._used:
+            now_s = history.ends_s[-1]
+            axes = self.axes(earth, now_s, history.x)
+            self.level = after_fixes(self.level, self._used, now_s, history.P, axes)
+            self._used.clear()
 
 
 def after_fixes(level, found, now_s, P_now, axes):

@@ -14,7 +14,6 @@ from shefex_nav.onboard.navigation import (
     integrity_imu,
     integrity_learnt,
     integrity_protection,
-    protected,
 )
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
@@ -24,7 +23,6 @@ from shefex_nav.records import Doubt, NavHealth
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 WHY = {ATTITUDE: "contradicts the gyros", VELOCITY: "contradicts the accelerometers"}
 UNCHECKED = "has been wrong before: no stars to check it by"
-AXES_S = 1.0
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
@@ -63,10 +61,10 @@ class Watch:
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
         self.learnt = integrity_learnt.Learnt()
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
+        self.replaced = False  # whether some have been replaced: axes that are silent or stuck
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
-        self.path = integrity_gps.RawPath()
         self.constants = integrity_constants.Constants()
         self.far = False  # whether its sensor's rejected fixes before the one that is judged were far off
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
@@ -74,9 +72,7 @@ class Watch:
         self.moved = None  # (3,) m, by which a GPS position was believed against the filter
         self.pushed = 0.0  # m/s, that specific force had added to the velocity before that, since a fix
         self.drift = integrity_gps.QUIET
-        self.level = integrity_protection.NO_FIX
-        self.axes, self.axes_s = None, -np.inf  # of `level_axes`, and their time
-        self.used_now = []  # (s, integrity_protection.Slope) of each fix used in this tick
+        self.protection = integrity_protection.Protection()
         self.repeated = {}  # name of an instrument -> aiding.Repeated
         self.reasons = {}  # source -> why it is not healthy
         self.pending = []  # NavHealth not handed over yet
@@ -120,12 +116,8 @@ class Watch:
         """The state of axes of the unit has changed."""
         self.pending += changes
         self.unread = bool(self.imu.state.any())
+        self.replaced = integrity_imu.replaced(self.imu.state)
         self.gyros.forget()
-
-    @property
-    def replaced(self):
-        """Whether readings are others than those that were read: axes that are silent or stuck."""
-        return self.unread and integrity_imu.replaced(self.imu.state)
 
     @property
     def imu_blind(self):
@@ -189,25 +181,6 @@ class Watch:
         if angle * self.pushed > BACK * np.linalg.norm(self.step):
             self.step = self.moved = None  # the velocity has moved the position
 
-    def check_constants(self, nav, now, name, z, H, S, fate):
-        """A measurement is judged: `integrity_constants.Constants.take`."""
-        self.constants.take(nav, now, name, z, H, S, fate)
-        self.report(nav.history.ends_s[-1], "gps_constants", self.constants.found)
-
-    def level_axes(self, earth, t_s, x):
-        """`protected.level_axes`, kept for AXES_S: in a second they turn by 1e-3 rad, also in orbit."""
-        if not abs(t_s - self.axes_s) <= AXES_S:
-            self.axes_s, self.axes = t_s, protected.level_axes(earth, t_s, x)
-        return self.axes
-
-    def protect(self, earth, history):
-        """Bring the protection levels up to date with the fixes used in this tick."""
-        if self.used_now:
-            now_s = history.ends_s[-1]
-            axes = self.level_axes(earth, now_s, history.x)
-            self.level = integrity_protection.after_fixes(self.level, self.used_now, now_s, history.P, axes)
-            self.used_now.clear()
-
     def graver_doubts(self, health, imu_blind=None):
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
 
@@ -259,8 +232,8 @@ class Watch:
 
     def changes(self):
         """The list of NavHealth since the last call."""
-        said, self.pending = self.pending, []
-        return said
+        changes, self.pending = self.pending, []
+        return changes
 
 
 def start(params):

@@ -31,11 +31,11 @@ def advance(bank, blocks, k):
 
 def fuse(bank, arrived):
     """Give all filters what has arrived. -> list of GateResult of the one that is best afterwards"""
-    said = {}
+    results = {}
     for member in bank.members:
-        said[member.number] = fusion.take(member.nav, arrived)
+        results[member.number] = fusion.take(member.nav, arrived)
     bank.prune()
-    return said[bank.best_member.number]
+    return results[bank.best_member.number]
 
 
 def settled(bank, params, earth):

@@ -38,6 +38,7 @@ class Innovation(NamedTuple):
     R: np.ndarray  # (m, m)
     S: np.ndarray  # (m, m) covariance of z
     nis: float  # z^T S^-1 z
+    limit: float  # of it, at the gate
 
 
 class Trial(NamedTuple):

@@ -21,7 +21,6 @@ from shefex_nav.onboard.navigation import (
     measurements,
     unknown_attitude,
 )
-from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
 from shefex_nav.onboard.navigation.settings import Release
@@ -40,8 +39,8 @@ def _antenna(nav, now):
 
 
 def _gps_position(nav, now, fix):
-    said = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
-    z, H, R = said(fix, _antenna(nav, now))
+    linearise = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
+    z, H, R = linearise(fix, _antenna(nav, now))
     arm = unknown_attitude.of_arm(now.P, nav.params.l_ba_b)
     return z, H, R + arm * np.eye(len(z)) if arm else R
 
@@ -86,18 +85,18 @@ def straightened(nav, arrival, index, fix):
     """A StarFix as its instant shows it: what a rate that changes during the exposure does is taken out.
 
     The star tracker does so itself where it knows the rate (`StarFix.straight`); fixes by statistics, and
-    those of other trackers, are the mean of the exposure. Once, when it arrives: later the memory may have
-    lost the beginning of the exposure. Where the memory does not cover it, the rate is taken as steady, and
-    the fix is what it was. So it is where no more is seen than the noise of the gyros: the prediction has
-    that, too, and taking it out of the fix would make an error of the fix that is no longer independent of
-    the prediction's.
+    those of other trackers, are the mean of the exposure, and are for this function. Once, when it arrives:
+    later the memory may have lost the beginning of the exposure. Where the memory does not cover it, the rate
+    is taken as steady, and the fix is what it was. So it is where no more is seen than the noise of the
+    gyros: the prediction has that, too, and taking it out of the fix would make an error of the fix that is
+    no longer independent of the prediction's.
 
     nav : fusion.Filter;  arrival : of `ARRIVALS`, of single stars or not;  index : of its tick in the History
     """
-    if fix.straight or not fix.exposure_s > 0.0:
+    if not fix.exposure_s > 0.0:
         return fix
     history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
-    bend_c = C_cb @ Moment(history, index, history.since(index, 0.0, fix.t_valid_s)).bend(fix.exposure_s)
+    bend_c = C_cb @ history.moment(index, 0.0, fix.t_valid_s).bend(fix.exposure_s)
     noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
     if not bend_c @ bend_c > BEND_SEEN * noise:
         return fix
@@ -208,7 +207,7 @@ def _star_trial(nav, now, z, R, fix):
     def agree(earlier, later):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
-    return Trial(rule, integrity.star_evidence(state, z, R, nav.watch.gyros.turned[-1][1]), agree)
+    return Trial(rule, integrity.star_evidence(state, z, R, nav.history.corrections.kept[-1].A), agree)
 
 
 def _vectors_trial(nav, now, z, R, fix):
@@ -229,7 +228,7 @@ def _vectors_alone(nav, S):
 
 def _star_confirmed(nav, now, fix):
     z, _, R = _star_attitude(nav, now, fix)
-    held = integrity.star_evidence(now.state, z, R, nav.watch.gyros.turned[-1][1])
+    held = integrity.star_evidence(now.state, z, R, nav.history.corrections.kept[-1].A)
     return nav.health["star_tracker"]._replace(held=held)
 
 

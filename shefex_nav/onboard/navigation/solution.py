@@ -92,7 +92,7 @@ def fill(nav, ticks, rows, imu_blind=None):
     """
     model, watch = nav.params.imu, nav.watch
     noise = Noise(model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration)
-    bounds = Bounds(watch.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
+    bounds = Bounds(watch.protection.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
     _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
 
@@ -139,10 +139,10 @@ def _fill(at, first, step, memory, noise, earth, bounds, out):
         P = as_reported(Ps[place], swings[0], swings[1])
         _derive(at, memory, place, P, noise, earth, out[j], axes)
         _sigmas(Ps[place], axes, swings, known, sigma)
-        dt_s, told = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
-        integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, told)
+        dt_s, protection = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
+        integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, protection)
         out[j, T_S] = numbers[place, 0]
-        integrity_protection.doubts(told, wanted.limits, bounds.graver, out[j, DOUBT:WIDTH])
+        integrity_protection.doubts(protection, wanted.limits, bounds.graver, out[j, DOUBT:WIDTH])
 
 
 @inner

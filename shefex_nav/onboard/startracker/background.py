@@ -5,6 +5,8 @@ scatter in each tile. The sums are a short matched filter: a star that is smeare
 the signal-to-noise ratio of its brightest pixel.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -15,6 +17,14 @@ SIGMA_QUANTILE = 0.158655  # a normal variable is below its mean minus one sigma
 NARROW = 4096  # block sums: the sky of a tile is seldom wider
 # One grey value of quantisation in each pixel of a block: noise that no quantile of a flat frame shows.
 QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
+
+
+class FrameStatistics(NamedTuple):
+    """What a frame looks like as a whole."""
+
+    mean_dn: float
+    background_dn: float  # median over the tiles
+    noise_dn: float  # standard deviation of one pixel, median over the tiles
 
 
 def survey(image_dn, bad_pixels, tile_px):

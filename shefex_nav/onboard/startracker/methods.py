@@ -4,7 +4,6 @@ The tables hold the default chain. What the papers bring (`papers/*/methods`) an
 them (`plugins`); the papers' when a way is first looked up, so that scenarios are read without kernels.
 """
 
-from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -31,7 +30,7 @@ class Step(NamedTuple):
     @property
     def table(self):
         """{name: function} as it is now."""
-        return _table(self.module, self.name)
+        return getattr(import_module(f"shefex_nav.onboard.startracker.{self.module}"), self.name)
 
     def ways(self):
         """The same with what was waiting."""
@@ -44,15 +43,23 @@ class Step(NamedTuple):
 STEPS = {
     "identification": Step(("star_tracker", "identification", "method"), "identify", "IDENTIFIERS"),
     "search": Step(SCAN, "objects", "SEARCHES"),
-    "scan": Step(SCAN, "detect", "SCANS"),
-    "centroid": Step(("star_tracker", "detection", "centroid"), "detect", "CENTROIDS"),
+    "scan": Step(SCAN, "objects", "SCANS"),
+    "centroid": Step(("star_tracker", "detection", "centroid"), "objects", "CENTROIDS"),
 }
 
 
-@cache
-def _table(module, name):
-    """The table of that name in a module of this folder."""
-    return getattr(import_module(f"shefex_nav.onboard.startracker.{module}"), name)
+class Table(dict):
+    """{name: function} of a step; a name that is not in it may be one of those that are waiting."""
+
+    def __init__(self, step, **ways):
+        super().__init__(ways)
+        self.step = step  # of STEPS
+
+    def __missing__(self, name):
+        known = STEPS[self.step].ways()
+        if name not in known:
+            raise ValueError(f"{self.step}: {name!r} is not known; choose from: {', '.join(known)}")
+        return known[name]
 
 
 def add(one):

@@ -1,14 +1,20 @@
-"""Which way the objects of a frame are searched, with what the tracker knows of it.
+"""The objects of a frame: places and light, searched by what the tracker knows of motion and attitude.
 
 In: a frame, the navigation's `Context`, what is remembered of the frame before. Out: objects at the frame's
 instant, and how they were found.
 
-As spots (`detect`), a frame is searched without the rate, which brings what was found to one instant. Along
-streaks (`streaks`), the rate of the camera says what a star looks like at every place: then faint stars are
-found at rates at which no pixel of them stands out, and their places are those of one instant whatever the
-shutter did. With a narrow prediction of the attitude the places of the stars are known too and only those are
-looked at; if they do not show the stars, the whole frame is. Without a rate a frame is searched for spots,
-which is right for a camera that is nearly at rest. Other searches are added to `SEARCHES`.
+As spots (`detect`), a frame is searched without the rate, which brings what was found to one instant. The
+route of the data is that of the SHEFEX-2 star tracker (section 3.2), one file a step:
+
+    frame -> background: bad pixels out, sums of 3x3 pixels, level and noise in tiles
+          -> scan: objects above the threshold, in one pass or by searching the maximum
+          -> shape and fit, or centroid of the scan: place and covariance of each
+
+Along streaks (`streaks`), the rate of the camera says what a star looks like at every place: then faint stars
+are found at rates at which no pixel of them stands out, and their places are those of one instant whatever
+the shutter did. With a narrow prediction of the attitude the places of the stars are known too and only those
+are looked at; if they do not show the stars, the whole frame is. Without a rate a frame is searched for
+spots, which is right for a camera that is nearly at rest. Other searches are added to `SEARCHES`.
 """
 
 import math
@@ -17,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry import unsteady
 from shefex_nav.geometry.pinhole import pixels
@@ -24,9 +31,11 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard.startracker.detect import detect
-from shefex_nav.onboard.startracker.methods import STEPS
-from shefex_nav.records import Scan
+from shefex_nav.onboard.startracker import centroid, fit, scan
+from shefex_nav.onboard.startracker.background import FrameStatistics, survey
+from shefex_nav.onboard.startracker.methods import Table
+from shefex_nav.onboard.startracker.spot import Picture
+from shefex_nav.records import Detections, Scan
 
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
 KNOWN_PX = 1.0  # a rate is known if its error moves no star by more in half of the frame [E]
@@ -40,8 +49,8 @@ OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
 class Found(NamedTuple):
     """The objects of one frame."""
 
-    detections: Any  # Detections
-    statistics: Any  # FrameStatistics
+    detections: Detections
+    statistics: FrameStatistics
     scan: int  # Scan
     at_instant: bool  # the places are those of the frame's instant
     memory: Any = None  # what the same search is given with the next frame
@@ -51,8 +60,83 @@ class Found(NamedTuple):
     variance: float | None = None
 
 
-def searches(params, stars, memory, frame, context):
-    """Ways to find the objects of a frame, the cheapest first; the next is tried if one shows no attitude.
+def detect(settings, camera, image_dn, centres=None):
+    """Objects in a frame.
+
+    Parameters
+    ----------
+    settings : Detection
+    camera : CameraModel
+    image_dn : (rows, columns) uint8 or uint16; settings.saturation in the same grey values
+    centres : function in the place of the one that the settings name
+
+    Returns
+    -------
+    Detections, brightest first, at most settings.most_objects
+    FrameStatistics
+    """
+    image_dn = np.ascontiguousarray(image_dn)
+    if image_dn.ndim != 2 or image_dn.dtype not in (np.uint8, np.uint16):
+        raise ValueError(
+            f"image: expected grey values of shape (rows, columns), uint8 or uint16, "
+            f"got {image_dn.dtype} of shape {image_dn.shape}"
+        )
+    image_dn, blocks, background, sigma, *levels = survey(image_dn, camera.bad_pixels, settings.tile)
+    table = SCANS[settings.scan](image_dn, blocks, background, sigma, rules(settings))
+    centres = centres or CENTROIDS[settings.centroid]
+    xy_px, flux_dn, P_px = centres(settings, camera, image_dn, table)
+    detections = Detections(*_brightest_first(table, xy_px, flux_dn, P_px))
+    return detections, FrameStatistics(*levels)
+
+
+@kernel
+def _brightest_first(table, xy_px, flux_dn, P_px):
+    """The columns of Detections, sorted by the light that the centroid found."""
+    n = len(flux_dn)
+    order = np.argsort(-flux_dn, kind="mergesort")
+    xy_sorted, P_sorted = np.empty((n, 2)), np.empty((n, 2, 2))
+    n_pixels, n_saturated = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    for k in range(n):
+        row = order[k]
+        xy_sorted[k], P_sorted[k] = xy_px[row], P_px[row]
+        n_pixels[k], n_saturated[k] = int(table[row, scan.PIXELS]), int(table[row, scan.SATURATED])
+    return xy_sorted, flux_dn[order], n_pixels, n_saturated, P_sorted
+
+
+def rules(settings):
+    """The settings of a scan, in the types of its kernel. Detection -> scan.Rules"""
+    return scan.Rules(
+        int(settings.tile),
+        float(settings.seed_sigma),
+        float(settings.grow_sigma),
+        int(settings.fewest_pixels),
+        int(settings.most_pixels),
+        float(settings.largest_peak),
+        int(settings.saturation),
+        int(settings.most_objects),
+    )
+
+
+def by_fit(settings, camera, image_dn, table):
+    """Place, flux and covariance of the objects by fitting the star shape of the frame."""
+    bad_pixels = np.ascontiguousarray(camera.bad_pixels, dtype=np.int64)
+    picture = Picture(image_dn, bad_pixels, int(settings.saturation), 1.0 / camera.electrons_per_dn)
+    return fit.centroids(picture, table, float(camera.psf_sigma))
+
+
+def by_scan(settings, camera, image_dn, table):
+    """... as the scan found them."""
+    return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
+
+
+SCANS = Table("scan", sequential=scan.sequential, maximum=scan.maximum_search)
+CENTROIDS = Table("centroid", fit=by_fit, weighted=by_scan)
+
+
+def as_spots(params, stars, memory, frame, context):
+    """By a scan, the sequential one if another search is set.
+
+    A search says what it has found, the likelier first; the next is looked at if one shows no attitude.
 
     Parameters
     ----------
@@ -62,26 +146,19 @@ def searches(params, stars, memory, frame, context):
     frame : Frame
     context : Context
 
-    Yields
-    ------
-    Found
+    Returns
+    -------
+    iterable of Found
     """
-    search = STEPS["search"].ways().get(params.settings.detection.scan, as_spots)
-    yield from search(params, stars, memory, frame, context)
-
-
-def as_spots(params, stars, memory, frame, context):
-    """By a scan, the sequential one if another search is set. As `searches`."""
     spots = of_spots(params.settings.detection)
     detections, statistics = detect(spots, params.camera, frame.image_dn)
     kind = int(SPOTS.get(spots.scan, Scan.OTHER))
     if not can_be_brought(params.camera.pinhole, frame, context):
-        yield Found(detections, statistics, kind, frame.line_s == 0.0)
-        return
+        return [Found(detections, statistics, kind, frame.line_s == 0.0)]
     fits = spots.centroid == "fit"
     detections, seen_s = at_frame_instant(params.camera, frame, context, detections, fits)
     rate = None if frame.line_s == 0.0 else (seen_s, context.P_omega_c)
-    yield Found(detections, statistics, kind, True, rate=rate, variance=variance_of(context))
+    return [Found(detections, statistics, kind, True, rate=rate, variance=variance_of(context))]
 
 
 def can_be_brought(camera, frame, context):
@@ -119,19 +196,18 @@ def at_frame_instant(camera, frame, context, detections, fits):
 
 def of_spots(settings):
     """Settings of Detection with a scan of single frames: their own, else the sequential one."""
-    return settings if settings.scan in STEPS["scan"].ways() else replace(settings, scan="sequential")
+    return replace(settings, scan="sequential") if settings.scan in SEARCHES else settings
 
 
 def along_streaks(params, stars, memory, frame, context):
-    """Along streaks if the rate is known and low enough for an attitude, else as spots. As `searches`."""
+    """Along streaks if the rate is known and low enough for an attitude, else as spots. As `as_spots`."""
     is_slow = not context.rate > params.settings.highest_rate  # an unknown rate is NaN
     if is_slow and rate_error_px(params.camera.pinhole, frame, context) < KNOWN_PX:
-        yield from _along_streaks(params, stars, frame, context)
-    else:
-        yield from as_spots(params, stars, memory, frame, context)
+        return _along_streaks(params, stars, frame, context)
+    return as_spots(params, stars, memory, frame, context)
 
 
-SEARCHES = {"streaks": along_streaks}  # and as spots
+SEARCHES = Table("search", streaks=along_streaks)  # and as spots
 
 
 def _along_streaks(params, stars, frame, context):

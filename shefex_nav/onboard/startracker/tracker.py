@@ -20,12 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.catalogue import StarPairs
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.onboard.startracker.methods import SCAN, STEPS, ways
@@ -160,7 +160,8 @@ def step(tracker, state, frame, context):
     CameraCommand for the next frame
     """
     params = tracker.params
-    for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
+    search = objects.SEARCHES.get(params.settings.detection.scan, objects.as_spots)
+    for seen in search(params, tracker.pairs.stars, state.memory, frame, context):
         exposed = of_frame(tracker, frame, seen)
         found, reason, solution, stars = attitude_with_stars(exposed, seen.detections, context, seen.rate)
         if reason == Reason.NONE:
@@ -323,10 +324,10 @@ def _identify(tracker, u_c, flux, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
     params, settings = tracker.params, tracker.params.settings.identification
     if settings.tracking and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
-        prediction = quat_conjugate(context.q_ic), context.P_c
+        prediction = context.q_ic, context.P_c
         found, tracked = identify_near(settings, params.camera, tracker.pairs, u_c, flux, prediction, P_px)
         return found, MIN_TRACKED if tracked else settings.fewest_stars
-    identify = STEPS["identification"].ways()[settings.method]
+    identify = IDENTIFIERS[settings.method]
     return identify(settings, params.camera, tracker.pairs, u_c, flux, P_px), settings.fewest_stars
 
 

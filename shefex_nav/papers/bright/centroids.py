@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.rotation import quat_from_rotvec
-from shefex_nav.onboard.startracker.detect import by_fit, detect
+from shefex_nav.onboard.startracker.objects import by_fit, detect
 from shefex_nav.papers import rows
 from shefex_nav.papers.bright.methods.centroids import by_interpolation, by_mass
 from shefex_nav.papers.bright.published import BRIGHT

@@ -15,7 +15,7 @@ from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker.camera import CameraModel
-from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers.bright import fields, outcomes
 from shefex_nav.papers.bright.published import BRIGHT
 from shefex_nav.papers.experiment import Row

@@ -15,7 +15,7 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.onboard.startracker.settings import Detection
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2.field import CAMERA, PYRAMID, flown_pairs, uniform_pairs

@@ -9,8 +9,8 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.rows import figure, share
 from shefex_nav.papers.settings import STAR_TRACKER

@@ -9,7 +9,7 @@ import numpy as np
 from shefex_nav.environment.stars import load_catalogue, silicon_magnitude
 from shefex_nav.onboard.startracker import background, scan
 from shefex_nav.onboard.startracker.camera import CameraModel
-from shefex_nav.onboard.startracker.detect import rules
+from shefex_nav.onboard.startracker.objects import rules
 from shefex_nav.papers import rows
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2.field import CAMERA, in_view

@@ -15,7 +15,7 @@ from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import objects, streaks, tracker
-from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Experiment
 from shefex_nav.papers.picture import COLOURS, legend_below, tidy

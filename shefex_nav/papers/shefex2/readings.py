@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.picture import COLOURS, tidy

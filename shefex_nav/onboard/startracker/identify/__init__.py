@@ -8,5 +8,6 @@ algorithm as published with the acceptance as published.
 """
 
 from shefex_nav.onboard.startracker.identify import bayes
+from shefex_nav.onboard.startracker.methods import Table
 
-IDENTIFIERS = {"bayes": bayes.identify}
+IDENTIFIERS = Table("identification", bayes=bayes.identify)

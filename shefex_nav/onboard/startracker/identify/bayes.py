@@ -14,7 +14,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.doubts import (
     fits_badly,
     has_second_image,
@@ -108,7 +108,7 @@ def identify_near(settings, camera, pairs, u_c, flux, prediction, P_px=None):
     Parameters
     ----------
     settings, camera, pairs, u_c, flux, P_px : as in `identify`
-    prediction : (q_ci, P_c), attitude and covariance (3, 3) [rad^2] of its error in camera axes
+    prediction : (q_ic, P_c), attitude and covariance (3, 3) [rad^2] of its error in camera axes
 
     Returns
     -------
@@ -158,7 +158,7 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
     xy_px : (n, 2) of an ideal pinhole
     magnitude : (n,) -2.5 log10 flux
     has_flux : bool
-    prediction : (bool, (4,), (3, 3) rad^2) whether there is one, its q_ci, covariance of its error in camera
+    prediction : (bool, (4,), (3, 3) rad^2) whether there is one, its q_ic, covariance of its error in camera
         axes; NO_PREDICTION where there is none
     ellipses : Ellipses of the centroids; None: numbers.centroid_error for all
 
@@ -166,7 +166,7 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
     -------
     Solution, as a plain tuple
     """
-    has_prediction, q_ci, P_c = prediction
+    has_prediction, q_ic, P_c = prediction
     n = min(xy_px.shape[0], MAX_DETECTIONS)
     scene = Scene(
         xy_px[:n], magnitude[:n], has_flux, numbers.width_px, numbers.height_px, numbers.focal_px,
@@ -175,13 +175,13 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
     )  # fmt: skip
     threshold = np.log(CHANCE / numbers.false_alarm)
     strict = -np.log(numbers.false_alarm)  # CHANCE is that of searches without a prediction
-    prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
+    prior = Prior(has_prediction, dcm_from_quat(quat_conjugate(q_ic)), P_c)
     is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < NARROW**2
     least = MIN_TRACKED if is_narrow else numbers.fewest_stars
     seen = Seen(detection_table(scene), scene.xy_px, ellipses, np.zeros((0, 0), dtype=np.uint64))
     tracked = Task(stars, scene, prior, seen, new_best(n), new_view(), least, strict, strict)
     work = 0
-    if has_prediction and n >= least and np.isfinite(q_ci.sum() + P_c.sum()):
+    if has_prediction and n >= least and np.isfinite(q_ic.sum() + P_c.sum()):
         work = track(tracked, numbers.budget)
         found = conclude(tracked, numbers, xy_px.shape[0], work, True)
         if found[0] == 0:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.shutter import row_times
-from shefex_nav.onboard.startracker.detect import FrameStatistics
+from shefex_nav.onboard.startracker.background import FrameStatistics
 from shefex_nav.onboard.startracker.objects import Found
 from shefex_nav.papers.impa.methods import chain
 from shefex_nav.papers.impa.methods.clusters import Clusters
@@ -28,7 +28,7 @@ class Memory(NamedTuple):
 
 
 def by_run_length(params, stars, memory, frame, context):
-    """As `objects.searches`; memory is a Memory.
+    """As `objects.as_spots`; memory is a Memory.
 
     The extents of all streaks are too long or too short by much the same, which moves all stars as a wrong
     rate does.
