@@ -347,9 +347,9 @@ def test_moments_of_samples_and_their_interval():
     rng = np.random.default_rng(1)
     each = rng.standard_t(8, 300) + 0.3
     errors, sample = np.repeat(each, 10), np.repeat(np.arange(300), 10)
-    sums = centroid_tables.power_sums(errors, sample)
+    sums = moments.power_sums(errors, sample)
     expected = each.mean(), each.std(), stats.skew(each), stats.kurtosis(each, fisher=False)
-    assert centroid_tables.moments(sums) == pytest.approx(expected)
+    assert moments.moments(sums) == pytest.approx(expected)
     mean = {
         one.quantity: one
         for one in centroid_tables._moment_rows("vertical", "", (errors, sample), "global_shutter", 0, "")

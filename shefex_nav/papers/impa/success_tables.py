@@ -1,0 +1,75 @@
+"""Tables and figure of the centroids by which simulations succeed (`successes`), reading by reading."""
+
+import numpy as np
+
+from shefex_nav.papers.experiment import Experiment
+from shefex_nav.papers.impa import experiments, moments
+from shefex_nav.papers.impa.kept import READINGS, RUN
+from shefex_nav.papers.impa.methods.weights import WEIGHTS
+from shefex_nav.papers.impa.moments import TABLES
+from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.papers.impa.successes import COLUMNS, measure
+from shefex_nav.papers.picture import legend_below, tidy
+
+
+def column(rows, name):
+    """A column of the results by its name."""
+    return rows[:, COLUMNS.index(name)]
+
+
+def figures(results):
+    """Moments of each reading, table, rate and axis: list of moments.Figure."""
+    rows, out = np.concatenate([result["rows"] for result in results]), []
+    for reading, (weights, images) in READINGS.items():
+        mine = rows[(column(rows, "weights") == WEIGHTS.index(weights)) & (column(rows, "images") <= images)]
+        for t, table in enumerate(TABLES):
+            for rate in moments.RATES:
+                here = mine[(column(mine, "table") == t) & (column(mine, "rate_deg_s") == rate)]
+                sample = column(here, "sample")
+                if len(np.unique(sample)) < 2:
+                    continue
+                for axis, errors in zip(moments.AXES, here[:, -2:].T, strict=True):
+                    out += moments.figures_of(reading, table, rate, axis, errors, sample)
+    return out
+
+
+def conclude(results):
+    """The four moments of each reading beside the published ones; they judge nothing here."""
+    return [moments.shown(one) for one in figures(results)]
+
+
+def draw(figure, results, _rows):
+    """Standard deviation and kurtosis against rate, tables below each other."""
+    figure.set_size_inches(11.0, 11.0)
+    found = {one[:5]: one for one in figures(results)}
+    axes = figure.subplots(len(TABLES), 2, sharex=True)
+    for line, table in zip(axes, TABLES, strict=True):
+        for axis, moment in zip(line, ("std", "kurtosis"), strict=True):
+            values = moments.published(table, moment)["horizontal"]
+            axis.plot(moments.RATES, values, "k-", lw=2.5, label="published, horizontal")
+            for reading in READINGS:
+                key = [(reading, table, moment, "horizontal", rate) for rate in moments.RATES]
+                values = [found[one].value if one in found else np.nan for one in key]
+                axis.plot(moments.RATES, values, "o-", ms=4, lw=1.2, label=f"simulated, {reading}")
+            axis.set_title(f"{table.replace('_', ' ')}: {moment}", loc="left", fontsize=9)
+            tidy(axis)
+    for axis in axes[-1]:
+        axis.set_xticks(IMPA["protocol"]["rates_deg_s"])
+        axis.set_xlabel("rate [deg/s]")
+    legend_below(figure, axes[0, 0], 2)
+
+
+EXPERIMENTS = {
+    RUN: Experiment(
+        title="Errors of the centroids by which simulations succeed (IMPA tables 3, 4, 5)",
+        samples=260,
+        unit="attitudes and directions, each at five rates with both shutters",
+        chunk=2,
+        measure=measure,
+        conclude=conclude,
+        draw=draw,
+        designed=True,
+        kept=(*experiments.KEPT, "impa.successes", "impa.centroids"),
+        brief=4,
+    )
+}
