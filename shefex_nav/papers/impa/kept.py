@@ -1,6 +1,6 @@
-"""Figures of `impa-successes`, half an hour of processor, kept in the package for `impa-centroids` to name.
+"""Figures of `impa-pixels`, a run of a quarter of an hour, kept in the package for `impa-centroids` to name.
 
-The table's first line is the command that measured it; `benchmarks/keep_impa_successes.py` writes it from the
+The table's first line is the command that measured it; `benchmarks/keep_impa_pixels.py` writes it from the
 chunks that the command has kept.
 """
 
@@ -10,24 +10,17 @@ from pathlib import Path
 
 from shefex_nav.papers.impa import moments
 from shefex_nav.papers.impa.methods.weights import WEIGHTS
-from shefex_nav.papers.impa.published import IMPA
 
-PATH = Path(__file__).with_name("success_moments.csv")
-RUN = "impa-successes"
-WITHIN = (2, IMPA["protocol"]["max_images"])  # images of a simulation that are waited for
-READINGS = {
-    f"{weights}, within {images} images": (weights, images) for weights in WEIGHTS for images in WITHIN
-}
+PATH = Path(__file__).with_name("pixel_moments.csv")
+RUN = "impa-pixels"
+SPOTS = ("spot of 0.5 px", "spot of 0.6 px", "spot even over 3.5 px")  # as `pixels.SPOTS`
+READINGS = {f"{weights}, {spot}": (spot, weights) for spot in SPOTS for weights in WEIGHTS}
 DIGITS = 6  # of a kept figure
 
 
 def words(reading):
     """What is otherwise in a reading than in `impa-centroids`: str."""
-    weights, images = READINGS[reading]
-    return (
-        "of the stars that the identification names in the image by which a simulation succeeds, at most "
-        f"image {images}, with {weights} and the spot of the joint set, 0.7 px"
-    )
+    return f"{reading}, of clusters of recognised stars with no other streak within 5 px"
 
 
 def write(path, command, figures):

@@ -1,7 +1,7 @@
-"""Write the table of `impa-successes` that the package keeps, from the chunks of its command.
+"""Write the table of `impa-pixels` that the package keeps, from the chunks of its command.
 
-    shefex-nav reproduce impa-successes --samples 520 --seed 1 --keep FOLDER
-    python benchmarks/keep_impa_successes.py FOLDER 520 1
+    shefex-nav reproduce impa-pixels --samples 1300 --seed 1 --keep FOLDER
+    python benchmarks/keep_impa_pixels.py FOLDER 1300 1
 
 Chunks of other code, another seed or another size are refused.
 """
@@ -10,7 +10,7 @@ import sys
 
 from shefex_nav import __version__
 from shefex_nav.papers import engine, keep, registry
-from shefex_nav.papers.impa import kept, success_tables
+from shefex_nav.papers.impa import kept, pixel_tables
 
 
 def main(folder, samples, seed):
@@ -22,7 +22,7 @@ def main(folder, samples, seed):
     if any(one is None for one in results):
         raise SystemExit(f"{folder} does not hold all {len(sizes)} chunks of {samples} samples")
     command = f"shefex-nav reproduce {kept.RUN} --samples {samples} --seed {seed} (shefex_nav {__version__})"
-    kept.write(kept.PATH, command, success_tables.figures(results))
+    kept.write(kept.PATH, command, pixel_tables.figures(results))
     print(f"wrote {kept.PATH}")
 
 

@@ -1,4 +1,4 @@
-"""Tables and figure of the centroids by which simulations succeed (`successes`), reading by reading."""
+"""Tables and figure of `pixels`: the four moments of the centroid errors, reading by reading."""
 
 import numpy as np
 
@@ -7,8 +7,8 @@ from shefex_nav.papers.impa import experiments, moments
 from shefex_nav.papers.impa.kept import READINGS, RUN
 from shefex_nav.papers.impa.methods.weights import WEIGHTS
 from shefex_nav.papers.impa.moments import TABLES
+from shefex_nav.papers.impa.pixels import COLUMNS, SPOTS, measure
 from shefex_nav.papers.impa.published import IMPA
-from shefex_nav.papers.impa.successes import COLUMNS, measure
 from shefex_nav.papers.picture import legend_below, tidy
 
 
@@ -20,8 +20,10 @@ def column(rows, name):
 def figures(results):
     """Moments of each reading, table, rate and axis: list of moments.Figure."""
     rows, out = np.concatenate([result["rows"] for result in results]), []
-    for reading, (weights, images) in READINGS.items():
-        mine = rows[(column(rows, "weights") == WEIGHTS.index(weights)) & (column(rows, "images") <= images)]
+    rows = rows[column(rows, "apart") == 1.0]
+    for reading, (spot, weights) in READINGS.items():
+        of_spot = column(rows, "spot") == list(SPOTS).index(spot)
+        mine = rows[of_spot & (column(rows, "weights") == WEIGHTS.index(weights))]
         for t, table in enumerate(TABLES):
             for rate in moments.RATES:
                 here = mine[(column(mine, "table") == t) & (column(mine, "rate_deg_s") == rate)]
@@ -61,15 +63,15 @@ def draw(figure, results, _rows):
 
 EXPERIMENTS = {
     RUN: Experiment(
-        title="Errors of the centroids by which simulations succeed (IMPA tables 3, 4, 5)",
-        samples=260,
+        title="Errors of the centroids by weights of the pixels and spot (IMPA tables 3, 4, 5)",
+        samples=1300,
         unit="attitudes and directions, each at five rates with both shutters",
-        chunk=2,
+        chunk=5,
         measure=measure,
         conclude=conclude,
         draw=draw,
         designed=True,
-        kept=(*experiments.KEPT, "impa.successes", "impa.centroids"),
-        brief=4,
+        kept=(*experiments.KEPT, "impa.pixels", "impa.centroids", "impa.spot"),
+        brief=10,
     )
 }
