@@ -1,7 +1,7 @@
 """Write the table of `impa-pixels` that the package keeps, from the chunks of its command.
 
-    shefex-nav reproduce impa-pixels --samples 1300 --seed 1 --keep FOLDER
-    python benchmarks/keep_impa_pixels.py FOLDER 1300 1
+    shefex-nav reproduce impa-pixels --samples 650 --seed 1 --keep FOLDER
+    python benchmarks/keep_impa_pixels.py FOLDER 650 1
 
 Chunks of other code, another seed or another size are refused.
 """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.geometry import pinhole, rotation
-from shefex_nav.papers.impa import centroid_tables, centroids, field, flight, spot
+from shefex_nav.papers.impa import centroid_tables, centroids, field, flight, moments, spot
 from shefex_nav.papers.impa.methods.compensate import Streaks
 from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
 from shefex_nav.papers.verdict import Verdict
@@ -142,7 +142,7 @@ def with_kurtosis(rng, n, kurtosis):
 
 
 def kurtosis_row(*rows):
-    found = centroid_tables.conclude([{"rows": np.concatenate(rows)}])
+    found = centroid_tables.conclude([{"rows": np.concatenate(rows)}], lambda *_figure: {})
     return next(one for one in found if one.quantity == "kurtosis, horizontal")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.impa import moments
+from shefex_nav.papers.impa import kept, moments
 from shefex_nav.papers.impa.moments import MARGIN
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX
@@ -66,6 +66,8 @@ EXPLAINS = {  # in this order; words of the run
     f"{CHOSEN}, {JOINT}": f"with the spot of the joint set, 0.7 px, and {ALONE}",
 }
 SHOWN = (*EXPLAINS, "within 2 px")  # in the sentence of a row that none of them explains
+WORDS = EXPLAINS | {reading: kept.words(reading) for reading in kept.READINGS}
+RUNS = {reading: f"{'impa-centroids' if reading in EXPLAINS else kept.RUN}/{reading}" for reading in WORDS}
 
 
 def column(rows, name):
@@ -79,12 +81,15 @@ def chosen(rows, kind, rate):
     return rows[at & (column(rows, "is_star") == 1.0)]
 
 
-def conclude(results):
-    """Tables 3 to 5, and ours."""
+def conclude(results, others=kept.others):
+    """Tables 3 to 5, and ours.
+
+    others : as `kept.others`, what the kept run gives beside a published figure
+    """
     rows = np.concatenate([result["rows"] for result in results])
     out = []
     for kind in PUBLISHED:
-        both = [one for rate in RATES for one in _published_rows(kind, rate, rows)]
+        both = [one for rate in RATES for one in _published_rows(kind, rate, rows, others)]
         found = _explained(both)
         out += found if kind != VARIANT else [row.variant(one) for one in found]
     out += _shape_rows(rows)
@@ -94,10 +99,10 @@ def conclude(results):
     return out or [_info(f"clusters; a row needs {LEAST}", "all kinds and rates", len(rows))]
 
 
-def _published_rows(kind, rate, rows):
+def _published_rows(kind, rate, rows, kept_of):
     """Mean, standard deviation, skewness and kurtosis of one kind and rate; and what belongs to no star.
 
-    list of (Row, {reading of SHOWN: Row with it})
+    list of (Row, {reading of SHOWN or WORDS: Row with it}); kept_of: as `kept.others`
     """
     mine = chosen(rows, kind, rate)
     if len(mine) < LEAST or len(np.unique(column(mine, "sample"))) < 2:
@@ -113,7 +118,9 @@ def _published_rows(kind, rate, rows):
             reading: _moment_rows(name, condition, values, table, r, "")
             for reading, values in selections(kind, spots, axis).items()
         }
-        out += [(one, {key: found_by[k] for key, found_by in others.items()}) for k, one in enumerate(found)]
+        for k, (one, moment) in enumerate(zip(found, moments.MOMENTS, strict=True)):
+            here = {key: found_by[k] for key, found_by in others.items()}
+            out.append((one, here | kept_of(table, moment, name, rate)))
     for reading, which in readings(kind, mine).items():
         what = f"clusters, {READINGS[reading]}"
         out.append((row.share(what, condition, which.sum(), len(which)), {}))
@@ -123,7 +130,7 @@ def _published_rows(kind, rate, rows):
 
 
 def _explained(both):
-    """Rows of one kind at all rates. One reading has to do for all: that of EXPLAINS which reaches most.
+    """Rows of one kind at all rates. One reading has to do for all: that of WORDS which reaches most.
 
     both : as of `_published_rows`
 
@@ -132,15 +139,13 @@ def _explained(both):
     """
 
     def by(reading):
-        run, words = f"impa-centroids/{reading}", EXPLAINS[reading]
+        run, words = RUNS[reading], WORDS[reading]
         return [row.explained(one, of[reading], run, words) if reading in of else one for one, of in both]
 
     def reached(reading):
         return sum(one.verdict == row.Verdict.EXPLAINED for one in by(reading))
 
-    return [
-        _with_readings(one, of) for one, (_, of) in zip(by(max(EXPLAINS, key=reached)), both, strict=True)
-    ]
+    return [_with_readings(one, of) for one, (_, of) in zip(by(max(WORDS, key=reached)), both, strict=True)]
 
 
 def _with_readings(one, others):

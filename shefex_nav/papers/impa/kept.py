@@ -14,13 +14,23 @@ from shefex_nav.papers.impa.methods.weights import WEIGHTS
 PATH = Path(__file__).with_name("pixel_moments.csv")
 RUN = "impa-pixels"
 SPOTS = ("spot of 0.5 px", "spot of 0.6 px", "spot even over 3.5 px")  # as `pixels.SPOTS`
-READINGS = {f"{weights}, {spot}": (spot, weights) for spot in SPOTS for weights in WEIGHTS}
-DIGITS = 6  # of a kept figure
+CLUSTERS = {  # name -> words
+    "recognised": "of clusters of recognised stars",
+    "recognised and apart": "of clusters of recognised stars with no other streak within 5 px",
+}
+READINGS = {
+    f"{weights}, {spot}, {of}": (spot, weights, of)
+    for spot in SPOTS
+    for weights in WEIGHTS
+    for of in CLUSTERS
+}
+DIGITS = 4  # of a kept figure
 
 
 def words(reading):
     """What is otherwise in a reading than in `impa-centroids`: str."""
-    return f"{reading}, of clusters of recognised stars with no other streak within 5 px"
+    spot, weights, of = READINGS[reading]
+    return f"{weights}, {spot}, {CLUSTERS[of]}"
 
 
 def write(path, command, figures):
