@@ -296,7 +296,9 @@ def _distributions(figure, rows):
         mine = chosen(rows, kind, RATES[-1])
         for k, (axis, name) in enumerate(zip(line, ("horizontal", "vertical"), strict=True)):
             errors = mine[:, COLUMNS.index("x") + k]
-            axis.hist(errors, bins=60, range=(-reach, reach), density=True, color=STYLES[kind][0], alpha=0.5)
+            if (np.abs(errors) <= reach).any():  # else there is no density
+                how = {"density": True, "color": STYLES[kind][0], "alpha": 0.5}
+                axis.hist(errors, bins=60, range=(-reach, reach), **how)
             axis.margins(y=0.3)
             means = CENTROID_MEAN_PX[kind][name][-1], errors.mean() if len(errors) else np.nan
             sigmas = IMPA["centroid_error_std_px"][kind][name][-1], errors.std() if len(errors) else np.nan

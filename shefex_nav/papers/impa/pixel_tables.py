@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shefex_nav.papers.experiment import Experiment
+from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.impa import experiments, moments
 from shefex_nav.papers.impa.kept import READINGS, RUN
 from shefex_nav.papers.impa.methods.weights import WEIGHTS
@@ -10,6 +10,9 @@ from shefex_nav.papers.impa.moments import TABLES
 from shefex_nav.papers.impa.pixels import COLUMNS, SPOTS, measure
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.picture import legend_below, tidy
+
+SHOWN = ("std", "kurtosis")
+OF_ALL = [reading for reading, (_, _, of) in READINGS.items() if of == "recognised"]
 
 
 def column(rows, name):
@@ -38,8 +41,14 @@ def figures(results):
 
 
 def conclude(results):
-    """The four moments of each reading beside the published ones; they judge nothing here."""
-    return [moments.shown(one) for one in figures(results)]
+    """Spread and kurtosis of all recognised stars beside the published ones; they judge nothing here.
+
+    The kept table has the other moments, and the clusters that have no neighbour, too.
+    """
+    every = [one for one in figures(results) if one.reading in OF_ALL]
+    found = [moments.shown(one) for one in every if one.moment in SHOWN]
+    n_clusters = sum(len(result["rows"]) for result in results)
+    return found or [Row("clusters; a row needs two samples", "all readings", None, float(n_clusters))]
 
 
 def draw(figure, results, _rows):
@@ -48,14 +57,16 @@ def draw(figure, results, _rows):
     found = {one[:5]: one for one in figures(results)}
     axes = figure.subplots(len(TABLES), 2, sharex=True)
     for line, table in zip(axes, TABLES, strict=True):
-        for axis, moment in zip(line, ("std", "kurtosis"), strict=True):
+        for axis, moment in zip(line, SHOWN, strict=True):
             values = moments.published(table, moment)["horizontal"]
             axis.plot(moments.RATES, values, "k-", lw=2.5, label="published, horizontal")
-            for reading in READINGS:
+            for reading in OF_ALL:
                 key = [(reading, table, moment, "horizontal", rate) for rate in moments.RATES]
                 values = [found[one].value if one in found else np.nan for one in key]
                 axis.plot(moments.RATES, values, "o-", ms=4, lw=1.2, label=f"simulated, {reading}")
-            axis.set_title(f"{table.replace('_', ' ')}: {moment}", loc="left", fontsize=9)
+            axis.set_title(
+                f"{table.replace('_', ' ')}: {moment}{moments.UNITS.get(moment, '')}", loc="left", fontsize=9
+            )
             tidy(axis)
     for axis in axes[-1]:
         axis.set_xticks(IMPA["protocol"]["rates_deg_s"])
