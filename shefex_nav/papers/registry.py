@@ -26,6 +26,7 @@ EXPERIMENTS = {
     "bright-table4": ("bright.experiments", "BRIGHT table 4: the same on rendered frames"),
     "impa-detection": ("impa.detection", "IMPA figure 12: faintest magnitude found against rate"),
     "impa-centroids": ("impa.centroids", "IMPA tables 3 to 5: centroid errors, both shutters"),
+    "impa-pixels": ("impa.pixel_tables", "IMPA tables 3 to 5: weights of the pixels, spot by spot"),
     "impa-joint": ("impa.experiments", "IMPA tables 6 to 13 with one joint set of assumptions"),
     "impa-attitude": ("impa.experiments", "IMPA tables 6, 7, 10, 11: attitude errors"),
     "impa-assumptions": ("impa.assumptions", "IMPA tables 8, 12: what hangs on what it does not say"),

@@ -15,6 +15,7 @@ from shefex_nav.papers.impa import (
     detection,
     field,
     flight,
+    moments,
     published_moments,
     tables,
 )
@@ -313,6 +314,11 @@ def test_a_star_is_apart_where_no_other_streak_comes_near():
     assert centroids.apart(still, 0, v_i).tolist() == [False, True, False]
 
 
+def no_kept_run(*_figure):
+    """In place of `kept.others`: the run that the package keeps explains nothing."""
+    return {}
+
+
 def test_clusters_of_two_stars_explain_what_they_make_of_the_statistics():
     """Three in a hundred hold two stars and are 3 px off; the others are as published."""
     rng, n = np.random.default_rng(1), 4000
@@ -323,7 +329,7 @@ def test_clusters_of_two_stars_explain_what_they_make_of_the_statistics():
     apart, sample = centroid_tables.COLUMNS.index("apart"), centroid_tables.COLUMNS.index("sample")
     rows[:, apart], rows[:, sample] = np.arange(n) % 33 > 0, np.arange(n) % 200
     rows[rows[:, apart] == 0.0, 3:5] = 3.0
-    of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}])}
+    of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}], no_kept_run)}
     spread = of["std, horizontal [px]"]
     assert spread.verdict == Verdict.EXPLAINED and spread.run == "impa-centroids/stars apart"
     assert (
@@ -335,10 +341,10 @@ def test_clusters_of_two_stars_explain_what_they_make_of_the_statistics():
     share = of["clusters, those within 2 px of a star"]
     assert share.measured == pytest.approx(0.97, abs=1e-3) and share.verdict == Verdict.NONE
     rows[:, apart] = 1.0  # no neighbour to blame: what is left out by its own error explains nothing
-    of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}])}
+    of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}], no_kept_run)}
     assert of["std, horizontal [px]"].verdict == Verdict.OPEN
     rows[:, 3:5] = rng.standard_normal((n, 2))
-    of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}])}
+    of = {one.quantity: one for one in centroid_tables.conclude([{"rows": rows}], no_kept_run)}
     assert of["std, horizontal [px]"].verdict == Verdict.OPEN
 
 
@@ -347,9 +353,9 @@ def test_moments_of_samples_and_their_interval():
     rng = np.random.default_rng(1)
     each = rng.standard_t(8, 300) + 0.3
     errors, sample = np.repeat(each, 10), np.repeat(np.arange(300), 10)
-    sums = centroid_tables.power_sums(errors, sample)
+    sums = moments.power_sums(errors, sample)
     expected = each.mean(), each.std(), stats.skew(each), stats.kurtosis(each, fisher=False)
-    assert centroid_tables.moments(sums) == pytest.approx(expected)
+    assert moments.moments(sums) == pytest.approx(expected)
     mean = {
         one.quantity: one
         for one in centroid_tables._moment_rows("vertical", "", (errors, sample), "global_shutter", 0, "")
@@ -363,5 +369,7 @@ def test_the_other_form_of_22_is_shown_and_not_counted():
     rows[:, :3] = 1.0, centroid_tables.KINDS.index("rolling_implicit"), 1.0
     rows[:, 3:5] = rng.standard_normal((n, 2))
     rows[:, -2:] = np.column_stack([np.ones(n), np.arange(n) % 100])
-    found = [one for one in centroid_tables.conclude([{"rows": rows}]) if one.published is not None]
+    found = [
+        one for one in centroid_tables.conclude([{"rows": rows}], no_kept_run) if one.published is not None
+    ]
     assert found and all(one.verdict == Verdict.NONE for one in found)

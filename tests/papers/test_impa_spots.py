@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.geometry import pinhole, rotation
-from shefex_nav.papers.impa import centroid_tables, centroids, field, flight, spot
+from shefex_nav.papers.impa import centroid_tables, centroids, field, flight, moments, spot
 from shefex_nav.papers.impa.methods.compensate import Streaks
 from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
 from shefex_nav.papers.verdict import Verdict
@@ -142,7 +142,7 @@ def with_kurtosis(rng, n, kurtosis):
 
 
 def kurtosis_row(*rows):
-    found = centroid_tables.conclude([{"rows": np.concatenate(rows)}])
+    found = centroid_tables.conclude([{"rows": np.concatenate(rows)}], lambda *_figure: {})
     return next(one for one in found if one.quantity == "kurtosis, horizontal")
 
 
@@ -168,8 +168,8 @@ def test_clusters_that_nothing_names_explain_nothing():
 
 def test_the_intervals_of_the_moments_are_those_of_the_bootstrap():
     rng = np.random.default_rng(1)
-    sums = centroid_tables.power_sums(rng.standard_t(6, 1200), rng.integers(0, 80, 1200))
-    ends = centroid_tables.moment_intervals(sums, np.random.default_rng(2))
+    sums = moments.power_sums(rng.standard_t(6, 1200), rng.integers(0, 80, 1200))
+    ends = moments.moment_intervals(sums, np.random.default_rng(2))
     for k in range(4):
-        one = intervals.bootstrap(lambda d, k=k: centroid_tables.moments(d)[k], [sums], rng)
+        one = intervals.bootstrap(lambda d, k=k: moments.moments(d)[k], [sums], rng)
         np.testing.assert_allclose(ends[k], one, atol=0.12 * (one[1] - one[0]))

@@ -4,8 +4,10 @@ import numpy as np
 
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
-from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX, CENTROID_SKEWNESS
+from shefex_nav.papers.impa import kept, moments
+from shefex_nav.papers.impa.moments import MARGIN
+from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX
 from shefex_nav.papers.picture import legend_below, tidy
 from shefex_nav.report import intervals
 
@@ -38,7 +40,6 @@ COLUMNS = (
 VARIANT = "rolling_implicit"  # of equation (22): beside the other one, not counted a second time
 TABLE = {VARIANT: "rolling_compensated"}  # whose published column a kind is held against
 RATES = tuple(IMPA["protocol"]["rates_deg_s"])
-MARGIN = 0.25  # of a standard deviation: what counts as the same
 OWN_GOAL_PX = 0.2  # at 5 deg/s with a rolling shutter, stars that the published threshold detects
 SNR = 15.0
 BOUND_GOAL = 1.3
@@ -51,7 +52,6 @@ EXTENTS = (
 )
 WHY = {"rolling_compensated": EXTENTS, "rolling_implicit": EXTENTS}
 SMALL_PX, ALMOST_ALL, LARGEST_PX = 2.0, 0.95, 20.0  # of figure 13; 'almost all' is ours [E]
-RESAMPLES = 1000
 READINGS = {  # of what is a star's cluster; the paper does not say which one is compared with which star
     "stars apart": "those of stars with no other streak within 5 px",
     "recognised": "those that the identification names",  # which is how the paper's chain knows the star
@@ -66,7 +66,8 @@ EXPLAINS = {  # in this order; words of the run
     f"{CHOSEN}, {JOINT}": f"with the spot of the joint set, 0.7 px, and {ALONE}",
 }
 SHOWN = (*EXPLAINS, "within 2 px")  # in the sentence of a row that none of them explains
-MEAN_RESOLVES_PX, SKEWNESS_RESOLVES = 0.05, 0.25
+WORDS = EXPLAINS | {reading: kept.words(reading) for reading in kept.READINGS}
+RUNS = {reading: f"{'impa-centroids' if reading in EXPLAINS else kept.RUN}/{reading}" for reading in WORDS}
 
 
 def column(rows, name):
@@ -80,12 +81,15 @@ def chosen(rows, kind, rate):
     return rows[at & (column(rows, "is_star") == 1.0)]
 
 
-def conclude(results):
-    """Tables 3 to 5, and ours."""
+def conclude(results, others=kept.others):
+    """Tables 3 to 5, and ours.
+
+    others : as `kept.others`, what the kept run gives beside a published figure
+    """
     rows = np.concatenate([result["rows"] for result in results])
     out = []
     for kind in PUBLISHED:
-        both = [one for rate in RATES for one in _published_rows(kind, rate, rows)]
+        both = [one for rate in RATES for one in _published_rows(kind, rate, rows, others)]
         found = _explained(both)
         out += found if kind != VARIANT else [row.variant(one) for one in found]
     out += _shape_rows(rows)
@@ -95,10 +99,10 @@ def conclude(results):
     return out or [_info(f"clusters; a row needs {LEAST}", "all kinds and rates", len(rows))]
 
 
-def _published_rows(kind, rate, rows):
+def _published_rows(kind, rate, rows, kept_of):
     """Mean, standard deviation, skewness and kurtosis of one kind and rate; and what belongs to no star.
 
-    list of (Row, {reading of SHOWN: Row with it})
+    list of (Row, {reading of SHOWN or WORDS: Row with it}); kept_of: as `kept.others`
     """
     mine = chosen(rows, kind, rate)
     if len(mine) < LEAST or len(np.unique(column(mine, "sample"))) < 2:
@@ -114,7 +118,9 @@ def _published_rows(kind, rate, rows):
             reading: _moment_rows(name, condition, values, table, r, "")
             for reading, values in selections(kind, spots, axis).items()
         }
-        out += [(one, {key: found_by[k] for key, found_by in others.items()}) for k, one in enumerate(found)]
+        for k, (one, moment) in enumerate(zip(found, moments.MOMENTS, strict=True)):
+            here = {key: found_by[k] for key, found_by in others.items()}
+            out.append((one, here | kept_of(table, moment, name, rate)))
     for reading, which in readings(kind, mine).items():
         what = f"clusters, {READINGS[reading]}"
         out.append((row.share(what, condition, which.sum(), len(which)), {}))
@@ -124,7 +130,7 @@ def _published_rows(kind, rate, rows):
 
 
 def _explained(both):
-    """Rows of one kind at all rates. One reading has to do for all: that of EXPLAINS which reaches most.
+    """Rows of one kind at all rates. One reading has to do for all: that of WORDS which reaches most.
 
     both : as of `_published_rows`
 
@@ -133,15 +139,13 @@ def _explained(both):
     """
 
     def by(reading):
-        run, words = f"impa-centroids/{reading}", EXPLAINS[reading]
+        run, words = RUNS[reading], WORDS[reading]
         return [row.explained(one, of[reading], run, words) if reading in of else one for one, of in both]
 
     def reached(reading):
         return sum(one.verdict == row.Verdict.EXPLAINED for one in by(reading))
 
-    return [
-        _with_readings(one, of) for one, (_, of) in zip(by(max(EXPLAINS, key=reached)), both, strict=True)
-    ]
+    return [_with_readings(one, of) for one, (_, of) in zip(by(max(WORDS, key=reached)), both, strict=True)]
 
 
 def _with_readings(one, others):
@@ -180,63 +184,13 @@ def readings(kind, mine):
     return {name: which for name, which in of.items() if len(np.unique(sample[which])) >= LEAST}
 
 
-def moments(sums):
-    """Mean, standard deviation, skewness and kurtosis of values by their power sums. (n, 5) -> (4,)"""
-    return of_totals(sums.sum(axis=0))
-
-
-def of_totals(totals):
-    """The same of the sums over all samples. (..., 5) -> (..., 4)"""
-    n = totals[..., 0]
-    mean, square, cube, fourth = (totals[..., power] / n for power in range(1, 5))
-    variance = square - mean**2
-    third = cube - 3.0 * mean * square + 2.0 * mean**3
-    spread = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
-    tail = fourth - 4.0 * mean * cube + 6.0 * mean**2 * square - 3.0 * mean**4
-    return np.stack((mean, spread, third / spread**3, tail / spread**4), axis=-1)
-
-
-def moment_intervals(sums, rng):
-    """95 % intervals of the four: samples drawn again, with replacement, all of it at once. (m, 5) -> (4, 2)
-
-    The percentile bootstrap of `intervals.bootstrap`: how often each sample is drawn is multinomial.
-    """
-    m = len(sums)
-    drawn = rng.multinomial(m, np.full(m, 1.0 / m), RESAMPLES) @ sums
-    return np.percentile(of_totals(drawn), [2.5, 97.5], axis=0).T
-
-
-def power_sums(errors, sample):
-    """Number of the errors of each sample, and sums of their first four powers. (n,), (n,) -> (m, 5)"""
-    _, which = np.unique(sample, return_inverse=True)
-    return np.array([np.bincount(which, errors**power) for power in range(5)]).T
-
-
 def _moment_rows(name, condition, values, table, r, why):
     """Standard deviation, mean, skewness and kurtosis beside the published ones.
 
-    values : errors [px] and their sample, (n,) each. The clusters of one attitude and direction have a motion
-        and a sky in common: the samples are what was drawn, so they are what an interval resamples.
+    values : errors [px] and their sample, (n,) each
     """
-    sums, rng = power_sums(*values), np.random.default_rng(0)
-    mean, std, skewness, kurtosis = moments(sums)
-    ends = moment_intervals(sums, rng)
-    goal = IMPA["centroid_error_std_px"][table][name][r]
-    tailed = IMPA_KURTOSIS[table][name][r]
-    digits = 0.0005 if goal < 1.0 else 0.005
-    spread = {"resolves": MARGIN * goal, "rounding": digits, "better": "less", "why": why}
-    rows_of = (
-        (f"std, {name} [px]", 1, goal, std, spread),
-        (f"mean, {name} [px]", 0, CENTROID_MEAN_PX[table][name][r], mean, {"resolves": MEAN_RESOLVES_PX}),
-        (f"skewness, {name}", 2, CENTROID_SKEWNESS[table][name][r], skewness,
-         {"resolves": SKEWNESS_RESOLVES, "rounding": 0.005}),
-        (f"kurtosis, {name}", 3, tailed, kurtosis, {"resolves": MARGIN * tailed, "rounding": 0.005}),
-    )  # fmt: skip
-    out = []
-    for quantity, k, published, measured, how in rows_of:
-        ci95 = tuple(float(end) for end in ends[k])
-        out.append(row.figure(quantity, condition, published, float(measured), ci95, len(sums), **how))
-    return out
+    found = moments.figures_of("", table, RATES[r], name, *values)
+    return [moments.judged(one, condition, why) for one in found]
 
 
 def _shape_rows(rows):
@@ -342,7 +296,9 @@ def _distributions(figure, rows):
         mine = chosen(rows, kind, RATES[-1])
         for k, (axis, name) in enumerate(zip(line, ("horizontal", "vertical"), strict=True)):
             errors = mine[:, COLUMNS.index("x") + k]
-            axis.hist(errors, bins=60, range=(-reach, reach), density=True, color=STYLES[kind][0], alpha=0.5)
+            if (np.abs(errors) <= reach).any():  # else there is no density
+                how = {"density": True, "color": STYLES[kind][0], "alpha": 0.5}
+                axis.hist(errors, bins=60, range=(-reach, reach), **how)
             axis.margins(y=0.3)
             means = CENTROID_MEAN_PX[kind][name][-1], errors.mean() if len(errors) else np.nan
             sigmas = IMPA["centroid_error_std_px"][kind][name][-1], errors.std() if len(errors) else np.nan

@@ -40,6 +40,7 @@ CATALOGUES = {  # name -> settings; 5.2, 5.4 and 5.75 are the magnitudes of sect
 }
 ABOUT = 10.0  # stars: the text rounds 'about 180' and 'about 450' to tens, so half of that, and as much again
 SHALLOW = 5.5  # V: the other pool that the combined catalogue is filled from
+DEEPER = (0.4, 0.5)  # mag, of both cut-offs of the asymmetric pool: the published pairs lie between [E]
 
 COS_ERRORS = np.array([2e-6, 5e-6, 1e-5, 2e-5, 3e-5, 5.5e-5, 1e-4, 2e-4, 4e-4])
 CHOSEN = int(np.flatnonzero(COS_ERRORS == SHEFEX["identification"]["cos_error"])[0])
@@ -101,6 +102,7 @@ def _count_rows(built):
         f"and the published number is near that of the even one ({pairs['uniform']})"
     )
     as_written = "combined, filled from the asymmetric one as the text says"
+    deeper = [_from_deeper(more, n_pairs) for more in DEEPER]
     return [
         given("stars", "combined; the size is given", stars, len(built["combined"].hip)),
         explained(
@@ -111,10 +113,27 @@ def _count_rows(built):
             passes=True,
         ),
         variant(from_shallow),
-        count("pairs", as_written, n_pairs, pairs[thinned], uneven),
+        explained(
+            count("pairs", as_written, n_pairs, pairs[thinned], uneven),
+            deeper[-1],
+            f"shefex-catalogue/cut-offs {DEEPER[-1]:g} mag deeper",
+            f"{uneven}; with both cut-offs {DEEPER[0]:g} mag deeper it is {deeper[0].measured:.0f}, "
+            f"with {DEEPER[-1]:g} mag",
+            passes=True,
+        ),
+        *(variant(one) for one in deeper),
         Row("pairs", "uniform", None, pairs["uniform"]),
         *_faint_rows(built),
     ]
+
+
+def _from_deeper(more, n_pairs):
+    """Pairs of the combined catalogue, filled from an asymmetric pool that is deeper by `more` mag: Row."""
+    pool = CATALOGUES["combined, from the asymmetric"]
+    north, south = pool.faintest + more, pool.faintest_south + more
+    built = catalogue.build(replace(pool, faintest=north, faintest_south=south), load_catalogue(8.0), YEAR)
+    condition = f"combined, filled from the asymmetric one of V <= {north:.1f} north, {south:.1f} south"
+    return count("pairs", condition, n_pairs, len(catalogue.pair_table(built, FIELD).cosine))
 
 
 def _faint_rows(built):

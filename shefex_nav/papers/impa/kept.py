@@ -1,0 +1,64 @@
+"""Figures of `impa-pixels`, a run of a quarter of an hour, kept in the package for `impa-centroids` to name.
+
+The table's first line is the command that measured it; `benchmarks/keep_impa_pixels.py` writes it from the
+chunks that the command has kept.
+"""
+
+import csv
+from functools import cache
+from pathlib import Path
+
+from shefex_nav.papers.impa import moments
+from shefex_nav.papers.impa.methods.weights import WEIGHTS
+
+PATH = Path(__file__).with_name("pixel_moments.csv")
+RUN = "impa-pixels"
+SPOTS = ("spot of 0.5 px", "spot of 0.6 px", "spot even over 3.5 px")  # as `pixels.SPOTS`
+CLUSTERS = {  # name -> words
+    "recognised": "of clusters of recognised stars",
+    "recognised and apart": "of clusters of recognised stars with no other streak within 5 px",
+}
+READINGS = {
+    f"{weights}, {spot}, {of}": (spot, weights, of)
+    for spot in SPOTS
+    for weights in WEIGHTS
+    for of in CLUSTERS
+}
+DIGITS = 4  # of a kept figure
+
+
+def words(reading):
+    """What is otherwise in a reading than in `impa-centroids`: str."""
+    spot, weights, of = READINGS[reading]
+    return f"{weights}, {spot}, {CLUSTERS[of]}"
+
+
+def write(path, command, figures):
+    """Write a table. figures: moments.Figure"""
+    with Path(path).open("w", newline="") as file:
+        file.write(f"# {command}\n")
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(moments.Figure._fields)
+        for one in figures:
+            out.writerow([f"{value:.{DIGITS}g}" if isinstance(value, float) else value for value in one])
+
+
+def read(path):
+    """A table: {(reading, table, moment, axis, rate): moments.Figure}."""
+    kinds = moments.Figure.__annotations__
+    with Path(path).open(newline="") as file:
+        lines = csv.DictReader(line for line in file if not line.startswith("#"))
+        rows = [moments.Figure(**{name: kinds[name](row[name]) for name in kinds}) for row in lines]
+    return {one[:5]: one for one in rows}
+
+
+@cache
+def figures():
+    """The table of the package, as `read` has it."""
+    return read(PATH)
+
+
+def others(table, moment, axis, rate):
+    """Row of each reading beside a published figure: dict of Row."""
+    found = {reading: figures().get((reading, table, moment, axis, int(rate))) for reading in READINGS}
+    return {reading: moments.judged(one, f"{one.samples} samples") for reading, one in found.items() if one}

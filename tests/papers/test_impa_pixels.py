@@ -1,0 +1,149 @@
+"""IMPA's centroids with pixels that weigh the same, and the run that the package keeps."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.papers.impa import centroid_tables, field, flight, kept, moments, pixels, trackers
+from shefex_nav.papers.impa.methods import clusters as cluster
+from shefex_nav.papers.impa.methods import weights
+from shefex_nav.papers.impa.published import IMPA_KURTOSIS
+from shefex_nav.papers.verdict import Verdict
+
+TABLE, AXIS, RATE = "global_shutter", "horizontal", 1
+GOAL = IMPA_KURTOSIS[TABLE][AXIS][0]
+READING = "pixels all alike, spot of 0.6 px, recognised"
+
+
+def picture():
+    """A bright pixel with two fainter ones beside it, a square of four alike, and background."""
+    image_dn = np.full((64, 64), 1000, dtype=np.uint16)
+    image_dn[20, 30:33] += np.array([900, 100, 100], dtype=np.uint16)
+    image_dn[40:42, 10:12] += np.uint16(200)
+    return image_dn
+
+
+def test_pixels_that_weigh_the_same_have_their_middle_as_the_centroid():
+    found = cluster.find(trackers.DETECT, trackers.MODEL, picture())
+    alike = weights.weighted(weights.ALIKE, found)
+    assert len(found.energy_dn) == 2
+    np.testing.assert_allclose(alike.xy_px, [[31.0, 20.0], [10.5, 40.5]])
+    np.testing.assert_allclose(found.xy_px, [[30.0 + 300.0 / 1100.0, 20.0], [10.5, 40.5]], atol=0.03)
+    for name in ("energy_dn", "pixels", "begin", "first_column", "last_row"):
+        np.testing.assert_array_equal(getattr(alike, name), getattr(found, name))
+    assert weights.weighted(weights.AS_PRINTED, found) is found
+
+
+def test_weights_that_are_none_are_refused():
+    found = cluster.find(trackers.DETECT, trackers.MODEL, picture())
+    with pytest.raises(ValueError, match="pixels all alike"):
+        weights.weighted("squared", found)
+    empty = cluster.find(trackers.DETECT, trackers.MODEL, np.full((64, 64), 1000, dtype=np.uint16))
+    assert weights.weighted(weights.ALIKE, empty).xy_px.shape == (0, 2)
+
+
+def test_every_spot_and_weight_has_its_recognised_stars():
+    case = field.Case(np.radians(1.0), 12, 24)
+    for shutter, tables in zip(field.SHUTTERS, ((0.0,), (1.0, 2.0)), strict=True):
+        rows = pixels.rows_of(shutter, case, np.random.SeedSequence(4))
+        assert set(rows[:, 0]) == set(tables)
+        for spot in range(len(pixels.SPOTS)):
+            for weight in range(len(weights.WEIGHTS)):
+                of = [rows[(rows[:, :3] == (table, spot, weight)).all(axis=1)] for table in tables]
+                assert len(of[0]) >= trackers.IDENTIFY.fewest_stars and len({len(one) for one in of}) == 1
+                assert np.abs(of[0][:, 4:]).max() < 2.0  # compensated, or nothing to compensate
+        if len(tables) == 2:
+            assert np.abs(rows[rows[:, 0] == 2.0, 4:]).max() > 1.5  # px: the rows' time at 1 deg/s
+
+
+# --- the kept run ---
+
+
+def test_the_kept_run_has_every_figure_and_says_what_made_it():
+    assert tuple(pixels.SPOTS) == kept.SPOTS
+    wanted = {
+        (reading, table, moment, axis, rate)
+        for reading in kept.READINGS
+        for table in moments.TABLES
+        for moment in moments.MOMENTS
+        for axis in moments.AXES
+        for rate in moments.RATES
+    }
+    assert set(kept.figures()) == wanted
+    head = kept.PATH.read_text().splitlines()[0]
+    assert head.startswith("# shefex-nav reproduce impa-pixels --samples ") and "--seed 1 " in head
+    for one in kept.figures().values():
+        assert one.low <= one.value <= one.high and 20 <= one.samples <= one.errors
+
+
+def test_a_kept_table_reads_back(tmp_path):
+    rng = np.random.default_rng(1)
+    made = moments.figures_of(READING, TABLE, RATE, AXIS, rng.standard_normal(4000), np.arange(4000) % 500)
+    kept.write(tmp_path / "table.csv", "a command", made)
+    again = kept.read(tmp_path / "table.csv")
+    assert list(again) == [one[:5] for one in made]
+    for one, other in zip(made, again.values(), strict=True):
+        np.testing.assert_allclose(one[5:], other[5:], rtol=1e-3, atol=1e-3)
+        assert isinstance(other.samples, int) and isinstance(other.rate, int)
+
+
+def test_the_kept_run_is_of_this_code():
+    """Other noise, 26 of its samples: the spread with the global shutter at 1 deg/s is the kept one."""
+    rows = [
+        pixels.rows_of(TABLE, field.pair(np.radians(RATE), k), np.random.SeedSequence(900 + k))
+        for k in range(26)
+    ]
+    rows = np.concatenate(rows)
+    rows = rows[rows[:, 3] == 1.0]
+    for s, spot in enumerate(pixels.SPOTS):
+        for w, weight in enumerate(weights.WEIGHTS):
+            errors = rows[(rows[:, 1] == s) & (rows[:, 2] == w)][:, 4:]
+            for axis, values in zip(moments.AXES, errors.T, strict=True):
+                there = kept.figures()[f"{weight}, {spot}, recognised", TABLE, "std", axis, RATE]
+                assert values.std() == pytest.approx(there.value, rel=0.2)
+
+
+def conclude(kurtosis_of_kept, n=6000):
+    """Row of the kurtosis where the errors here are normal and the kept run has the given Figure or none."""
+    rng = np.random.default_rng(2)
+    rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
+    rows[:, :3] = RATE, centroid_tables.KINDS.index(TABLE), 1.0
+    rows[:, 3:5] = 0.1 * rng.standard_normal((n, 2))
+    for name, value in (("apart", 1.0), ("recognised", 1.0), ("sample", np.arange(n) % 400)):
+        rows[:, centroid_tables.COLUMNS.index(name)] = value
+
+    def others(table, moment, axis, _rate):
+        if kurtosis_of_kept is None or (table, moment, axis) != (TABLE, "kurtosis", AXIS):
+            return {}
+        return {READING: moments.judged(kurtosis_of_kept, "")}
+
+    found = centroid_tables.conclude([{"rows": rows}], others)
+    return next(one for one in found if one.quantity == "kurtosis, horizontal")
+
+
+def figure(value, half, samples=500):
+    """Kept kurtosis with its interval."""
+    return moments.Figure(
+        READING, TABLE, "kurtosis", AXIS, RATE, value, value - half, value + half, samples, 9
+    )
+
+
+def test_a_kept_figure_explains_what_it_reaches():
+    found = conclude(figure(GOAL + 0.3, 0.5))
+    assert found.verdict == Verdict.EXPLAINED and found.run == f"impa-pixels/{READING}"
+    assert f"it is {GOAL + 0.3:.4g}" in found.why and "pixels all alike" in found.why
+
+
+@pytest.mark.parametrize(
+    "one", [figure(GOAL + 3.0, 0.5), figure(GOAL - 3.0, 0.5), figure(GOAL, 3.0), figure(GOAL, 0.5, 12), None]
+)
+def test_a_kept_figure_beyond_its_tolerance_or_known_too_loosely_explains_nothing(one):
+    found = conclude(one)
+    assert found.verdict == Verdict.OPEN and not found.run
+    if one is not None:
+        assert f"{READING} {one.value:.3g}" in found.why
+
+
+def test_frames_of_the_three_spots_differ():
+    case = field.Case(np.radians(2.0), 12, 24)
+    frames = [flight.frame(TABLE, case, 0, np.random.default_rng(5), **how) for how in pixels.SPOTS.values()]
+    assert (frames[0] != frames[1]).any() and (frames[1] != frames[2]).any()
