@@ -55,7 +55,7 @@ def test_what_a_fit_sees_along_a_streak(half_px):
 
     slope = (drawn(s + 1e-4) - drawn(s - 1e-4)) / 2e-4
     fitted = slope @ (drawn(s + moved) - drawn(s)) / (slope @ slope)
-    seen = unsteady.fitted_rotation(table, -0.5 * T, 0.5 * T, half_px, sigma)
+    seen = unsteady.fitted_rotation(unsteady.turns_of(table, -0.5 * T, 0.5 * T), half_px, sigma)
     expected = 1e-3 * seen[0] / (0.5 * ALPHA[0] * T**2)
     assert fitted == pytest.approx(expected, rel=0.05)
 
