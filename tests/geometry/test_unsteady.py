@@ -55,9 +55,38 @@ def test_what_a_fit_sees_along_a_streak(half_px):
 
     slope = (drawn(s + 1e-4) - drawn(s - 1e-4)) / 2e-4
     fitted = slope @ (drawn(s + moved) - drawn(s)) / (slope @ slope)
-    seen = unsteady.fitted_rotation(table, -0.5 * T, 0.5 * T, half_px, sigma)
+    seen = unsteady.fitted_rotation(unsteady.turns_of(table, -0.5 * T, 0.5 * T), half_px, sigma)
     expected = 1e-3 * seen[0] / (0.5 * ALPHA[0] * T**2)
     assert fitted == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("half_px", [0.0, 0.4, 3.0, 20.0])
+def test_weights_of_a_fit_written_out(half_px):
+    """The sum of `fitted_rotation`'s docstring over the points, one after the other; no turn is symmetric."""
+    sigma, table, ends = 0.8, accelerated(), (-0.3 * T, 0.4 * T)
+    table[:, 1:] += 1e-4 * np.sin(90.0 * table[:, :1])
+    total, weights = np.zeros(3), 0.0
+    for part in (np.arange(unsteady.POINTS) + 0.5) / unsteady.POINTS:
+        s, t_s = (2.0 * part - 1.0) * half_px, ends[0] + part * (ends[1] - ends[0])
+        weight = sum(d * np.exp(-((d / (2.0 * sigma)) ** 2)) for d in (half_px + s, half_px - s))
+        total += weight * np.array([np.interp(t_s, table[:, 0], table[:, 1 + j]) for j in range(3)])
+        weights += weight
+    turns = unsteady.turns_of(table, *ends)
+    expected = total / weights if weights else unsteady.mean_rotation(table, *ends)
+    np.testing.assert_allclose(unsteady.fitted_rotation(turns, half_px, sigma), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("line_s", [0.0, 4e-5])
+def test_each_star_is_brought_back_as_if_it_were_alone(line_s):
+    """What stars share of an exposure is worked out once: to the last bit the same."""
+    omega, times = np.array([0.02, -0.03, 0.1]), row_times(T, line_s, CAMERA.height_px)
+    seen_px = np.array([[100.0, 90.0], [500.0, 520.0], [520.0, 520.0], [950.0, 900.0]])
+    given = CAMERA, 1.0, times, omega, accelerated()
+    places, seen_s = unsteady.at_instant(*given, seen_px)
+    for k in range(len(seen_px)):
+        place, at_s = unsteady.at_instant(*given, seen_px[k : k + 1])
+        np.testing.assert_array_equal(places[k], place[0])
+        assert seen_s[k] == at_s[0]
 
 
 @pytest.mark.parametrize("line_s", [0.0, 4e-5])

