@@ -7,6 +7,7 @@ import pytest
 from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S40, S44, dwell, part, task
 from sounding_rocket import BOX, GAS, ROCKET, SATELLITE, STAGE
 
+from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Phase
 from shefex_nav.world.flight import params as p
@@ -163,6 +164,26 @@ def test_a_satellite_that_turns_with_its_orbit_keeps_one_side_to_the_earth(apoge
     lag = 2.5 * 2.0 * np.pi / period  # half a fade
     ahead = true_anomaly(mean, eccentricity) - mean + lag
     assert nadir_ahead(trajectory)[trajectory.t_s > 10.0] == pytest.approx(ahead, abs=1e-4)
+
+
+def test_an_oblate_earth_does_not_carry_the_nadir_away():
+    """The argument of latitude from one ascending node to the next takes 2 pi / the mean rate, whatever J2 is."""
+    period = 2.0 * np.pi * np.sqrt((wgs84.A + 505e3) ** 3 / SATELLITE.gravity.gm)
+    for perigee in (0.0, 90.0 * DEG):
+        orbit = replace(
+            SATELLITE.start, perigee_height=500e3, apogee_height=510e3, inclination=97.4 * DEG,
+            perigee=perigee, anomaly=0.0,
+        )  # fmt: skip
+        nadir = task(tasks.TurnWithOrbit, 0.0, 2.2 * period, ramp=5.0)
+        trajectory, _, _ = flown(
+            SATELLITE._replace(
+                programme=(("nadir", nadir),), start=orbit, attitude=p.PRESCRIBED,
+                gravity=gravity.load("j2"), time_limit_s=2.1 * period,
+            )
+        )  # fmt: skip
+        one, two = (int(np.searchsorted(trajectory.t_s, k * period)) for k in (1, 2))
+        ahead = nadir_ahead(trajectory)
+        assert abs(ahead[two] - ahead[one]) < 0.05 * DEG
 
 
 def nadir_ahead(trajectory):

@@ -158,15 +158,24 @@ def dwell(task, C_bc):
     )
 
 
-def turn_with_orbit(task, q_ib, r_i, v_i):
-    """Turn about the normal of an orbit by its mean motion. q_ib (4,), r_i, v_i (3,) at the begin."""
-    a = 1.0 / (2.0 / np.sqrt(r_i @ r_i) - (v_i @ v_i) / wgs84.GM)
-    normal_i = np.cross(r_i, v_i)
-    rate_i = np.sqrt(wgs84.GM / a**3) * normal_i / np.sqrt(normal_i @ normal_i)
-    law = hold(task.start, task.end, 0.0)
-    return law._replace(
-        steady=rotation.quat_rotate(rotation.quat_conjugate(q_ib), rate_i), ramp=float(task.ramp)
-    )
+def turn_with_orbit(task, q_ib, ahead):
+    """Turn about the normal of the orbit by its mean rate over a revolution, or over the task if that is shorter.
+
+    The rate is that of the direction from the Earth's centre, as free fall predicts it: under J2 the mean motion
+    of the osculating elements would run away from it, by up to a degree in each revolution.
+    q_ib (4,) at the begin;  ahead as of `rate_law`
+    """
+    r_0, v_0 = ahead(task.start)
+    a = 1.0 / (2.0 / np.sqrt(r_0 @ r_0) - (v_0 @ v_0) / wgs84.GM)
+    mean_motion = np.sqrt(wgs84.GM / a**3)
+    span = min(2.0 * np.pi / mean_motion, task.end - task.start)
+    r_1, _ = ahead(task.start + span)
+    normal_i = np.cross(r_0, v_0)
+    normal_i /= np.sqrt(normal_i @ normal_i)
+    angle = math.atan2(normal_i @ np.cross(r_0, r_1), r_0 @ r_1)
+    angle += 2.0 * np.pi * round((mean_motion * span - angle) / (2.0 * np.pi))
+    rate_b = rotation.quat_rotate(rotation.quat_conjugate(q_ib), angle / span * normal_i)
+    return hold(task.start, task.end, 0.0)._replace(steady=rate_b, ramp=float(task.ramp))
 
 
 def rate_law(task, q_ib, spin, ahead, earth, C_bc):
@@ -196,7 +205,7 @@ def rate_law(task, q_ib, spin, ahead, earth, C_bc):
         case tasks.Dwell():
             return dwell(task, C_bc)
         case tasks.TurnWithOrbit():
-            return turn_with_orbit(task, q_ib, *ahead(t_0))
+            return turn_with_orbit(task, q_ib, ahead)
         case tasks.Hold():
             return hold(t_0, t_1, spin)
     raise TypeError(f"no law for {task!r}")

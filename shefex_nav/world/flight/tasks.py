@@ -83,8 +83,8 @@ class PointInertial(Task):
 class TurnWithOrbit(Task):
     """Turn about the orbit's normal as the orbit does: the side that faces the Earth goes on facing it.
 
-    The rate is the mean motion of the orbit at the begin: an eccentricity e moves the Earth by up to 2 e rad.
-    It fades in and out; the angle of half a fade stays behind.
+    The rate is constant, the mean one over a revolution: within it an eccentricity e moves the Earth by up to
+    2 e rad. It fades in and out; the angle of half a fade stays behind.
     """
 
     task: Literal["turn_with_orbit"] = choice()
