@@ -165,6 +165,28 @@ def test_a_satellite_that_turns_with_its_orbit_keeps_one_side_to_the_earth(apoge
     assert nadir_ahead(trajectory)[trajectory.t_s > 10.0] == pytest.approx(ahead, abs=1e-4)
 
 
+def test_a_satellite_comes_back_to_the_earth_from_a_star():
+    period = 2.0 * np.pi * np.sqrt((wgs84.A + 400e3) ** 3 / SATELLITE.gravity.gm)
+    orbit = replace(SATELLITE.start, perigee_height=400e3, apogee_height=400e3)
+    programme = (
+        ("star", task(tasks.PointInertial, 0.0, 60.0, right_ascension=1.2, declination=0.9, roll=0.5)),
+        ("back", task(tasks.PointNadir, 200.0, 300.0)),
+        ("nadir", task(tasks.TurnWithOrbit, 300.0, 1000.0, ramp=5.0)),
+    )
+    trajectory, _, _ = flown(
+        SATELLITE._replace(programme=programme, start=orbit, attitude=p.PRESCRIBED, time_limit_s=990.0)
+    )
+    ahead = nadir_ahead(trajectory)
+    assert abs(ahead[trajectory.t_s == 200.0][0]) > 0.5
+    assert ahead[trajectory.t_s == 300.0][0] == pytest.approx(0.0, abs=1e-6)
+    lag = 2.5 * 2.0 * np.pi / period  # half a fade
+    kept = trajectory.t_s > 305.0
+    assert ahead[kept] == pytest.approx(lag, abs=1e-5)
+    for q, r, v in zip(trajectory.q_ib[kept], trajectory.r_i[kept], trajectory.v_i[kept], strict=True):
+        C_ib = rotation.dcm_from_quat(q)
+        assert abs(C_ib[:, 1] @ r) < 1e-5 * wgs84.A and C_ib[:, 0] @ v > 0.99999 * np.linalg.norm(v)
+
+
 def nadir_ahead(trajectory):
     """Angle from body z to the Earth's centre, positive as the orbit turns; (N,) rad."""
     seen = [rotation.dcm_from_quat(q).T @ -r for q, r in zip(trajectory.q_ib, trajectory.r_i, strict=True)]
