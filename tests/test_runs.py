@@ -149,8 +149,23 @@ def test_a_run_is_seen_at_a_glance(sky):
         drawn = next(line for line in axes.lines if line.get_label() != "_edges").get_ydata()
         assert np.isin(np.float32(drawn), np.float32(np.degrees(errors.attitude_b[:, k]))).all()
     blind = runs.Run(sky.data._replace(star_fixes=[]), sky.log)
-    with pytest.raises(LookupError, match="keeps no pixels of a frame with an attitude"):
+    with pytest.raises(LookupError, match="no frame gave an attitude; name the time of one"):
         blind.glance()
+    assert len(blind.glance(2.0).axes[0].texts) == 0
+    truth = sky.data.truth
+    for t_s in (None, 2.0):
+        unknown = runs.Run(sky.data._replace(truth=type(truth)(*(column[:0] for column in truth))), sky.log)
+        with pytest.raises(LookupError, match="has no truth"):
+            unknown.glance(t_s)
+
+
+def test_a_glance_without_pixels_names_the_key_that_keeps_them(default_scenario):
+    keep_none = {"log.frames.full_every": "0", "log.frames.otherwise": "none"}
+    scenario = shefex_nav.Scenario.load(default_scenario.with_name("night_sky.yaml"), BRIEF | keep_none)
+    run = shefex_nav.fly(scenario, seed=3)
+    for t_s, which in ((None, "the frames"), (2.0, r"the frame of T\+2\.\d s")):
+        with pytest.raises(LookupError, match=f"keeps no pixels of {which}; log.frames of the scenario says"):
+            run.glance(t_s)
 
 
 def test_figures_are_pictures_in_a_notebook(sky):

@@ -29,6 +29,16 @@ class StoreError(UserError):
     """A folder that cannot be used; the message says why and what to do."""
 
 
+class FewerRunsError(StoreError):
+    """A folder was asked for more runs than now; `advice` is how to see those that it has."""
+
+    def __init__(self, words, advice=""):
+        super().__init__(words, advice)
+
+    def __str__(self):
+        return ". ".join(filter(None, self.args))
+
+
 HEAD = (  # of campaign.json, what readers cannot do without
     "scenario", "source", "seed", "runs", "sampling", "flight", "rate", "versions", "wall_s",
 )  # fmt: skip
@@ -336,9 +346,10 @@ def _compare(old, plan, folder, place):
             f"--runs {plan.runs} is another campaign: {how}"
         )
     if plan.runs < old["runs"]:
-        raise StoreError(
+        raise FewerRunsError(
             f"{folder}: was asked for {old['runs']} runs, --runs {plan.runs} would take some away; expected "
-            f"{old['runs']} or more, or another folder with --out. `shefex-nav report` reads what there is"
+            f"{old['runs']} or more, or another folder with --out",
+            "`shefex-nav report` reads what there is",
         )
     now = plan.versions
     differ = [

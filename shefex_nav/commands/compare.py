@@ -78,7 +78,7 @@ def fly(flights, how):
     for one in flights:
         say(f"{one.label}: {how.runs} runs, seed {how.seed} -> {one.folder}")
         with stopping() as stop:
-            ended = flying.fly(one, how, TerminalShow(say), stop)
+            ended = flying.fly(one, how, TerminalShow(say), stop, flights)
         if ended.interrupted:
             say("interrupted; what is flown is kept, the same command goes on from there")
             raise typer.Exit(130)

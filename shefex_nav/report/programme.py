@@ -20,7 +20,7 @@ LOOKS = "the star camera looks into the air, which the frames here do not show"
 UPRIGHT = math.radians(89.0)  # an elevation from which on little is won
 TURNS = math.radians(15.0)  # so much gravity and wind bend the path of a burn down, at most
 ASTRAY_DEG = 5.0  # an attitude control that holds is within a degree
-LOOKING = *star_sight.AIMS, "dwell", "turn_with_orbit"  # kinds of tasks in which the star camera works
+LOOKING = *star_sight.TURNS, "dwell", "turn_with_orbit"  # kinds of tasks in which the star camera works
 DEVICES = ("yo_yo", "spin_motors")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from shefex_nav.geometry import frames, rotation, wgs84
 
-AIMS = "point", "point_inertial"  # kinds of tasks that give the star camera a direction
+TURNS = "point", "point_inertial", "point_nadir"  # kinds of tasks that turn the star camera elsewhere
 STEP_S = 1.0
 SHARE = 0.3  # of the time: a slew that begins near the Sun is not told
 IN_ORBIT = 0.7  # for the Earth: each direction that a vehicle in orbit holds meets its limb for a while
@@ -71,8 +71,8 @@ def excluded(scenario, seen, looks):
 def _aims(looks, t_s):
     """Name of the task that says where the camera looks at an instant: a dwell keeps what was before."""
     begun = [one for one in looks if one[1].start <= t_s]
-    aimed = [name for name, task in begun if task.task in AIMS]
-    return aimed[-1] if aimed else begun[-1][0]
+    turned = [name for name, task in begun if task.task in TURNS]
+    return turned[-1] if turned else begun[-1][0]
 
 
 def _words(what, t_s, angle, limit, inside):

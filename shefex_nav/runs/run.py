@@ -10,8 +10,10 @@ import numpy as np
 from shefex_nav.log import mcap_file, reader
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.topics import LogError
-from shefex_nav.records import GpsFix
+from shefex_nav.records import GpsFix, Reason
 from shefex_nav.runs.frames import Frames, nearest
+
+KEEP = "log.frames of the scenario says which are kept: full_every, otherwise"
 
 
 def open_run(log):
@@ -208,9 +210,14 @@ class Run:
         """
         from shefex_nav.report.figures import glance
 
+        if not len(self.data.truth.t_s):
+            raise LookupError(f"{self.log}: has no truth, which the errors are drawn against")
         seen = self.frames.middle() if t_s is None else self.frames[t_s]
-        if seen is None or seen.image_dn is None or not len(self.data.truth.t_s):
-            raise LookupError(f"{self.log}: keeps no pixels of a frame with an attitude, or no truth")
+        if seen is None and not any(fix.reason == Reason.NONE for fix in self.data.star_fixes):
+            raise LookupError(f"{self.log}: no frame gave an attitude; name the time of one")
+        if seen is None or seen.image_dn is None:
+            which = "the frames" if seen is None else f"the frame of T{seen.t_s:+.1f} s"
+            raise LookupError(f"{self.log}: keeps no pixels of {which}; {KEEP}")
         return glance.glance(self.data, seen)
 
     def view(self, save=None):

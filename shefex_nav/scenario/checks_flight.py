@@ -9,6 +9,7 @@ from shefex_nav.scenario.mission import WindTable
 STARTS = ("launch", "orbit", "ground", "trajectory")
 ONE_OF = "a flight starts from exactly one of launch, orbit and ground"
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
+IN_ORBIT = ("point_nadir", "turn_with_orbit")  # kinds of tasks
 DEVICES = ("spin_motors", "yo_yo", "cold_gas", "parachute")
 PART = "run --until shows a part of this one"
 
@@ -170,14 +171,11 @@ def _task(scenario, path, task):
             yield from within(scenario, (*path, "at"), task.at)
     if task.task == "dwell":
         yield from _dwell(path, task)
-    if task.task == "turn_with_orbit":
-        if scenario.orbit is None:
-            yield (
-                (*path, "task"),
-                "turn_with_orbit is for a vehicle in orbit: the scenario has no section orbit",
-            )
-        else:
-            yield from _fades(path, task)
+    if task.task in IN_ORBIT and scenario.orbit is None:
+        words = f"{task.task} is for a vehicle in orbit: the scenario has no section orbit"
+        yield (*path, "task"), words
+    elif task.task == "turn_with_orbit":
+        yield from _fades(path, task)
 
 
 def _dwell(path, task):

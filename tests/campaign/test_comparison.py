@@ -74,6 +74,13 @@ def sided(folders, kind="campaign"):
     return [sides.of(kind, folder, letter) for letter, folder in zip("ABC", folders, strict=False)]
 
 
+def six(side):
+    """A Side of four runs with two of them once more, of seeds of their own."""
+    side.runs.update({seed + 1: one for seed, one in list(side.runs.items())[: SIX - RUNS]})
+    assert len(side.runs) == SIX
+    return side
+
+
 # ---- campaigns -------------------------------------------------------------------------------------------
 
 
@@ -92,6 +99,8 @@ def test_a_campaign_with_itself_differs_in_nothing(whole):
         [str(cell) for part in parts.parts([a, b], [found]) for cells in part.rows for cell in cells]
     )
     assert "better" not in re.sub(r"0 of \d", "", text)
+    verdicts = {cells[-1] for part in parts.parts([a, b], [found])[1:3] for cells in part.rows}
+    assert verdicts == {"the same in each pair", "not judged: flown one after the other"}
 
 
 def test_wall_time_is_shown_but_not_judged(whole):
@@ -129,8 +138,10 @@ def test_few_pairs_leave_it_open_and_a_covariance_too_small_is_said_of_its_side(
     assert "B, NEES 159: its errors are larger than its covariances say" in figures.lines
     assert not any(line.startswith("A, NEES") for line in figures.lines)
     scatter = np.array([0.1, -0.1, 0.2, -0.2, 0.1, -0.1])
-    for n, verdict in ((5, "open: only 5 pairs"), (6, "no difference seen")):
-        assert parts.verdict(paired.difference(np.ones(n), 1.0 + scatter[:n]), found) == verdict
+    for n, verdict, told in ((2, "open: only 2 pairs", None), (5, "open: only 5 pairs", None),
+                             (6, "no difference seen", "none")):  # fmt: skip
+        seen = paired.difference(np.ones(n), 1.0 + scatter[:n])
+        assert parts.verdict(seen, found) == verdict and summary.VERDICTS[seen.verdict] == told
 
 
 def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
@@ -138,7 +149,7 @@ def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
     folder, _ = whole
     spoken = ("position, rms of the run", "velocity, largest", "attitude, largest")
     for fewer, verdict in ((0.002, paired.NOT_JUDGED), (0.0005, paired.B_BETTER)):
-        a, b = sided([folder, folder])
+        a, b = map(six, sided([folder, folder]))
         for k, (seed, one) in enumerate(b.runs.items()):
             told = {"navigation.solution_share": one.get("navigation.solution_share") - fewer * (k == 2)}
             for path in ("position_error_m.rms", "velocity_error_m_s.max", "attitude_error_deg.max"):
@@ -149,7 +160,7 @@ def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
         assert {rows[name].difference.verdict for name in spoken} == {verdict}, fewer
         share = rows["ticks with a solution"]
         assert share.a.median == pytest.approx(100.0) and share.difference.mean == pytest.approx(
-            -25.0 * fewer
+            -100.0 / SIX * fewer
         )
         cells = {cells[0]: cells[-1] for cells in parts.parts([a, b], [found])[1].rows}
         if verdict == paired.NOT_JUDGED:
@@ -168,6 +179,8 @@ def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole
     assert found.seeds == tuple(a.runs) == tuple(b.runs)[:RUNS]
     assert [".".join(path) for path, *_ in found.different] == ["gps.rate"]
     assert "2 runs of B have no seed in A: left out" in found.notes
+    del b.runs[tuple(b.runs)[-1]]
+    assert "1 run of B has no seed in A: left out" in comparison.compare(a, b).notes
     kept = [
         [json.loads((path / "runs" / f"{k:06d}.json").read_text())["summary"] for k in range(RUNS)]
         for path in (folder, tmp_path / "other")
@@ -179,15 +192,15 @@ def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole
         ((y - x).mean(), low, high)
     )
     assert one.a.median == pytest.approx(np.median(x)) and one.b.rms == pytest.approx(np.sqrt((y**2).mean()))
-    assert (one.difference.verdict == paired.NOT_SEEN) == (low <= 0.0 <= high)
+    assert (one.difference.verdict, one.why) == (paired.OPEN, "only 4 pairs")
 
 
 def test_rounding_is_no_difference():
-    a = np.array([1.0, 2.0, 3.0])
-    found = paired.difference(a, a * (1.0 + 2e-16 * np.array([1.0, -1.0, 2.0])))
+    a = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    found = paired.difference(a, a * (1.0 + 2e-16 * np.array([1.0, -1.0, 2.0, 1.0, -1.0, 2.0])))
     assert (found.mean, found.better, found.worse, found.verdict) == (0.0, 0, 0, paired.NOT_SEEN)
-    seen = paired.difference(a, a + np.array([1e-9, 1.1e-9, 0.9e-9]))
-    assert (seen.worse, seen.verdict) == (3, paired.EQUAL)
+    seen = paired.difference(a, a + np.array([1e-9, 1.1e-9, 0.9e-9] * 2))
+    assert (seen.worse, seen.verdict) == (6, paired.EQUAL)
 
 
 def test_no_seed_in_common_is_one_line_and_exit_code_2(whole, scenario, tmp_path, command):
@@ -264,19 +277,19 @@ def test_a_log_without_the_seed_of_a_run_is_told_before_anything_flies(tmp_path,
 
 def test_software_is_flown_compared_and_not_flown_again(tmp_path, command):
     own, page = standing(tmp_path), tmp_path / "page.html"
-    words = ("compare", "built-in", own, "--scenario", str(short(tmp_path)), "--runs", str(RUNS), "--trust")
+    words = ("compare", "built-in", own, "--scenario", str(short(tmp_path)), "--runs", str(SIX), "--trust")
     words += ("--out", str(tmp_path / "flown"), "--workers", "1")
     run = command(*words, "--json", "--html", str(page))
     assert run.code == 0, run.err
     told = json.loads(run.out)
     (found,) = told["comparisons"]
-    assert found["pairs"] == RUNS and found["scenario_differences"] == []
+    assert found["pairs"] == SIX and found["scenario_differences"] == []
     assert told["sides"][1]["software"]["navigation"].startswith("own.py:Standing, sha256 ")
     one = row(found, "position, rms of the run")
     assert one["difference"]["verdict"] == "a" and one["difference"]["low"] > 100.0
-    assert one["difference"]["worse"] == RUNS
+    assert one["difference"]["worse"] == SIX
     misleading = next(one for one in found["shares"] if one["name"] == "misleading met")
-    assert misleading["a"]["n"] == RUNS and misleading["b"]["n"] == 0
+    assert misleading["a"]["n"] == SIX and misleading["b"]["n"] == 0
     assert misleading["difference"] is None and misleading["why"] == "cannot be judged of B"
     assert "B does not give it" in [one["why"] for one in found["figures"]]
     text = page.read_text()
@@ -285,11 +298,30 @@ def test_software_is_flown_compared_and_not_flown_again(tmp_path, command):
     assert [re.sub("-[0-9a-f]{8}$", "", one.name) for one in folders] == ["built-in", "own.py-Standing"]
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("flown/*/runs/*.json")}
     again = command(*words)
-    assert again.code == 0 and "A better" in again.out and len(before) == 2 * RUNS
+    assert again.code == 0 and "A better" in again.out and len(before) == 2 * SIX
     assert before == {path: path.stat().st_mtime_ns for path in tmp_path.glob("flown/*/runs/*.json")}
-    more = command(*words, "--runs", str(RUNS + 1))
-    assert f"{RUNS + 1} pairs" in more.out
+    more = command(*words, "--runs", str(SIX + 1))
+    assert f"{SIX + 1} pairs" in more.out
     assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+
+
+def test_fewer_runs_than_flown_name_the_command_that_compares_them(tmp_path, command):
+    own = standing(tmp_path)
+    words = ("compare", "built-in", own, "--scenario", str(short(tmp_path)), "--trust")
+    words += ("--out", str(tmp_path / "flown"), "--workers", "1")
+    assert command(*words, "--runs", "2").code == 0
+    folders = [str(path) for path in sorted((tmp_path / "flown").iterdir())]
+    for path in (tmp_path / "flown").glob("own*/runs/000001.json"):
+        path.unlink()  # as if it had been interrupted
+    fewer = command(*words, "--runs", "1")
+    assert fewer.code == 2 and "was asked for 2 runs, --runs 1 would take some away" in fewer.err
+    told = re.search("`shefex-nav (compare .*)` compares the runs that have flown", fewer.err).group(1)
+    assert told == " ".join(["compare", *folders])
+    shown = command(*told.split())
+    assert shown.code == 0 and "1 run of A has no seed in B: left out" in re.sub(r"\s+", " ", shown.out)
+    (tmp_path / "flown").joinpath(folders[1], "campaign.json").unlink()
+    alone = command(*words, "--runs", "1")
+    assert alone.code == 2 and "`shefex-nav report` reads what there is" in alone.err
 
 
 def test_edited_software_flies_into_a_folder_of_its_own(tmp_path):
@@ -334,7 +366,8 @@ def test_failed_runs_are_counted_and_left_out_of_the_figures(tmp_path, command):
     failed = found["shares"][0]
     assert failed["name"] == "failed runs" and failed["a"]["k"] == 0 and 0 < failed["b"]["k"] < SIX
     assert row(found, "position, rms of the run")["difference"]["n"] == SIX - failed["b"]["k"]
-    assert f"{failed['b']['k']} of {SIX} pairs have a failed run: figures are of the others" in found["notes"]
+    have = "has" if failed["b"]["k"] == 1 else "have"
+    assert f"{failed['b']['k']} of {SIX} pairs {have} a failed run: figures are of the others" in found["notes"]
 
 
 def test_software_that_always_fails_says_why(tmp_path, command):
@@ -371,7 +404,7 @@ def test_a_log_whose_flight_failed_is_a_failed_run(tmp_path, command):
     ]
     assert (
         found["figures"] == []
-        and "1 of 1 pairs have a failed run: figures are of the others" in found["notes"]
+        and "1 of 1 pairs has a failed run: figures are of the others" in found["notes"]
     )
 
 

@@ -17,7 +17,7 @@ def test_mean_and_student_s_interval_of_the_pairs():
     low, high = stats.ttest_rel(b, a).confidence_interval(0.95)
     assert (found.mean, found.low, found.high) == pytest.approx((1.0, low, high))
     assert (found.n, found.better, found.worse) == (4, 0, 4)
-    assert found.verdict == paired.NOT_SEEN  # the interval holds zero: -0.13 to 2.13
+    assert (found.verdict, found.why) == (paired.OPEN, "only 4 pairs")
 
 
 def test_what_is_better():
@@ -27,6 +27,20 @@ def test_what_is_better():
     assert paired.difference(b, a).verdict == paired.B_BETTER
     assert paired.difference(a, b, larger_is_better=True).verdict == paired.B_BETTER
     assert paired.difference(a, b, larger_is_better=True).better == 10
+
+
+@pytest.mark.parametrize(("n", "verdicts"), [(5, {paired.OPEN}), (6, {paired.A_BETTER, paired.B_BETTER})])
+def test_fewer_than_six_pairs_prove_nothing(n, verdicts):
+    """Differences of about one size and either sign: of two pairs, half have a Student's interval without 0."""
+    rng = np.random.default_rng(4)
+    signs, size = np.sign(rng.normal(size=(200, 2))), 1.0 + 0.01 * rng.normal(size=(200, 2))
+    without = [stats.ttest_1samp(row, 0.0).pvalue < 0.05 for row in signs * size]
+    assert 0.4 < np.mean(without) < 0.6
+    a = np.arange(float(n))
+    b = a + 1.0 + 0.01 * np.cos(a)
+    found = {paired.difference(a, b).verdict, paired.difference(b, a).verdict}
+    found |= {paired.share_difference([True] * n, [False] * n, good=good).verdict for good in (True, False)}
+    assert found == verdicts
 
 
 def test_certain_but_of_no_size_is_equal():

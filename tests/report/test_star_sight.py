@@ -23,6 +23,27 @@ def test_where_the_programme_points(overrides, what):
         assert one.field == ("programme", "slew") and what in one.text
 
 
+BACK = """\
+extends: cubesat
+mission: {name: back}
+programme:
+  slew: null
+  pointing: null
+  star: {task: point_inertial, from: 0 s, until: 40 s, right_ascension: 213.9 deg, declination: 19.2 deg}
+  back: {task: point_nadir, from: 40 s, until: 80 s}
+  follow: {task: turn_with_orbit, from: 80 s, until: 300 s}
+star_camera: {stray_light: {earth_exclusion: 60 deg}}
+"""
+
+
+def test_the_task_that_is_named_is_the_last_that_turned_the_camera(tmp_path):
+    """After it the camera looks along the orbit's normal, 22 deg above the limb."""
+    path = tmp_path / "back.yaml"
+    path.write_text(BACK)
+    (one,) = (one for one in programme.foreseen(load.load(path)) if "limb" in one.text)
+    assert one.field == ("programme", "back")
+
+
 def test_angles_of_the_boresight():
     """Above the pole, the boresight (body x here) up, level and 30 deg from the Sun, then down."""
     above = np.array([0.0, 0.0, wgs84.B + 200e3])

@@ -108,6 +108,12 @@ BROKEN = {
         "programme.damping.task",
         "turn_with_orbit is for a vehicle in orbit: the scenario has no section orbit",
     ),
+    "pointing to nadir on a rocket": (
+        "    task: damp\n",
+        "    task: @point_nadir\n",
+        "programme.damping.task",
+        "point_nadir is for a vehicle in orbit: the scenario has no section orbit",
+    ),
     "task that ends before it starts": (
         "until: 145 s",
         "until: @60 s",

@@ -167,7 +167,7 @@ def test_a_satellite_that_turns_with_its_orbit_keeps_one_side_to_the_earth(apoge
 
 
 def test_an_oblate_earth_does_not_carry_the_nadir_away():
-    """The argument of latitude from one ascending node to the next takes 2 pi / the mean rate, whatever J2 is."""
+    """One revolution later the Earth is where it was, from a start over the equator as over the pole."""
     period = 2.0 * np.pi * np.sqrt((wgs84.A + 505e3) ** 3 / SATELLITE.gravity.gm)
     for perigee in (0.0, 90.0 * DEG):
         orbit = replace(
@@ -184,6 +184,28 @@ def test_an_oblate_earth_does_not_carry_the_nadir_away():
         one, two = (int(np.searchsorted(trajectory.t_s, k * period)) for k in (1, 2))
         ahead = nadir_ahead(trajectory)
         assert abs(ahead[two] - ahead[one]) < 0.05 * DEG
+
+
+def test_a_satellite_comes_back_to_the_earth_from_a_star():
+    period = 2.0 * np.pi * np.sqrt((wgs84.A + 400e3) ** 3 / SATELLITE.gravity.gm)
+    orbit = replace(SATELLITE.start, perigee_height=400e3, apogee_height=400e3)
+    programme = (
+        ("star", task(tasks.PointInertial, 0.0, 60.0, right_ascension=1.2, declination=0.9, roll=0.5)),
+        ("back", task(tasks.PointNadir, 200.0, 300.0)),
+        ("nadir", task(tasks.TurnWithOrbit, 300.0, 1000.0, ramp=5.0)),
+    )
+    trajectory, _, _ = flown(
+        SATELLITE._replace(programme=programme, start=orbit, attitude=p.PRESCRIBED, time_limit_s=990.0)
+    )
+    ahead = nadir_ahead(trajectory)
+    assert abs(ahead[trajectory.t_s == 200.0][0]) > 0.5
+    assert ahead[trajectory.t_s == 300.0][0] == pytest.approx(0.0, abs=1e-6)
+    lag = 2.5 * 2.0 * np.pi / period  # half a fade
+    kept = trajectory.t_s > 305.0
+    assert ahead[kept] == pytest.approx(lag, abs=1e-5)
+    for q, r, v in zip(trajectory.q_ib[kept], trajectory.r_i[kept], trajectory.v_i[kept], strict=True):
+        C_ib = rotation.dcm_from_quat(q)
+        assert abs(C_ib[:, 1] @ r) < 1e-5 * wgs84.A and C_ib[:, 0] @ v > 0.99999 * np.linalg.norm(v)
 
 
 def nadir_ahead(trajectory):

@@ -160,6 +160,21 @@ def test_point_inertial_lays_the_boresight_among_the_stars():
     assert np.arcsin(boresight_i[2]) == pytest.approx(51.0 * DEG, abs=1e-7)
 
 
+def test_point_nadir_lays_z_to_the_centre_and_x_forward_across_it():
+    q_0 = random_attitude(np.random.default_rng(7))
+    r_i, v_i = np.array([2.0e6, 1.0e6, 6.1e6]), np.array([5200.0, -4900.0, 1700.0])  # climbs: 0.14 rad
+    ahead = {130.0: (r_i, v_i)}  # of its end and no other time
+    law = attitude.rate_law(task(tasks.PointNadir, 100.0, 130.0), q_0, 0.0, ahead.__getitem__, EARTH, C_BC)
+    for t_s in (100.0, 130.0):
+        assert attitude.body_rate(law, t_s)[:3] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    C_ib = rotation.dcm_from_quat(end_attitude(law, q_0))
+    assert C_ib.T @ r_i == pytest.approx([0.0, 0.0, -np.linalg.norm(r_i)], abs=1.0)
+    forward, right, down = C_ib.T @ v_i
+    assert forward == pytest.approx(np.linalg.norm(np.cross(r_i, v_i)) / np.linalg.norm(r_i), abs=1e-3)
+    assert right == pytest.approx(0.0, abs=1e-3)
+    assert down == pytest.approx(-r_i @ v_i / np.linalg.norm(r_i), abs=1e-3) and down < -1000.0
+
+
 @pytest.mark.parametrize("roll", [0.0, 0.7, np.pi])
 def test_camera_attitude(roll):
     rng = np.random.default_rng(3)

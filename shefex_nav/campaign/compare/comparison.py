@@ -157,12 +157,15 @@ def _notes(a, b, seeds, whole):
     notes = [*a.notes, *b.notes]
     for one, other in ((a, b), (b, a)):
         if alone := len(one.runs) - len(seeds):
-            notes.append(f"{alone} runs of {one.letter} have no seed in {other.letter}: left out")
+            runs = f"{alone} run of {one.letter} has" if alone == 1 else f"{alone} runs of {one.letter} have"
+            notes.append(f"{runs} no seed in {other.letter}: left out")
     if fewer := len(seeds) - len(whole):
-        notes.append(f"{fewer} of {len(seeds)} pairs have a failed run: figures are of the others")
+        have = "has" if fewer == 1 else "have"
+        notes.append(f"{fewer} of {len(seeds)} pairs {have} a failed run: figures are of the others")
     other_draws = sum(a.runs[seed].draws != b.runs[seed].draws for seed in seeds)
     if other_draws and a.kind == b.kind:
-        notes.append(f"{other_draws} pairs have one seed but other draws: not one flight, only one noise")
+        pairs = "1 pair has" if other_draws == 1 else f"{other_draws} pairs have"
+        notes.append(f"{pairs} one seed but other draws: not one flight, only one noise")
     others = sum(_flight(a.runs[seed]) != _flight(b.runs[seed]) for seed in whole)
     if others and a.kind == b.kind:
         which = "1 pair is" if others == 1 else f"{others} pairs are"

@@ -5,6 +5,7 @@ SHA-256): the same command goes on with it, and software that was edited gets a 
 """
 
 import re
+import shlex
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,8 +66,22 @@ def _folder(scenario, given, how):
     return out / f"{name}-{planning.digest(scenario.source)[:DIGITS]}"
 
 
-def fly(flight, how, show, stopped):
-    """Fly what is missing of a Flight. -> running.Ended"""
+def fly(flight, how, show, stopped, others=()):
+    """Fly what is missing of a Flight. -> running.Ended
+
+    others : Flights of the same comparison, which are named where the folder has more runs than are asked
+    """
     asked = running.Request(flight.scenario, how.runs, how.seed, how.workers, None, ())
-    with store.Store(flight.folder) as folder:
-        return running.fly(running.checked(asked), folder, show, stopped)
+    try:
+        with store.Store(flight.folder) as folder:
+            return running.fly(running.checked(asked), folder, show, stopped)
+    except store.FewerRunsError as error:
+        words, advice = error.args
+        raise store.FewerRunsError(words, _see(others) or advice) from None
+
+
+def _see(flights):
+    """How to compare what has flown of Flights: str; '' where fewer than two have begun."""
+    begun = [str(one.folder) for one in flights if store.read_head(one.folder, missing=None) is not None]
+    command = shlex.join(["shefex-nav", "compare", *begun])
+    return f"`{command}` compares the runs that have flown" if len(begun) > 1 else ""

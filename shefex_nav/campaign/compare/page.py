@@ -23,7 +23,7 @@ def page(sides, found):
         caption = (
             "Difference of each pair of runs of one seed, in the order of the seeds; coloured where the "
         )
-        caption += "interval of the mean does not hold zero."
+        caption += "verdict is for one of the two."
         drawn = _picture(f"differences-{k}", figures.draw_differences(one), caption)
         sections.append((f"differences-{k}", f"Differences: {parts.title(one)}", drawn))
     caption = "Sizes of the error vectors of each run, and three times the root of the sum of the variances "

@@ -5,6 +5,9 @@ happened or did not (a requirement met, a run failed): difference of the shares,
 and Price. Its verdict is McNemar's exact test over the pairs in which it happened to one of the two alone; of
 few pairs that is stricter than the interval. Neither draws random numbers. The confidence of each interval is
 95 %: of twenty rows without a difference, one shows one by chance.
+
+Fewer than FEW pairs have no verdict: Student's interval of two or three needs differences of a normal law, and
+of five pairs all have one sign by chance in 2 of 2^5.
 """
 
 from typing import NamedTuple
@@ -18,6 +21,8 @@ CONFIDENCE = intervals.CONFIDENCE
 A_BETTER, B_BETTER, NOT_SEEN = -1, 1, 0  # verdicts; None: there is no interval
 NOT_JUDGED = 2  # verdict where the difference is not that of the two sides alone
 EQUAL = 3  # verdict of an interval without zero that is nowhere as large as NEGLIGIBLE
+OPEN = 4  # verdict of pairs that differ and are too few
+FEW = 6
 NEGLIGIBLE = 1e-3  # of the larger of the two means: certain, and of no use to anybody
 
 
@@ -40,7 +45,7 @@ class Difference(NamedTuple):
     better: int  # pairs in which B is better
     worse: int  # in which A is
     verdict: int | None
-    why: str = ""  # there is no interval, or it is not judged
+    why: str = ""  # there is no interval, it is not judged, or it is open
 
 
 class Share(NamedTuple):
@@ -82,10 +87,16 @@ def difference(a, b, *, larger_is_better=False):
     if not found.any():  # without scatter there is no interval, nor anything to be certain of
         return Difference(n, 0.0, None, None, 0, 0, NOT_SEEN)
     low, high = intervals.mean(found)
+    if n < FEW:
+        return Difference(n, mean, low, high, *counts, OPEN, _few(n))
     verdict = _verdict(low, high, larger_is_better)
     if verdict != NOT_SEEN and max(-low, high) < NEGLIGIBLE * max(abs(a.mean()), abs(b.mean())):
         verdict = EQUAL
     return Difference(n, mean, low, high, *counts, verdict)
+
+
+def _few(n):
+    return f"only {n} pairs"
 
 
 def _no_interval(found):
@@ -125,6 +136,8 @@ def share_difference(a, b, *, good):
         return ShareDifference(n, mean, None, None, None, "one pair")
     if not apart:
         return ShareDifference(n, 0.0, None, None, NOT_SEEN)
+    if n < FEW:
+        return ShareDifference(n, mean, *intervals.paired_shares(only_a, only_b, n), OPEN, _few(n))
     low, high = (p - 0.5 for p in intervals.proportion(only_b, apart))
     verdict = _verdict(low, high, good)
     return ShareDifference(n, mean, *intervals.paired_shares(only_a, only_b, n), verdict)

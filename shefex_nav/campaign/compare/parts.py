@@ -13,7 +13,6 @@ from shefex_nav.report.table import TOO_SURE
 from shefex_nav.scenario import differences
 
 MOST_DIFFERENCES = 10  # values, that are told
-FEW = 6  # pairs: of fewer, a difference in all of them may be chance (2 in 2^5)
 LOG_NAME = "{letter}{run}.mcap"
 
 
@@ -94,9 +93,10 @@ def verdict(found, one):
         return f"not judged: {found.why}"
     if found.verdict == paired.EQUAL:
         return f"equal within {100.0 * paired.NEGLIGIBLE:g} %"
+    if found.verdict == paired.OPEN:
+        return f"open: {found.why}"
     if found.verdict == paired.NOT_SEEN:
-        undecided = found.low is not None and found.n < FEW
-        return f"open: only {found.n} pairs" if undecided else "no difference seen"
+        return "the same in each pair" if found.low is None else "no difference seen"
     return Bold(f"{(one.a if found.verdict == paired.A_BETTER else one.b).letter} better")
 
 
@@ -105,7 +105,7 @@ def _lines(one):
     lines = [
         f"{a} and {b} are medians of the runs. {b} - {a} is the mean of the differences of runs of one seed, "
         "with Student's interval; the difference of the medians may be another. There is a verdict where the "
-        "interval does not include zero. Of twenty rows without a difference, one shows one by chance."
+        f"interval of {paired.FEW} pairs or more does not include zero. Of twenty rows without a difference, one shows one by chance."
     ]
     if any(row.quantity.better == NEARER for row in one.rows):
         lines.append("NEES: the difference is of |ln(NEES / 9)|, how far it is from what it should be.")

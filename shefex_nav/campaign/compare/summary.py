@@ -12,6 +12,7 @@ VERDICTS = {
     paired.NOT_SEEN: "none",
     paired.EQUAL: "none",
     paired.NOT_JUDGED: None,
+    paired.OPEN: None,
     None: None,
 }
 

@@ -202,6 +202,8 @@ def rate_law(task, q_ib, spin, ahead, earth, C_bc):
             return point(task, q_ib, boresight_i, C_bc)
         case tasks.PointInertial():
             return point(task, q_ib, sky_direction_i(task.right_ascension, task.declination), C_bc)
+        case tasks.PointNadir():
+            return turn_to(t_0, t_1, q_ib, nadir_attitude(*ahead(t_1)))
         case tasks.Dwell():
             return dwell(task, C_bc)
         case tasks.TurnWithOrbit():
@@ -239,3 +241,11 @@ def camera_attitude(boresight_i, x_b_i, roll, C_bc):
     x_i = np.cos(roll) * across + np.sin(roll) * np.cross(boresight_i, across)
     C_ic = np.stack([x_i, np.cross(boresight_i, x_i), boresight_i], axis=1)
     return rotation.quat_from_dcm(C_ic @ C_bc.T)
+
+
+def nadir_attitude(r_i, v_i):
+    """q_ib (4,) with z to the Earth's centre and x along what v_i has across it. r_i, v_i (3,)."""
+    down = -r_i / np.sqrt(r_i @ r_i)
+    across = np.cross(down, v_i)
+    across /= np.sqrt(across @ across)
+    return rotation.quat_from_dcm(np.stack([np.cross(across, down), across, down], axis=1))

@@ -80,6 +80,16 @@ class PointInertial(Task):
     )
 
 
+class PointNadir(Task):
+    """Turn the body to the Earth: z to its centre, x along the flight across it, both as they are at the end.
+
+    x lies along the inertial velocity less its part along the radius. It arrives at rest among the stars; a
+    `turn_with_orbit` from there on keeps it.
+    """
+
+    task: Literal["point_nadir"] = choice()
+
+
 class TurnWithOrbit(Task):
     """Turn about the orbit's normal as the orbit does: the side that faces the Earth goes on facing it.
 
@@ -115,5 +125,5 @@ class Hold(Task):
     task: Literal["hold"] = choice()
 
 
-KINDS = (Damp, Turn, AlignVelocity, SpinTo, Point, PointInertial, Dwell, TurnWithOrbit, Hold)
-LOOKS = (Point, PointInertial, Dwell, TurnWithOrbit)  # the star camera works meanwhile; nothing spins
+KINDS = (Damp, Turn, AlignVelocity, SpinTo, Point, PointInertial, PointNadir, Dwell, TurnWithOrbit, Hold)
+LOOKS = (Point, PointInertial, PointNadir, Dwell, TurnWithOrbit)  # the star camera works, nothing spins
