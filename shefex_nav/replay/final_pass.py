@@ -73,6 +73,7 @@ class Whole(History):
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.oldest, self.newest = final.measurements, 0, len(self.ends_s) - 1
         self.x, self.P, self.used_s = final.xs[0].copy(), P.copy(), {}
+        self.corrections = None  # nothing is judged again
 
 
 class UsedMeasurement(NamedTuple):

@@ -155,6 +155,10 @@ def _check_programme(params, earliest):
             raise ValueError(f"{name} ends at {task.end} s, not after its start at {task.start} s")
         if isinstance(task, tasks.Dwell) and task.moves:
             _check_rates(name, task)
+        if isinstance(task, tasks.TurnWithOrbit):
+            if not isinstance(params.start, settings.Orbit):
+                raise ValueError(f"{name} turns with the orbit, and the vehicle does not start in one")
+            _check_fades(name, task)
         before, free_at = name, task.end
 
 
@@ -162,7 +166,12 @@ def _check_rates(name, task):
     """Rates of a dwell can fade in and out."""
     if task.ramp is None:
         raise ValueError(f"{name}: rates that are asked for need a ramp in which they fade in")
-    if 2.0 * task.ramp > task.end - task.start:
-        raise ValueError(f"{name}: ramp ({task.ramp} s) does not fit twice into the task")
+    _check_fades(name, task)
     if task.cross_rate != 0.0 and task.cross_period is None:
         raise ValueError(f"{name}: cross_rate needs a cross_period")
+
+
+def _check_fades(name, task):
+    """The ramp fits twice into a task."""
+    if 2.0 * task.ramp > task.end - task.start:
+        raise ValueError(f"{name}: ramp ({task.ramp} s) does not fit twice into the task")
