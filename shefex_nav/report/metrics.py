@@ -10,8 +10,10 @@ Definitions
 - The window is where the true rate is at most 2 deg/s and the true exclusion angles are met. A tick of the
   camera without a frame counts in it if both neighbours do.
 - `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
-  rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is mounting
-  and principal point.
+  rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is that of
+  the principal point.
+- Errors of star fixes are in the camera's own axes and have no part of its mounting: `mounting_error_deg` is
+  the rotation from the nominal to the true mounting, which an attitude of the body has.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else too fast.
 - The star phase is from the first frame in the window to the last, whatever software flies.
