@@ -77,13 +77,15 @@ def _checked(scenario, overrides, against):
 
 def _print(scenario, found):
     """For people; the warnings are printed already."""
-    from shefex_nav.scenario import starlight
+    from shefex_nav.scenario import field_of_view, starlight
 
     n = len(found.warnings)
     count = f", with {n} warning{'s' if n > 1 else ''}" if n else ""
     for line in found.told:
         say(f"told otherwise: {line}")
     if light := starlight.of_section(found.loaded.star_camera):
+        width, height, _ = field_of_view.degrees(found.loaded.star_camera)
+        say(f"star_camera: a field of view of {width:.3g} x {height:.3g} deg")
         say(f"star_camera.optics.zero_magnitude_flux: {light.words()}")
     typer.echo(f"{scenario}: good{count}")
     if found.effects:
