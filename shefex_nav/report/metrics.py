@@ -28,6 +28,7 @@ Definitions
   (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
 - `simulated_s` is the time from the first sample of truth, at `simulated_from_s`, to the last.
 - `warnings` are of the scenario against the flight (`programme`); None where no scenario can be read.
+- `requirements` are those of the scenario, judged by this object; none where no scenario can be read.
 - Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
   of the roll axis alone while the spin is left alone; in the phases POINTING.
 """
@@ -43,6 +44,7 @@ from shefex_nav.report import (
     flight,
     local_level,
     programme,
+    requirements,
     star_aided,
     star_metrics,
     trust,
@@ -118,7 +120,10 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
     }
     if from_s is not None or local_level.is_replay(data):
         result["navigation"] |= local_level.summarise(data, from_s)
-    return _without_nan(result)
+    result = _without_nan(result)
+    judged = () if known.requirements is None else requirements.judge(known.requirements, result)
+    is_part = result["ended_early"] or result["until_s"] is not None
+    return result | {"requirements": requirements.objects(judged, is_part)}
 
 
 def _warnings(data, scenario):

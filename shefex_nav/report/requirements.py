@@ -100,7 +100,7 @@ def _frames(get):
 
 
 def _pointing(figure):
-    """Note about the largest error while pointing: when it was, and the vehicle pointed; or why it is none."""
+    """Note about the largest error while pointing: when it was, or why there is none."""
 
     def note(get):
         keys = ("from_s", "to_s", "solution_share", f"{figure}.max_at_s")
@@ -297,6 +297,31 @@ def verdict(one, is_part):
     words, further = "met" if one.passed else "not met", MEASURES[one.name].further
     is_final = further == ONCE or (further == GROWS and not one.passed)
     return words if is_final or not is_part else f"{words} so far"
+
+
+def objects(judged, is_part):
+    """What `--json` says of requirements: list of dicts. list of Judged; is_part : as of `verdict`
+
+    name; bound: at most, at least or is; required and value in `unit`, value None where it was not measured;
+    met, None where that is open; verdict and note, the words of the table
+    """
+    result = []
+    for one in judged:
+        words = verdict(one, is_part)
+        is_open = one.found is None or words == UNJUDGED
+        result.append(
+            {
+                "name": one.name,
+                "bound": MEASURES[one.name].word,
+                "required": one.required,
+                "value": one.found,
+                "unit": one.unit,
+                "met": None if is_open else one.passed,
+                "verdict": words,
+                "note": one.note,
+            }
+        )
+    return result
 
 
 def severity(judged):
