@@ -235,10 +235,14 @@ def fly_vehicle(scenario, seed, *, brief=False):
 
 def fly_begin(scenario, seed):
     """The first BEGIN_S of a flight in orbit, without sensors. -> Flight"""
-    flight_params = params.flight_params(scenario)
-    end_s = min(flight_params.time_limit_s, flight_params.t_start_s + BEGIN_S)
-    flight_params = flight_params._replace(time_limit_s=end_s)
+    flight_params = params.flight_params(scenario)._replace(time_limit_s=begin_until(scenario))
     return fly.fly(flight_params, earth_rotation(scenario), noise.generator(seed, "attitude_control"))
+
+
+def begin_until(scenario):
+    """Mission time until which `fly_begin` flies, s."""
+    mission = scenario.mission
+    return min(mission.time_limit, mission.start + BEGIN_S)
 
 
 def constellation(scenario):

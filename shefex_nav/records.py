@@ -246,7 +246,7 @@ class StarFix(NamedTuple):
     reason: int  # Reason; NONE = attitude is good
     q_ic: np.ndarray  # (4,) attitude of the camera; NaN without a fix
     P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes, without what
-    # is constant in a run (mounting, principal point); NaN likewise
+    # is constant in a run (principal point); NaN likewise
     detections: Detections
     hip: np.ndarray  # (n,) Hipparcos number of each detection, 0 where unidentified
     residual_px: float  # RMS of identified stars against the attitude, NaN without a fix

@@ -85,6 +85,16 @@ def test_a_warning_of_check_as_an_object(command):
     assert f"warning: {place}: {said['field']}: {said['text']}\n" == plain.err
 
 
+@pytest.mark.parametrize(("end_s", "part"), [(901, "; flown until T+900 s of 901 s"), (900, "")])
+def test_check_says_how_much_of_an_orbit_it_has_flown(command, end_s, part):
+    given = ("cubesat", "--set", f"mission.time_limit={end_s} s", "--set", "star_tracker.off=100 s")
+    last = ("--set", "programme.pointing.until=900 s")
+    plain, told = command("check", *given, *last), command("check", *given, *last, "--json")
+    assert plain.code == 0, plain.err
+    assert plain.out.startswith("cubesat: good") and plain.out.endswith(f"{part or 'good'}\n")
+    assert json.loads(told.out)["flown_until_s"] == (900.0 if part else None)
+
+
 def test_a_process_says_the_same_and_ends_with_its_code(command, process, default_scenario):
     """The other tests of messages run the command line in this process, which is the same and quicker."""
     for arguments in (("check", default_scenario), ("check", default_scenario, "--set", "gps.latency=nan s")):

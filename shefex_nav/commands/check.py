@@ -39,7 +39,7 @@ def check(
     """Check a scenario file; all its errors at once, with line and column.
 
     A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told, and
-    errors of the IMU that last in it but are noise to the filter.
+    errors of the IMU that last in it but are noise to the filter. Of an orbit the first 900 s are flown.
     """
     try:
         found = _checked(scenario, overrides or (), against)
@@ -77,21 +77,35 @@ def _checked(scenario, overrides, against):
 
 def _print(scenario, found):
     """For people; the warnings are printed already."""
-    from shefex_nav.scenario import starlight
+    from shefex_nav.scenario import field_of_view, starlight
 
     n = len(found.warnings)
     count = f", with {n} warning{'s' if n > 1 else ''}" if n else ""
     for line in found.told:
         say(f"told otherwise: {line}")
     if light := starlight.of_section(found.loaded.star_camera):
+        width, height, _ = field_of_view.degrees(found.loaded.star_camera)
+        say(f"star_camera: a field of view of {width:.3g} x {height:.3g} deg")
         say(f"star_camera.optics.zero_magnitude_flux: {light.words()}")
-    typer.echo(f"{scenario}: good{count}")
+    until, whole_s = _flown_until(found.loaded), found.loaded.mission.time_limit
+    part = "" if until is None else f"; flown until T{until:+g} s of {whole_s:g} s"
+    typer.echo(f"{scenario}: good{count}{part}")
     if found.effects:
         from shefex_nav.report import states
 
         stdout(130).print(states.table(found.effects))
     for line in found.differences:
         typer.echo(line)
+
+
+def _flown_until(scenario):
+    """Mission time until which the vehicle of a Scenario was flown, s; None: to its end, or it never flies."""
+    from shefex_nav import prepare
+
+    if scenario.orbit is None:
+        return None
+    until_s = prepare.begin_until(scenario)
+    return until_s if until_s < scenario.mission.time_limit else None
 
 
 def _of_good(scenario, found):
@@ -101,10 +115,11 @@ def _of_good(scenario, found):
         for one in found.warnings
     ]
     told = [_of_line(one) for one in found.told]
-    return _object(scenario, warnings=warnings, told_otherwise=told, differences=found.differences)
+    until_s = _flown_until(found.loaded)
+    return _object(scenario, warnings, told, found.differences, flown_until_s=until_s)
 
 
-def _object(scenario, *, errors=(), warnings=(), told_otherwise=(), differences=()):
+def _object(scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), flown_until_s=None):
     """JSON object."""
     return {
         "scenario": str(scenario),
@@ -113,6 +128,7 @@ def _object(scenario, *, errors=(), warnings=(), told_otherwise=(), differences=
         "warnings": list(warnings),
         "told_otherwise": list(told_otherwise),
         "differences": list(differences),
+        "flown_until_s": flown_until_s,
     }
 
 

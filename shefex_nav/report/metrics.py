@@ -10,8 +10,10 @@ Definitions
 - The window is where the true rate is at most 2 deg/s and the true exclusion angles are met. A tick of the
   camera without a frame counts in it if both neighbours do.
 - `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
-  rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is mounting
-  and principal point.
+  rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is that of
+  the principal point.
+- Errors of star fixes are in the camera's own axes and have no part of its mounting: `mounting_error_deg` is
+  the rotation from the nominal to the true mounting, which an attitude of the body has.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else too fast.
 - The star phase is from the first frame in the window to the last, whatever software flies.
@@ -26,6 +28,7 @@ Definitions
   (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
 - `simulated_s` is the time from the first sample of truth, at `simulated_from_s`, to the last.
 - `warnings` are of the scenario against the flight (`programme`); None where no scenario can be read.
+- `requirements` are those of the scenario, judged by this object; none where no scenario can be read.
 - Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
   of the roll axis alone while the spin is left alone; in the phases POINTING.
 """
@@ -41,6 +44,7 @@ from shefex_nav.report import (
     flight,
     local_level,
     programme,
+    requirements,
     star_aided,
     star_metrics,
     trust,
@@ -116,7 +120,10 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
     }
     if from_s is not None or local_level.is_replay(data):
         result["navigation"] |= local_level.summarise(data, from_s)
-    return _without_nan(result)
+    result = _without_nan(result)
+    judged = () if known.requirements is None else requirements.judge(known.requirements, result)
+    is_part = result["ended_early"] or result["until_s"] is not None
+    return result | {"requirements": requirements.objects(judged, is_part)}
 
 
 def _warnings(data, scenario):

@@ -99,14 +99,25 @@ def _frames(get):
     return f"of {frames:.0f} frame{'s' if frames > 1 else ''}"
 
 
-def _pointing(get):
-    """When the vehicle pointed, or why there is no figure."""
-    first_s, last_s, share = (get(f"{WHILE_POINTING}.{key}") for key in ("from_s", "to_s", "solution_share"))
-    if first_s is None:
-        return "it never pointed, or had no solution then"
-    if share < SOLVED:
-        return f"a solution for {100.0 * share:.0f} % of the pointing alone"
-    return f"at most, T{first_s:+.0f} to {last_s:+.0f} s"
+def _pointing(figure):
+    """Note about the largest error while pointing: when it was, or why there is none."""
+
+    def note(get):
+        keys = ("from_s", "to_s", "solution_share", f"{figure}.max_at_s")
+        first_s, last_s, share, at_s = (get(f"{WHILE_POINTING}.{key}") for key in keys)
+        if first_s is None:
+            return "it never pointed, or had no solution then"
+        if share < SOLVED:
+            return f"a solution for {100.0 * share:.0f} % of the pointing alone"
+        whole = f"T{first_s:+.0f} to {last_s:+.0f} s"
+        if at_s is None:  # a campaign of an earlier version does not say
+            return f"at most, {whole}"
+        stars_s = get("navigation.star_aided.from_s") if figure == "attitude_deg" else None
+        early = stars_s is not None and at_s < stars_s
+        early = ", before the second star fix" if early else ""
+        return f"at T{at_s:+.1f} s{early}; the largest of {whole}"
+
+    return note
 
 
 def _while_pointing(figure):
@@ -135,7 +146,7 @@ MEASURES = {
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
     **{
         f"{quantity}_while_pointing": _Measure(
-            _while_pointing(figure), unit, factor, "at most", GROWS, _pointing
+            _while_pointing(figure), unit, factor, "at most", GROWS, _pointing(figure)
         )
         for quantity, figure, unit, factor in (
             ("attitude", "attitude_deg", "deg", DEG),
@@ -286,6 +297,31 @@ def verdict(one, is_part):
     words, further = "met" if one.passed else "not met", MEASURES[one.name].further
     is_final = further == ONCE or (further == GROWS and not one.passed)
     return words if is_final or not is_part else f"{words} so far"
+
+
+def objects(judged, is_part):
+    """What `--json` says of requirements: list of dicts. list of Judged; is_part : as of `verdict`
+
+    name; bound: at most, at least or is; required and value in `unit`, value None where it was not measured;
+    met, None where that is open; verdict and note, the words of the table
+    """
+    result = []
+    for one in judged:
+        words = verdict(one, is_part)
+        is_open = one.found is None or words == UNJUDGED
+        result.append(
+            {
+                "name": one.name,
+                "bound": MEASURES[one.name].word,
+                "required": one.required,
+                "value": one.found,
+                "unit": one.unit,
+                "met": None if is_open else one.passed,
+                "verdict": words,
+                "note": one.note,
+            }
+        )
+    return result
 
 
 def severity(judged):

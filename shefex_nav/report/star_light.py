@@ -19,6 +19,7 @@ import numpy as np
 
 from shefex_nav.environment import ephemeris, stars
 from shefex_nav.onboard.startracker import catalogue
+from shefex_nav.scenario import field_of_view
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.software import BUILT_IN
 from shefex_nav.world.camera import detector
@@ -54,7 +55,7 @@ def of(scenario):
         faintest,
         share * int(np.count_nonzero(known.vmag <= faintest)),
         chip.black_level + chip.background * tracker.exposure.shortest / electrons_per_dn,
-        tuple(math.degrees(2.0 * math.atan(one)) for one in half),
+        field_of_view.degrees(camera)[:2],
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Reason
+from shefex_nav.report.mounting import mounting_error_deg
 from shefex_nav.report.sizes import largest, rms
 
 WRONG_ANGLE = math.radians(0.5)
@@ -92,11 +93,12 @@ def summarise(data, known):
             "boresight_rms": rms(chosen[:, 2]) * _ARCSEC,
             "max": largest(angle[in_window]) * _ARCSEC,
             "mean": (np.mean(chosen, axis=0) * _ARCSEC).tolist() if len(chosen) else None,  # x, y, z
-            # without the run's mean, which is mounting and principal point and not in the covariance
+            # without the run's mean, which is of the principal point and not in the covariance
             "normalised_rms": rms(((chosen - np.mean(chosen, axis=0)) / errors.sigma_c[in_window]).ravel())
             if len(chosen)
             else None,
         },
+        "mounting_error_deg": mounting_error_deg(data),
         "by_rate": by_rate(data, errors),
         "chain_ms": _chain_ms(data.compute_times.chain_s),
     }

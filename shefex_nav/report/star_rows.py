@@ -32,10 +32,13 @@ def star_rows(star):
     across = None if mean is None else math.hypot(*mean[:2]) / math.sqrt(2.0)  # rms of two axes
     about = None if mean is None else abs(mean[2])
     for name, key, constant, of in (
-        ("across", "cross_axis_rms", across, "mounting, principal point"),
-        ("about", "boresight_rms", about, "mounting"),
+        ("across", "cross_axis_rms", across, " (principal point)"),
+        ("about", "boresight_rms", about, ""),
     ):
         yield f"error {name} the boresight", _parts(error[key], constant, of)
+    if (mounting := star.get("mounting_error_deg")) is not None:
+        size = number(math.hypot(*mounting), 3, "deg")
+        yield "mounting error", f"{size}, in the attitude of the body alone: not in the errors above"
     chain = star["chain_ms"]
     if chain["median"] is not None:
         median, p99 = (number(chain[key], 2, "ms") for key in ("median", "p99"))
@@ -77,11 +80,11 @@ def _of_saturated(star):
 
 
 def _parts(rms, constant, of):
-    """An error of star fixes, arcsec, and how much of it the run's mean is, which is made `of` this."""
+    """An error of star fixes, arcsec, and how much of it is the run's mean. of : where that is from"""
     if constant is None or rms is None:
         return number(rms, 1, '" rms')
     scatter = math.sqrt(max(rms**2 - constant**2, 0.0))
-    return f'{number(rms, 1)}" rms: constant {number(constant, 1)}" ({of}), scatter {number(scatter, 1)}"'
+    return f'{number(rms, 1)}" rms: constant {number(constant, 1)}"{of}, scatter {number(scatter, 1)}"'
 
 
 def _outside(counts):

@@ -11,7 +11,7 @@ def errors(truth, found):
 
     truth : of a RunData;  found : metrics.NavErrors
     -> solution_share, of its ticks; from_s, to_s; position_m and velocity_m_s of the whole error;
-    attitude_deg, its `max` about one axis
+    attitude_deg, its `max` about one axis; each with rms, max, and max_at_s, when that was
     """
     rows = phase_at(truth, found.t_s) == Phase.POINTING
     if not rows.any():
@@ -21,15 +21,22 @@ def errors(truth, found):
         "solution_share": float(rows.sum() / (truth.phase == Phase.POINTING).sum()),
         "from_s": float(t_s[0]),
         "to_s": float(t_s[-1]),
-        "position_m": _figures(np.linalg.norm(found.position_i[rows], axis=1)),
-        "velocity_m_s": _figures(np.linalg.norm(found.velocity_i[rows], axis=1)),
+        "position_m": _figures(t_s, np.linalg.norm(found.position_i[rows], axis=1)),
+        "velocity_m_s": _figures(t_s, np.linalg.norm(found.velocity_i[rows], axis=1)),
         "attitude_deg": _figures(
+            t_s,
             np.degrees(np.linalg.norm(found.attitude_b[rows], axis=1)),
-            np.degrees(np.abs(found.attitude_b[rows])),
+            np.degrees(np.abs(found.attitude_b[rows])).max(axis=1),
         ),
     }
 
 
-def _figures(sizes, about_axes=None):
-    largest = sizes if about_axes is None else about_axes
-    return {"rms": float(np.sqrt(np.mean(sizes**2))), "max": float(largest.max())}
+def _figures(t_s, sizes, judged=None):
+    """rms of sizes (N,) at t_s (N,), the largest of `judged` (N,) and its time; judged : None: the sizes"""
+    judged = sizes if judged is None else judged
+    k = int(np.argmax(judged))
+    return {
+        "rms": float(np.sqrt(np.mean(sizes**2))),
+        "max": float(judged[k]),
+        "max_at_s": float(t_s[k]),
+    }

@@ -2,6 +2,7 @@
 
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.onboard.startracker.settings import contradiction
+from shefex_nav.scenario import field_of_view
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
 
@@ -43,6 +44,21 @@ def _rows_and_frames(scenario):
             f"{1e3 * interval:g} ms; {1e6 * interval / detector.rows:.4g} us is the most"
         )
         yield ("star_camera", "detector", "line_time"), words
+
+
+def _field(scenario):
+    """A field of view that a lens can have."""
+    camera = scenario.star_camera
+    width, height, diagonal = field_of_view.degrees(camera)
+    if diagonal > field_of_view.WIDEST_DEG:
+        chip, optics = camera.detector, camera.optics
+        words = (
+            f"{chip.columns} x {chip.rows} pixels of {1e6 * chip.pixel_size:.4g} um behind "
+            f"{1e3 * optics.focal_length:.4g} mm see {width:.4g} x {height:.4g} deg, {diagonal:.4g} deg from "
+            f"corner to corner; a lens without distortion is simulated, {field_of_view.WIDEST_DEG:g} deg is "
+            "the most: is detector.pixel_size right?"
+        )
+        yield ("star_camera", "optics", "focal_length"), words
 
 
 def _grey_values(scenario):
@@ -176,4 +192,4 @@ def _catalogue_and_latency(scenario):
 
 
 OF_CAMERA = (_rows_and_frames, _grey_values, _chain)  # of sections star_camera and star_tracker alone
-PARTS = (_clock_and_window, *OF_CAMERA, _catalogue_and_latency)
+PARTS = (_clock_and_window, _field, *OF_CAMERA, _catalogue_and_latency)

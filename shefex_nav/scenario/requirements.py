@@ -40,7 +40,9 @@ class Within(Block):
 
     at_entry: StrictBool = Field(False, description="true: the navigation error at entry")
     while_pointing: StrictBool = Field(
-        False, description="true: the navigation error as long as the programme points the vehicle"
+        False,
+        description="true: the navigation error in the tasks dwell, turn_with_orbit and hold, from the first "
+        "of them on, before the first star fixes too",
     )
     protection_at_entry: StrictBool = Field(False, description="true: the protection level at entry")
 

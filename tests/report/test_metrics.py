@@ -56,6 +56,7 @@ def test_log_and_memory_give_one_summary(records, summary, tmp_path):
 def test_the_object_is_plain_json_with_every_key(summary):
     again = json.loads(json.dumps(summary, allow_nan=False))
     assert again == summary
+    assert summary["requirements"] == []  # its scenario cannot be read
     assert {"scenario", "seed", "log", "simulated_s", "wall_s", "real_time_factor"} <= set(summary)
     assert {"apogee_km", "range_km", "max_speed_m_s", "events"} <= set(summary["flight"])
     star = summary["star_tracker"]

@@ -53,6 +53,34 @@ def test_check_names_the_line_and_ends_with_2(tmp_path, capsys, monkeypatch):
     assert said[-1].startswith(f"{path}:3:38: star_camera.optics.focal_length: no attitude is possible")
 
 
+@pytest.mark.parametrize(("angle_deg", "good"), [(99.9, True), (100.1, False), (179.0, False)])
+def test_a_field_that_no_lens_without_distortion_has(angle_deg, good):
+    """The pixels of 659 x 493 that make the diagonal of the field of view this large, behind 25 mm."""
+    pixel_mm = 2.0 * 25.0 * math.tan(math.radians(0.5 * angle_deg)) / math.hypot(659, 493)
+    given = [f"star_camera.detector.pixel_size={pixel_mm!r} mm", "star_camera.optics.focal_length=25 mm"]
+    if good:
+        assert load.load("shefex2_andoya", given)
+        return
+    with pytest.raises(load.ScenarioError) as caught:
+        load.load("shefex2_andoya", given)
+    (words,) = caught.value.messages
+    assert "star_camera.optics.focal_length: 659 x 493 pixels of" in words
+    assert f"{angle_deg:.4g} deg from corner to corner" in words and "pixel_size" in words
+
+
+def test_check_of_a_lens_prints_its_field_of_view(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "lens.yaml"
+    optics = "{optics: {f_number: 1.8, transmission: 80 %}, detector: {quantum_efficiency: 50 %}}"
+    path.write_text(f"extends: night_sky\nmission: {{name: lens}}\nstar_camera: {optics}\n", encoding="utf-8")
+    monkeypatch.setattr("sys.argv", ["shefex-nav", "check", str(path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    chip, focal_length = (659 * 9.9, 493 * 9.9), 24.95e3  # um
+    width, height = (2.0 * math.degrees(math.atan(0.5 * side / focal_length)) for side in chip)
+    assert f"star_camera: a field of view of {width:.3g} x {height:.3g} deg" in capsys.readouterr().err
+
+
 def test_too_narrow_a_field():
     """The mean number of stars is that of the catalogue times the share of the sky: here a small one."""
     (text,) = warned("star_camera.optics.focal_length=120 mm").values()

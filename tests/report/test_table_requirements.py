@@ -1,5 +1,7 @@
 """What the closing table says of the requirements of a scenario."""
 
+import json
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -7,7 +9,7 @@ from typer.testing import CliRunner
 from shefex_nav.commands.main import app
 from shefex_nav.log import reader
 from shefex_nav.report import table
-from shefex_nav.report.requirements import Judged
+from shefex_nav.report.requirements import Judged, objects
 
 JUDGED = [
     Judged("attitude_at_entry", 0.17, 0.0052, "deg", True),
@@ -29,6 +31,24 @@ def test_each_requirement_is_a_line(is_part, last):
     }
 
 
+@pytest.mark.parametrize(("is_part", "last"), [(False, "not met"), (True, "not reached")])
+def test_each_requirement_is_an_object_with_the_verdict_of_its_line(is_part, last):
+    """Not measured and not judged are neither met nor missed; the rest of a mission may undo a share."""
+    no_levels = Judged("misleading", 0.0, None, "%", False, "the software gives no protection level", False)
+    found = {one.pop("name"): one for one in objects([*JUDGED, no_levels], is_part)}
+    assert found["attitude_at_entry"] == {
+        **{"bound": "at most", "required": 0.17, "value": 0.0052, "unit": "deg", "met": True},
+        **{"verdict": "met", "note": ""},
+    }
+    assert (found["wrong_star_fixes"]["met"], found["wrong_star_fixes"]["value"]) == (False, 3)
+    assert found["position_at_entry"] | {"met": None, "value": None} == found["position_at_entry"]
+    assert found["position_at_entry"]["verdict"] == last
+    share = found["star_fixes"]
+    assert (share["bound"], share["note"], share["met"]) == ("at least", "of 81 frames", True)
+    assert share["verdict"] == ("met so far" if is_part else "met")
+    assert found["misleading"]["met"] is None and found["misleading"]["verdict"] == "not judged"
+
+
 def test_run_and_report_say_whether_requirements_are_met(tmp_path):
     """Twelve seconds of stars on the ground, which fixes every frame but has no entry."""
     log = tmp_path / "sky.mcap"
@@ -37,6 +57,15 @@ def test_run_and_report_say_whether_requirements_are_met(tmp_path):
     settings = [*ends, "--set", wanted]
     flown = CliRunner().invoke(app, ["run", "scenarios/night_sky.yaml", "--out", str(log), *settings])
     read = CliRunner().invoke(app, ["report", str(log)])
+    as_json = CliRunner().invoke(app, ["report", str(log), "--json"])
+    entry, share = json.loads(as_json.stdout)["requirements"]
+    assert (entry["name"], entry["met"], entry["verdict"]) == ("attitude_at_entry", None, "not met")
+    assert (share["name"], share["met"], share["value"], share["required"]) == (
+        "star_fixes",
+        True,
+        100.0,
+        90.0,
+    )
     for result in (flown, read):
         assert result.exit_code == 0, result.output
         said = " ".join(result.stdout.split())

@@ -78,12 +78,17 @@ def test_the_constant_part_of_star_errors_is_told_apart(log):
     star = metrics.summarise(reader.read(log))["star_tracker"]
     star["error_arcsec"] |= {"cross_axis_rms": 4.0, "boresight_rms": 5.0, "mean": [3.0, 4.0, -3.0]}
     found = dict(star_rows(star))
-    assert found["error across the boresight"] == (
-        '4.0" rms: constant 3.5" (mounting, principal point), scatter 1.9"'
-    )
-    assert found["error about the boresight"] == '5.0" rms: constant 3.0" (mounting), scatter 4.0"'
+    assert found["error across the boresight"] == ('4.0" rms: constant 3.5" (principal point), scatter 1.9"')
+    assert found["error about the boresight"] == '5.0" rms: constant 3.0", scatter 4.0"'
     star["error_arcsec"] |= {"cross_axis_rms": None, "mean": None}
     assert dict(star_rows(star))["error across the boresight"] == "-"
+
+
+def test_the_mounting_error_has_a_row_of_its_own(log):
+    star = metrics.summarise(reader.read(log))["star_tracker"]
+    words = dict(star_rows(star | {"mounting_error_deg": [0.03, -0.04, 0.12]}))["mounting error"]
+    assert words == "0.130 deg, in the attitude of the body alone: not in the errors above"
+    assert "mounting error" not in dict(star_rows(star | {"mounting_error_deg": None}))
 
 
 def test_frames_too_near_to_both_sun_and_limb_are_told(log):

@@ -67,8 +67,8 @@ CATALOGUE = (
     Entry(
         "star_errors", "star_tracker.star_errors", "star tracker",
         "True attitude of the camera less that of the fix. The mean is what is constant in a run, "
-        "mounting and principal point, and not in the covariance; it is not an error of the star "
-        "tracker.",
+        "above all the principal point, and not in the covariance. The camera's mounting is not in it."
+        ,
     ),
     Entry(
         "camera", "star_tracker.camera", "star tracker",

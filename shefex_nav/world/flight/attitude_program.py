@@ -159,10 +159,10 @@ def dwell(task, C_bc):
 
 
 def turn_with_orbit(task, q_ib, ahead):
-    """Turn about the normal of the orbit by its mean rate over a revolution, or over the task if that is shorter.
+    """Turn about the normal of the orbit by its mean rate over a revolution, or a task that is shorter.
 
-    The rate is that of the direction from the Earth's centre, as free fall predicts it: under J2 the mean motion
-    of the osculating elements would run away from it, by up to a degree in each revolution.
+    The rate is that of the direction from the Earth's centre, as free fall predicts it: under J2 the mean
+    motion of the osculating elements would run away from it, by up to a degree in each revolution.
     q_ib (4,) at the begin;  ahead as of `rate_law`
     """
     r_0, v_0 = ahead(task.start)
