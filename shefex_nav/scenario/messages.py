@@ -245,8 +245,10 @@ def _unknown(model, error):
 
 
 def _example(model, location):
-    """`; expected for example '10 Hz'` for a field that is missing."""
+    """`; expected for example '10 Hz'`, `; choose from: global, rolling` for a field that is missing."""
     annotation, metadata = field_at(model, location)
+    if get_origin(annotation) is Literal:
+        return f"; choose from: {', '.join(map(str, get_args(annotation)))}"
     if any(hasattr(one, "example") for one in metadata):
         return f"; expected for example '{_line(model, location)}'"
     if is_model(annotation) or get_origin(annotation) is dict or _is_form(annotation):

@@ -366,8 +366,8 @@ def test_failed_runs_are_counted_and_left_out_of_the_figures(tmp_path, command):
     failed = found["shares"][0]
     assert failed["name"] == "failed runs" and failed["a"]["k"] == 0 and 0 < failed["b"]["k"] < SIX
     assert row(found, "position, rms of the run")["difference"]["n"] == SIX - failed["b"]["k"]
-    have = "has" if failed["b"]["k"] == 1 else "have"
-    assert f"{failed['b']['k']} of {SIX} pairs {have} a failed run: figures are of the others" in found["notes"]
+    pairs = f"{failed['b']['k']} of {SIX} pairs {'has' if failed['b']['k'] == 1 else 'have'}"
+    assert f"{pairs} a failed run: figures are of the others" in found["notes"]
 
 
 def test_software_that_always_fails_says_why(tmp_path, command):

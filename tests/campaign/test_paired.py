@@ -31,7 +31,7 @@ def test_what_is_better():
 
 @pytest.mark.parametrize(("n", "verdicts"), [(5, {paired.OPEN}), (6, {paired.A_BETTER, paired.B_BETTER})])
 def test_fewer_than_six_pairs_prove_nothing(n, verdicts):
-    """Differences of about one size and either sign: of two pairs, half have a Student's interval without 0."""
+    """Differences of one size and either sign: Student's interval of two pairs is without 0 half the time."""
     rng = np.random.default_rng(4)
     signs, size = np.sign(rng.normal(size=(200, 2))), 1.0 + 0.01 * rng.normal(size=(200, 2))
     without = [stats.ttest_1samp(row, 0.0).pvalue < 0.05 for row in signs * size]

@@ -125,7 +125,13 @@ def test_a_noisier_receiver_is_worse_in_every_pair(tmp_path, monkeypatch, comman
         for one in found["comparisons"]
     ]
     assert [row["difference"]["n"] for row in figures] == [4, 4, 4]
-    assert [row["difference"]["verdict"] for row in figures] == ["none", "b", "b"]
+    assert [row["difference"]["better"] for row in figures[1:]] == [4, 4]
+    assert [row["difference"]["low"] < 0.0 <= row["difference"]["high"] for row in figures] == [
+        True,
+        False,
+        False,
+    ]
+    assert all(row["difference"]["verdict"] is None and row["why"] == "only 4 pairs" for row in figures)
     assert all(one["met"] == one["runs"] == 4 for one in found["combinations"])
     assert len(list((tmp_path / "out").iterdir())) == 4
 

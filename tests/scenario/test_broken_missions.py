@@ -102,6 +102,12 @@ BROKEN = {
         "programme.damping.until",
         "is missing; expected for example 'until: 145 s'",
     ),
+    "choice without a word": (
+        "    shutter: global # or rolling, with a line_time\n",
+        "",
+        "star_camera.detector.shutter",
+        "is missing; choose from: global, rolling",
+    ),
     "turning with an orbit on a rocket": (
         "    task: damp\n",
         "    task: @turn_with_orbit\n",

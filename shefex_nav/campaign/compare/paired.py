@@ -6,8 +6,8 @@ and Price. Its verdict is McNemar's exact test over the pairs in which it happen
 few pairs that is stricter than the interval. Neither draws random numbers. The confidence of each interval is
 95 %: of twenty rows without a difference, one shows one by chance.
 
-Fewer than FEW pairs have no verdict: Student's interval of two or three needs differences of a normal law, and
-of five pairs all have one sign by chance in 2 of 2^5.
+Fewer than FEW pairs have no verdict: Student's interval of two or three needs differences of a normal law,
+and of five pairs all have one sign by chance in 2 of 2^5.
 """
 
 from typing import NamedTuple

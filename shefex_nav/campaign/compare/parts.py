@@ -105,7 +105,8 @@ def _lines(one):
     lines = [
         f"{a} and {b} are medians of the runs. {b} - {a} is the mean of the differences of runs of one seed, "
         "with Student's interval; the difference of the medians may be another. There is a verdict where the "
-        f"interval of {paired.FEW} pairs or more does not include zero. Of twenty rows without a difference, one shows one by chance."
+        f"interval of {paired.FEW} pairs or more does not include zero. Of twenty rows without a difference, "
+        "one shows one by chance."
     ]
     if any(row.quantity.better == NEARER for row in one.rows):
         lines.append("NEES: the difference is of |ln(NEES / 9)|, how far it is from what it should be.")
