@@ -99,7 +99,7 @@ def _print(scenario, found):
 
 
 def _flown_until(scenario):
-    """Mission time until which the vehicle of a Scenario was flown, s; None: to its end, or it never flies."""
+    """Mission time until which the vehicle of a Scenario was flown, s; None: to its end, or it never is."""
     from shefex_nav import prepare
 
     if scenario.orbit is None:
