@@ -4,8 +4,8 @@
     python benchmarks/keep_impa_pixels.py FOLDER 650 1
 
 Chunks of other code, another seed or another size are refused. It also prints, table by table, what
-comes of choosing the reading on every second chunk and counting the published figures that it reproduces on the
-others.
+comes of choosing the reading on every second chunk and counting the published figures that it reproduces on
+the others.
 """
 
 import sys

@@ -128,8 +128,8 @@ def test_a_reading_says_how_many_things_are_otherwise():
             assert n_things == (1 if reading == "stars apart" else 2)
 
 
-def conclude(kurtosis_of_kept, n=6000):
-    """Row of the kurtosis where the errors here are normal and the kept run has the given Figure or none."""
+def conclude(kurtosis_of_kept, quantity="kurtosis, horizontal", n=6000):
+    """Row of the kurtosis, or another one, where the errors here are normal and the kept run has the given Figure or none."""
     rng = np.random.default_rng(2)
     rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
     rows[:, :3] = RATE, centroid_tables.KINDS.index(TABLE), 1.0
@@ -143,7 +143,7 @@ def conclude(kurtosis_of_kept, n=6000):
         return {READING: moments.judged(kurtosis_of_kept, "")}
 
     found = centroid_tables.conclude([{"rows": rows}], others)
-    return next(one for one in found if one.quantity == "kurtosis, horizontal")
+    return next(one for one in found if one.quantity == quantity)
 
 
 def figure(value, half, samples=500):
@@ -158,6 +158,19 @@ def test_a_kept_figure_explains_what_it_reaches():
     assert found.verdict == Verdict.EXPLAINED and found.run == f"impa-pixels/{READING}"
     assert f"it is {GOAL + 0.3:.4g}" in found.why
     assert found.why.startswith("3 things otherwise: pixels all alike, spot of 0.6 px, of clusters")
+
+
+def test_how_far_the_readings_come_is_said_beside_the_rows():
+    """The plain clusters, all apart, have 4 of the 8 figures; the kept reading has the one that they lack."""
+    quantity = "published figures that the chosen reading reproduces"
+    for kept_one, used, n_reached in (
+        (figure(GOAL + 0.3, 0.5), READING, 1),
+        (figure(GOAL + 3.0, 0.5), "stars apart", 4),  # none explains anything: the first
+    ):
+        one = conclude(kept_one, quantity)
+        assert one.verdict == Verdict.NONE and one.published is None
+        assert f"of 8: {used}, chosen afterwards of 15 readings" in one.condition
+        assert one.condition.endswith("the best has 4, the median 0") and one.measured == n_reached
 
 
 @pytest.mark.parametrize(
