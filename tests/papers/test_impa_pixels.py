@@ -129,7 +129,7 @@ def test_a_reading_says_how_many_things_are_otherwise():
 
 
 def conclude(kurtosis_of_kept, quantity="kurtosis, horizontal", n=6000):
-    """Row of the kurtosis, or another one, where the errors here are normal and the kept run has the given Figure or none."""
+    """Row of a quantity where the errors here are normal and the kept run has the given Figure or none."""
     rng = np.random.default_rng(2)
     rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
     rows[:, :3] = RATE, centroid_tables.KINDS.index(TABLE), 1.0
