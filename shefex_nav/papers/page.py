@@ -27,7 +27,8 @@ LEAD = (
     "Reproduced: the two differ by no more than the tolerance, the sampling error of both and the rounding "
     "of the paper. Better is no reproduction. Inputs were taken from the paper, calibrated figures were "
     "aimed at; neither says that anything was reproduced. A difference is explained where a run that is "
-    "named has one thing otherwise and reaches the published figure."
+    "named, and has otherwise what is said beside it (one thing, or as many as are said), reaches the "
+    "published figure. Where there are several such runs, the one that is used was chosen afterwards."
 )
 WANTED = {"experiment", "seed", "samples", "rows", "wall_s", "title", "unit"}
 TEXTS, FIGURES = ("quantity", "condition", "why"), ("published", "measured", "tolerance")  # of a row

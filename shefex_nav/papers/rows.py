@@ -106,7 +106,7 @@ def variant(row):
 
 
 def explained(row, other, run, words, passes=False):
-    """A row that differs, explained by a run with one thing otherwise; unchanged where that does not reach.
+    """A row that differs, explained by a run with something otherwise; unchanged where that does not reach.
 
     A figure that is better than the paper's stays so, and says which run is as the paper.
 
@@ -114,7 +114,7 @@ def explained(row, other, run, words, passes=False):
     ----------
     row, other : Row of one published figure, measured without and with the change
     run : str, experiment/variant
-    words : str, what is otherwise in that run
+    words : str, what is otherwise in that run, and how many things if it is more than one
     passes : bool, of something continuous: it is enough that the figure lies between the two
     """
     if row.verdict not in (Verdict.OPEN, Verdict.BETTER) or not isfinite(other.measured):

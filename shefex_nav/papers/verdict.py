@@ -27,7 +27,7 @@ class Verdict(StrEnum):
     CALIBRATED = "calibrated"  # an assumption was chosen so that it comes out
     REPRODUCED = "reproduced"
     BETTER = "better"
-    EXPLAINED = "differs, explained"  # the run that is named has one thing otherwise and reaches the figure
+    EXPLAINED = "differs, explained"  # a run that is named reaches the figure with what it has otherwise
     OPEN = "differs, open"
     TOO_FEW = "too few"  # the sample cannot tell
     GOAL_MET = "own goal met"

@@ -1,5 +1,7 @@
 """IMPA's centroids with pixels that weigh the same, and the run that the package keeps."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -70,7 +72,10 @@ def test_the_kept_run_has_every_figure_and_says_what_made_it():
     }
     assert set(kept.figures()) == wanted
     head = kept.PATH.read_text().splitlines()[0]
-    assert head.startswith("# shefex-nav reproduce impa-pixels --samples ") and "--seed 1 " in head
+    assert re.fullmatch(
+        r"# shefex-nav reproduce impa-pixels --samples \d+ --seed 1 \(shefex_nav [\d.]+, code [0-9a-f]{16}\)",
+        head,
+    )
     for one in kept.figures().values():
         assert one.low <= one.value <= one.high and 20 <= one.samples <= one.errors
 
@@ -86,24 +91,45 @@ def test_a_kept_table_reads_back(tmp_path):
         assert isinstance(other.samples, int) and isinstance(other.rate, int)
 
 
-def test_the_kept_run_is_of_this_code():
-    """Other noise, 26 of its samples: the spread with the global shutter at 1 deg/s is the kept one."""
+@pytest.mark.parametrize(
+    ("shutter", "rate", "tables"), [("global_shutter", 1, (0,)), ("rolling_shutter", 2, (1, 2))]
+)
+def test_the_spread_of_the_kept_run_comes_again_with_other_noise(shutter, rate, tables):
+    """26 of its samples, each shutter at one rate: standard deviations within a fifth, of all readings."""
     rows = [
-        pixels.rows_of(TABLE, field.pair(np.radians(RATE), k), np.random.SeedSequence(900 + k))
+        pixels.rows_of(shutter, field.pair(np.radians(rate), k), np.random.SeedSequence(900 + k))
         for k in range(26)
     ]
     rows = np.concatenate(rows)
-    rows = rows[rows[:, 3] == 1.0]
-    for s, spot in enumerate(pixels.SPOTS):
-        for w, weight in enumerate(weights.WEIGHTS):
-            errors = rows[(rows[:, 1] == s) & (rows[:, 2] == w)][:, 4:]
+    for reading, (spot, weight, of) in kept.READINGS.items():
+        mine = rows[(rows[:, 1] == kept.SPOTS.index(spot)) & (rows[:, 2] == weights.WEIGHTS.index(weight))]
+        mine = mine if of == "recognised" else mine[mine[:, 3] == 1.0]
+        for table in tables:
+            errors = mine[mine[:, 0] == table][:, 4:]
             for axis, values in zip(moments.AXES, errors.T, strict=True):
-                there = kept.figures()[f"{weight}, {spot}, recognised", TABLE, "std", axis, RATE]
-                assert values.std() == pytest.approx(there.value, rel=0.2)
+                there = kept.figures()[reading, moments.TABLES[table], "std", axis, rate]
+                assert values.std() == pytest.approx(there.value, rel=0.2), (reading, table, axis)
 
 
-def conclude(kurtosis_of_kept, n=6000):
-    """Row of the kurtosis where the errors here are normal and the kept run has the given Figure or none."""
+def test_readings_reach_as_many_published_figures_as_the_docs_say():
+    of = [list(kept.reached(table, kept.figures()).values()) for table in moments.TABLES]
+    assert [(max(counts), np.median(counts)) for counts in of] == [(20, 13), (31, 20), (21, 19)]
+
+
+def test_a_reading_says_how_many_things_are_otherwise():
+    for reading, words in centroid_tables.WORDS.items():
+        n_things = int(words.split()[0])
+        if reading in kept.READINGS:
+            spot, weight, of = kept.READINGS[reading]
+            assert n_things == (3 if weight == weights.ALIKE else 2)
+            assert all(part in words for part in (spot, kept.CLUSTERS[of]))
+            assert (weight in words) == (weight == weights.ALIKE)
+        else:
+            assert n_things == (1 if reading == "stars apart" else 2)
+
+
+def conclude(kurtosis_of_kept, quantity="kurtosis, horizontal", n=6000):
+    """Row of a quantity where the errors here are normal and the kept run has the given Figure or none."""
     rng = np.random.default_rng(2)
     rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
     rows[:, :3] = RATE, centroid_tables.KINDS.index(TABLE), 1.0
@@ -117,7 +143,7 @@ def conclude(kurtosis_of_kept, n=6000):
         return {READING: moments.judged(kurtosis_of_kept, "")}
 
     found = centroid_tables.conclude([{"rows": rows}], others)
-    return next(one for one in found if one.quantity == "kurtosis, horizontal")
+    return next(one for one in found if one.quantity == quantity)
 
 
 def figure(value, half, samples=500):
@@ -130,7 +156,21 @@ def figure(value, half, samples=500):
 def test_a_kept_figure_explains_what_it_reaches():
     found = conclude(figure(GOAL + 0.3, 0.5))
     assert found.verdict == Verdict.EXPLAINED and found.run == f"impa-pixels/{READING}"
-    assert f"it is {GOAL + 0.3:.4g}" in found.why and "pixels all alike" in found.why
+    assert f"it is {GOAL + 0.3:.4g}" in found.why
+    assert found.why.startswith("3 things otherwise: pixels all alike, spot of 0.6 px, of clusters")
+
+
+def test_how_far_the_readings_come_is_said_beside_the_rows():
+    """The plain clusters, all apart, have 4 of the 8 figures; the kept reading has the one that they lack."""
+    quantity = "published figures that the chosen reading reproduces"
+    for kept_one, used, n_reached in (
+        (figure(GOAL + 0.3, 0.5), READING, 1),
+        (figure(GOAL + 3.0, 0.5), "stars apart", 4),  # none explains anything: the first
+    ):
+        one = conclude(kept_one, quantity)
+        assert one.verdict == Verdict.NONE and one.published is None
+        assert f"of 8: {used}, chosen afterwards of 15 readings" in one.condition
+        assert one.condition.endswith("the best has 4, the median 0") and one.measured == n_reached
 
 
 @pytest.mark.parametrize(

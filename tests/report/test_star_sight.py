@@ -27,7 +27,6 @@ BACK = """\
 extends: cubesat
 mission: {name: back}
 programme:
-  slew: null
   pointing: null
   star: {task: point_inertial, from: 0 s, until: 40 s, right_ascension: 213.9 deg, declination: 19.2 deg}
   back: {task: point_nadir, from: 40 s, until: 80 s}
@@ -37,7 +36,7 @@ star_camera: {stray_light: {earth_exclusion: 60 deg}}
 
 
 def test_the_task_that_is_named_is_the_last_that_turned_the_camera(tmp_path):
-    """After it the camera looks along the orbit's normal, 22 deg above the limb."""
+    """After it the camera looks 30 deg above the horizontal, some 52 deg above the limb."""
     path = tmp_path / "back.yaml"
     path.write_text(BACK)
     (one,) = (one for one in programme.foreseen(load.load(path)) if "limb" in one.text)

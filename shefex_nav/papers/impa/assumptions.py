@@ -28,6 +28,12 @@ FAINT_MAG = 0.28  # by which stars look fainter above the threshold, median
 JOINT = "the joint set: spot of 0.7 px, V uniform"  # as flown by impa-joint
 
 
+OTHERWISE = {  # in the joint set than in the campaign's; the best case has no false objects
+    flight.CASES[0]: "with the spot of the joint set",
+    flight.CASES[1]: "2 things otherwise, the joint set: the spot, and magnitudes of the false objects",
+}
+
+
 class Setting(NamedTuple):
     """What is assumed."""
 
@@ -128,7 +134,7 @@ def conclude(results):
         if setting.words == JOINT:  # fitted to the best case alone
             rows += [calibrated(row) for row in mine] if setting.case == BEST else mine
         elif setting[1:] == Setting("", setting.case)[1:]:
-            how = {"run": "impa-assumptions/joint", "words": "with the joint set"}
+            how = {"run": "impa-assumptions/joint", "words": OTHERWISE[setting.case]}
             both = zip(mine, joint[setting.case], strict=True)
             rows += [explained(row, other, **how) for row, other in both]
         else:  # one step of a scan

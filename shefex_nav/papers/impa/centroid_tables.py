@@ -66,7 +66,11 @@ EXPLAINS = {  # in this order; words of the run
     f"{CHOSEN}, {JOINT}": f"with the spot of the joint set, 0.7 px, and {ALONE}",
 }
 SHOWN = (*EXPLAINS, "within 2 px")  # in the sentence of a row that none of them explains
-WORDS = EXPLAINS | {reading: kept.words(reading) for reading in kept.READINGS}
+THINGS = {"stars apart": 1, f"{CHOSEN}, {BOX}": 2, f"{CHOSEN}, {JOINT}": 2} | kept.THINGS  # otherwise
+WORDS = {  # of a reading that explains a row: how many things are otherwise in it, and which
+    reading: f"{THINGS[reading]} thing{'s' * (THINGS[reading] > 1)} otherwise: {words}"
+    for reading, words in (EXPLAINS | {reading: kept.words(reading) for reading in kept.READINGS}).items()
+}
 RUNS = {reading: f"{'impa-centroids' if reading in EXPLAINS else kept.RUN}/{reading}" for reading in WORDS}
 
 
@@ -91,6 +95,8 @@ def conclude(results, others=kept.others):
     for kind in PUBLISHED:
         both = [one for rate in RATES for one in _published_rows(kind, rate, rows, others)]
         found = _explained(both)
+        if both:
+            found.append(_reached_row(kind, both))
         out += found if kind != VARIANT else [row.variant(one) for one in found]
     out += _shape_rows(rows)
     for kind in OWN:
@@ -130,26 +136,50 @@ def _published_rows(kind, rate, rows, kept_of):
 
 
 def _explained(both):
-    """Rows of one kind at all rates. One reading has to do for all: that of WORDS which reaches most.
+    """Rows of one kind at all rates, with what one reading explains: that of WORDS which explains most.
 
     both : as of `_published_rows`
+
+    The reading is chosen afterwards, by the rows that it explains; of some that explain as many it is the
+    first of WORDS. It is used for all rows: those that it does not reach are open. `_reached_row` says how
+    far the others come.
 
     'within 2 px' leaves out clusters by the error that is judged: it shows, and explains nothing. The others
     do not look at the error.
     """
 
-    def by(reading):
-        run, words = RUNS[reading], WORDS[reading]
-        return [row.explained(one, of[reading], run, words) if reading in of else one for one, of in both]
+    found = _by(_chosen_reading(both), both)
+    return [_with_readings(one, of) for one, (_, of) in zip(found, both, strict=True)]
 
-    def reached(reading):
-        return sum(one.verdict == row.Verdict.EXPLAINED for one in by(reading))
 
-    return [_with_readings(one, of) for one, (_, of) in zip(by(max(WORDS, key=reached)), both, strict=True)]
+def _by(reading, both):
+    """The rows, explained by one reading where it reaches them."""
+    run, words = RUNS[reading], WORDS[reading]
+    return [row.explained(one, of[reading], run, words) if reading in of else one for one, of in both]
+
+
+def _chosen_reading(both):
+    """That of WORDS which explains most rows, the first of those that explain as many: str."""
+    return max(WORDS, key=lambda name: sum(one.verdict == row.Verdict.EXPLAINED for one in _by(name, both)))
+
+
+def _reached_row(kind, both):
+    """How many of the published figures the chosen reading reproduces, and the others."""
+    n_rows = sum(one.published is not None for one, _ in both)
+    reached = {
+        reading: sum(of[reading].verdict == row.Verdict.REPRODUCED for _, of in both if reading in of)
+        for reading in WORDS
+    }
+    used, counts = _chosen_reading(both), list(reached.values())
+    condition = (
+        f"{kind.replace('_', ' ')}, of {n_rows}: {used}, chosen afterwards of {len(counts)} readings; the "
+        f"best has {max(counts)}, the median {np.median(counts):g}"
+    )
+    return _info("published figures that the chosen reading reproduces", condition, reached[used])
 
 
 def _with_readings(one, others):
-    """A row that is open, with what each of SHOWN gives; else the row as it is."""
+    """A row that is open, with what each reading gives, those of SHOWN and the kept ones; else as it is."""
     if one.verdict == row.Verdict.OPEN and others:
         given = "; ".join(f"{reading} {other.measured:.3g}" for reading, other in others.items())
         one = one._replace(

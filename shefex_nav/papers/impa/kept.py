@@ -1,7 +1,7 @@
 """Figures of `impa-pixels`, a run of a quarter of an hour, kept in the package for `impa-centroids` to name.
 
-The table's first line is the command that measured it; `benchmarks/keep_impa_pixels.py` writes it from the
-chunks that the command has kept.
+The table's first line is the command that measured it and the digest of the code that did, as `keep` has it;
+`benchmarks/keep_impa_pixels.py` writes the table from the chunks that the command has kept.
 """
 
 import csv
@@ -9,7 +9,8 @@ from functools import cache
 from pathlib import Path
 
 from shefex_nav.papers.impa import moments
-from shefex_nav.papers.impa.methods.weights import WEIGHTS
+from shefex_nav.papers.impa.methods.weights import AS_PRINTED, WEIGHTS
+from shefex_nav.papers.verdict import Verdict
 
 PATH = Path(__file__).with_name("pixel_moments.csv")
 RUN = "impa-pixels"
@@ -24,13 +25,17 @@ READINGS = {
     for weights in WEIGHTS
     for of in CLUSTERS
 }
+THINGS = {  # how many are otherwise than in `impa-centroids`: spot, clusters, weights if not as printed
+    reading: 2 + (weights != AS_PRINTED) for reading, (_, weights, _) in READINGS.items()
+}
 DIGITS = 4  # of a kept figure
 
 
 def words(reading):
     """What is otherwise in a reading than in `impa-centroids`: str."""
     spot, weights, of = READINGS[reading]
-    return f"{weights}, {spot}, {CLUSTERS[of]}"
+    otherwise = [weights] if weights != AS_PRINTED else []
+    return ", ".join([*otherwise, spot, CLUSTERS[of]])
 
 
 def write(path, command, figures):
@@ -56,6 +61,17 @@ def read(path):
 def figures():
     """The table of the package, as `read` has it."""
     return read(PATH)
+
+
+def reached(table, of):
+    """How many published figures of a table each reading reproduces: {reading: int}. of: as `read` has it"""
+    mine = [one for one in of.values() if one.table == table]
+    return {
+        reading: sum(
+            moments.judged(one, "").verdict == Verdict.REPRODUCED for one in mine if one.reading == reading
+        )
+        for reading in READINGS
+    }
 
 
 def others(table, moment, axis, rate):
