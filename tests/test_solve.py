@@ -112,6 +112,20 @@ def test_prediction(least):
         assert found.status == "ok" or least == 3
 
 
+def test_three_stars_alone_are_named_by_a_prediction():
+    """Twenty of thirty, for three or more that are missing speak against them; by a turned prediction one."""
+    rng, named = np.random.default_rng(7), 0
+    for _ in range(30):
+        xy, flux, q_ci, hip = field(rng, n_false=0, least=6)
+        three = np.argsort(-flux)[:3]
+        frame, P = {"camera": CAMERA, "epoch": EPOCH}, np.eye(3) * np.radians(0.05) ** 2
+        found = solve_centroids(xy[three], flux[three], prediction=(q_ci, P), **frame)
+        named += found.status == "ok"
+        assert found.status == "failed" or (found.hip == hip[three]).all()
+        assert solve_centroids(xy[three], flux[three], **frame).status == "failed"
+    assert named >= 15
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_another_method_of_the_package(method):
     rng = np.random.default_rng(5)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.solve.camera import numbers
 
 COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
@@ -50,7 +51,7 @@ def number(name, value):
 
 
 def prediction(said):
-    """Checked (True, q_ci, P)."""
+    """(True, q_ic, P), as the identification takes it, of a checked (q_ci, P)."""
     try:
         q_ci, P = said
     except (TypeError, ValueError):
@@ -61,4 +62,4 @@ def prediction(said):
         raise ValueError(f"prediction q_ci: expected a unit quaternion, got norm {norm:.3g}")
     if np.linalg.eigvalsh(0.5 * (P + P.T))[0] <= 0.0:
         raise ValueError("prediction covariance: expected a positive definite matrix")
-    return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
+    return True, quat_conjugate(q_ci / norm), np.ascontiguousarray(0.5 * (P + P.T))

@@ -119,7 +119,7 @@ def solved(monkeypatch, n=9, P=1e-8, known=True, q=None, reasons=(5, 0), fewest=
 
     monkeypatch.setattr(bayes, "conclude", conclude)
     numbers = bayes.Numbers(660.0, 490.0, F, 329.5, 244.5, 5.0, 0.2, 0.25, 1e-7, fewest, 80_000)
-    q = quat_from_dcm(C_CI) if q is None else q
+    q = quat_from_dcm(C_CI.T) if q is None else q
     xy, mag = np.random.default_rng(1).uniform(0.0, 480.0, (n, 2)), np.arange(float(n))
     P_c = np.diag([P, 0.5 * P, 0.2 * P])
     got = plain(bayes.solve_kernel)(None, None, numbers, xy, mag, True, (known, q, P_c))

@@ -27,7 +27,11 @@ def test_as_many_are_solved_as_without_it(sigma_deg, off_deg, n_false):
         frame = np.ascontiguousarray(pixels(CAMERA, u_c)[order]), -2.5 * np.log10(flux[order]), True
         axis = rng.standard_normal(3)
         turn = quat_from_rotvec(np.radians(off_deg) * axis / np.linalg.norm(axis))
-        wrong = True, quat_multiply(turn, quat_conjugate(q_ic)), np.radians(sigma_deg) ** 2 * np.eye(3)
+        wrong = (
+            True,
+            quat_conjugate(quat_multiply(turn, quat_conjugate(q_ic))),
+            np.radians(sigma_deg) ** 2 * np.eye(3),
+        )
         for name, prediction in (("with", wrong), ("without", bayes.NO_PREDICTION)):
             found = bayes.Solution(*bayes.solve_kernel(*pairs.quick, NUMBERS, *frame, prediction))
             assert found.work < 3 * bayes.BUDGET

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, quat_from_dcm
+from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, quat_conjugate, quat_from_dcm
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.solve import centroids, lens, proof, search
 from shefex_nav.solve.camera import Camera
@@ -50,13 +50,15 @@ def test_near_a_prediction_it_is_the_identification_that_flies():
     for k in range(24):
         fit, xy, flux = picture(rng)
         off = rng.normal(0.0, 5e-4, 3) if k % 2 else rng.normal(0.0, 0.3, 3)
-        prediction = True, quat_from_dcm(dcm_from_rotvec(off) @ fit.lens.C_ci), P_c
+        q_ci = quat_from_dcm(dcm_from_rotvec(off) @ fit.lens.C_ci)
         frame = xy[:30], -2.5 * np.log10(flux[:30])
         sky = ready.sky
         whole = bayes.Solution(
-            *bayes.solve_kernel(sky.stars, sky.index, ready.numbers, *frame, True, prediction)
+            *bayes.solve_kernel(
+                sky.stars, sky.index, ready.numbers, *frame, True, (True, quat_conjugate(q_ci), P_c)
+            )
         )
-        alone = bayes.Solution(*proof.near(sky.stars, ready.numbers, *frame, prediction))
+        alone = bayes.Solution(*proof.near(sky.stars, ready.numbers, *frame, (True, q_ci, P_c)))
         assert alone.tracked
         if whole.reason == 0 and whole.tracked:
             confirmed += 1

@@ -166,6 +166,26 @@ def test_a_satellite_that_turns_with_its_orbit_keeps_one_side_to_the_earth(apoge
     assert nadir_ahead(trajectory)[trajectory.t_s > 10.0] == pytest.approx(ahead, abs=1e-4)
 
 
+def test_cold_gas_turns_a_satellite_with_its_orbit():
+    programme = (("nadir", task(tasks.TurnWithOrbit, 0.0, 600.0, ramp=20.0)),)
+    trajectory, _, control = flown(SATELLITE._replace(programme=programme, time_limit_s=500.0))
+    holding = control.t_s > 60.0
+    assert np.abs(control.pointing_error[holding]).max() < 0.3 * DEG
+    rates = np.linalg.norm(trajectory.omega_ib_b[trajectory.t_s > 60.0], axis=1)
+    period = 2.0 * np.pi * np.sqrt((wgs84.A + 650e3) ** 3 / SATELLITE.gravity.gm)
+    assert rates.mean() == pytest.approx(2.0 * np.pi / period, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("params", "seconds", "message"),
+    [(SATELLITE, 9.0, "ramp .* does not fit"), (ROCKET, 60.0, "does not start in one")],
+)
+def test_a_turn_with_the_orbit_that_cannot_be(params, seconds, message):
+    programme = (("nadir", task(tasks.TurnWithOrbit, 100.0, 100.0 + seconds, ramp=5.0)),)
+    with pytest.raises(ValueError, match=message):
+        flown(params._replace(programme=programme, attitude=p.PRESCRIBED))
+
+
 def test_an_oblate_earth_does_not_carry_the_nadir_away():
     """One revolution later the Earth is where it was, from a start over the equator as over the pole."""
     period = 2.0 * np.pi * np.sqrt((wgs84.A + 505e3) ** 3 / SATELLITE.gravity.gm)

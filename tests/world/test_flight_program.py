@@ -155,9 +155,13 @@ def test_point_inertial_lays_the_boresight_among_the_stars():
     q_0 = random_attitude(np.random.default_rng(5))
     slew = task(tasks.PointInertial, 0.0, 60.0, right_ascension=136.0 * DEG, declination=51.0 * DEG, roll=0.4)
     law = attitude.rate_law(slew, q_0, 0.0, None, EARTH, C_BC)
-    boresight_i = rotation.dcm_from_quat(end_attitude(law, q_0)) @ C_BC[:, 2]
+    C_ic = rotation.dcm_from_quat(end_attitude(law, q_0)) @ C_BC
+    boresight_i, roll_axis_i = C_ic[:, 2], rotation.dcm_from_quat(q_0)[:, 0]
     assert np.arctan2(boresight_i[1], boresight_i[0]) == pytest.approx(136.0 * DEG, abs=1e-7)
     assert np.arcsin(boresight_i[2]) == pytest.approx(51.0 * DEG, abs=1e-7)
+    across = roll_axis_i - (roll_axis_i @ boresight_i) * boresight_i
+    turned = np.arctan2(C_ic[:, 0] @ np.cross(boresight_i, across), C_ic[:, 0] @ across)
+    assert turned == pytest.approx(0.4, abs=1e-6)
 
 
 def test_point_nadir_lays_z_to_the_centre_and_x_forward_across_it():
