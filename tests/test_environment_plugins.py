@@ -88,6 +88,7 @@ def test_the_flight_is_given_the_models(tmp_path, code):
     assert not flown.wind[:, 1::2].any() and len(flown.wind_times) > 1
 
 
+@pytest.mark.slow
 def test_models_that_are_those_of_the_program_fly_as_they_do(tmp_path):
     """Their tables are off by 1e-4: less than a density that is off by 1e-3, and than another wind."""
     (tmp_path / "same.py").write_text(SAME)

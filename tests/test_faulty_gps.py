@@ -63,6 +63,7 @@ def test_a_drift_without_velocity_is_noticed():
     assert largest_ratio(flown, slice(0, 3), 280.0, 360.0) < 4.0
 
 
+@pytest.mark.slow
 def test_the_clean_flight_is_left_alone():
     """Nothing is doubted, or called stuck, drifting or frozen; the first star fix alone is held.
 

@@ -223,6 +223,7 @@ def test_rexus_comes_down_under_its_parachute():
     assert np.linalg.norm(v_e - (v_e @ up_e) * up_e) == pytest.approx(3.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_rexus_navigates_without_a_star_tracker():
     """Boost, spin, yo-yo, tumbling and the way down to the air; the minutes under the parachute are dull."""
     result = summary("rexus_like", until_s=300.0)

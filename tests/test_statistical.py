@@ -113,6 +113,7 @@ def test_the_same_seed_gives_the_same_fixes(scenarios, worlds, runs):
         np.testing.assert_array_equal(one.P_c, other.P_c)
 
 
+@pytest.mark.slow
 def test_ticks_one_by_one_give_the_same_fixes(scenarios, worlds, runs, monkeypatch):
     """What is seen is drawn at the exposure, what is found at the arrival: from one generator, in turn."""
     monkeypatch.setattr(simulate.Shutter, "ahead", lambda self, n, tick, ends_s: n + 1)

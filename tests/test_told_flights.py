@@ -19,6 +19,7 @@ def speed(flown):
     return np.linalg.norm(flown.world.flight.trajectory.v_i, axis=1).max()
 
 
+@pytest.mark.slow
 def test_a_clock_offset_that_nobody_knows_moves_the_vehicle_along_its_way():
     """20 ms too late at 2 km/s are 40 m; the filter does not know, and is off by many sigmas."""
     flown = fly(NAME, LATE, until_s=UNTIL_S)

@@ -72,6 +72,7 @@ def test_coefficients_are_those_of_least_squares(campaign):
     assert one.r2 == pytest.approx(1.0 - residual.var() * 499.0 / (499.0 - len(features)))  # adjusted
 
 
+@pytest.mark.slow
 def test_regression_intervals_hold_the_truth_as_often_as_they_say():
     # b1 = 0.6, b2 = 0.3, R^2 = 0.45; the noise grows with the third draw, which ordinary intervals ignore
     rng = np.random.default_rng(12)

@@ -55,6 +55,7 @@ def test_go_up_to_the_last_wind_before_the_first_that_is_not():
     assert winds.most(table, "N") == 2.0 and winds.most(table, "S") is None
 
 
+@pytest.mark.slow
 def test_a_stage_drifts_as_far_as_the_wind_is_strong(rocket):
     """Weathercocking and fall are nearly linear in a wind of a few m/s, and opposite in opposite winds."""
 

@@ -177,6 +177,7 @@ def test_odd_rows_are_warned_of(tmp_path):
     assert "changed.csv:301: the position steps by 40 m beside its velocity" in said
 
 
+@pytest.mark.slow
 def test_coarse_rows_and_turns_are_warned_of(tmp_path):
     few = slice(None, None, 25)
     path = rocket()
