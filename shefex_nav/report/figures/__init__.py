@@ -67,8 +67,7 @@ CATALOGUE = (
     Entry(
         "star_errors", "star_tracker.star_errors", "star tracker",
         "True attitude of the camera less that of the fix. The mean is what is constant in a run, "
-        "above all the principal point, and not in the covariance. The camera's mounting is not in it."
-        ,
+        "above all the principal point, and not in the covariance. It has no part of the mounting error.",
     ),
     Entry(
         "camera", "star_tracker.camera", "star tracker",

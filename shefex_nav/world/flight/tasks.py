@@ -74,7 +74,9 @@ class PointInertial(Task):
     right_ascension: float = quantity(
         "rad", "136 deg", "of the boresight at the end, axes of the GCRS (J2000)"
     )
-    declination: float = quantity("rad", "51 deg", "likewise", at_least="-90 deg", at_most="90 deg")
+    declination: float = quantity(
+        "rad", "51 deg", "of the boresight at the end", at_least="-90 deg", at_most="90 deg"
+    )
     roll: float = quantity(
         "rad", "0 deg", "about the boresight; 0: camera x as near to the roll axis as it gets", "0 deg"
     )
