@@ -1,18 +1,21 @@
 """Spoilt scenarios, logs, pictures and recorded data: is each of them read, or refused in words?
 
-uv run python benchmarks/fuzz.py [scenarios logs pictures data ...] [--first 0] [--cases 1000] [--minutes M]
-                                 [--json FILE]
+uv run python benchmarks/fuzz.py [scenarios flights logs pictures data ...] [--first 0] [--cases 1000]
+                                 [--minutes M] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
-twentieth that is good is prepared as for a flight; logs are read; pictures are solved; recorded data are
-prepared for a replay. Bad: an exception that is no UserError, more than 10 s of the processor, more than 2 GB
-beside what the process had. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one.
-`--first` goes on where another run has ended.
+twentieth that is good is prepared as for a flight; flights are scenarios of which the good ones are flown and
+looked at for their first seconds, every tenth to its end if that is not far; logs are read; pictures are
+solved; recorded data are prepared for a replay. Bad: an exception that is no UserError, more than 10 s of the
+processor (of a flight a minute), more than 2 GB beside what the process had, a number of a flight that is none.
+Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. `--first` goes on where another
+run has ended.
 """
 
 import argparse
 import collections
+import contextlib
 import json
 import resource
 import sys
@@ -31,13 +34,18 @@ from shefex_nav.scenario import document, load
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
-LONGEST_S, MOST_BYTES = 10.0, 2e9
+MOST_BYTES = 2e9
 PREPARED = 20  # of how many scenarios one is prepared for its flight
+LOOKED_AT_S = 5.0  # of a flight
+NUMBERS = {"covariance": ("t_s", "P", "estimates", "sigmas")}  # columns in which none may be missing
+WHOLE, SHORT_S = 10, 1500.0  # of how many flights one is looked at to its end, if it may not be longer
 FORMATS = "png", "tif", "jpg", "webp", "fits"
 
 
 class Kind:
     """One kind of file. `folder` : for what is made once and for the case."""
+
+    longest_s = 10.0  # of the processor
 
     def __init__(self, folder):
         self.folder = Path(folder)
@@ -73,6 +81,39 @@ class Scenarios(Kind):
         loaded = load.load(str(self.folder / "case.yaml"))
         if not rng.integers(PREPARED):
             prepare.settled_with_effects(loaded)
+
+
+class Flights(Scenarios):
+    """Scenarios that are flown if they are good, and looked at for a time."""
+
+    longest_s = 60.0
+
+    def case(self, rng):
+        """The first good one of many."""
+        self.loaded = None
+        while self.loaded is None:
+            super().case(rng)
+            with contextlib.suppress(UserError):
+                self.loaded = load.load(str(self.folder / "case.yaml"))
+
+    def read(self, rng):
+        from shefex_nav import runs
+
+        mission = self.loaded.mission
+        far = mission.time_limit > SHORT_S or rng.integers(WHOLE)
+        run = runs.fly(
+            self.loaded, int(rng.integers(1000)), until_s=mission.start + LOOKED_AT_S if far else np.inf
+        )
+        for name in ("truth", "imu", "nav", "covariance"):
+            _check_numbers(name, getattr(run.data, name))
+
+
+def _check_numbers(name, record):
+    """ValueError for a number of a record of arrays that is none. The sigma of no state is none: not asked."""
+    for field, column in ((one, getattr(record, one)) for one in NUMBERS.get(name, record._fields)):
+        if column.dtype.kind == "f" and not np.isfinite(column).all():
+            at_s = record.t_s[np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1))]
+            raise ValueError(f"{name}.{field} at T{at_s:+.2f} s is no number")
 
 
 class Logs(Kind):
@@ -142,7 +183,7 @@ class Data(Kind):
         external.prepare(*recorded.load(str(self.folder / "case.yaml")))
 
 
-KINDS = {"scenarios": Scenarios, "logs": Logs, "pictures": Pictures, "data": Data}
+KINDS = {"scenarios": Scenarios, "flights": Flights, "logs": Logs, "pictures": Pictures, "data": Data}
 
 
 def _own(path):
@@ -196,7 +237,7 @@ def tried(kind, number):
         outcome, words = "traceback", f"{type(error).__name__}: {error} ({last.filename}:{last.lineno})"
     took_s = time.process_time() - began
     grew = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
-    if outcome != "traceback" and took_s > LONGEST_S:
+    if outcome != "traceback" and took_s > kind.longest_s:
         outcome, words = "slow", f"{took_s:.1f} s"
     elif outcome != "traceback" and grew > MOST_BYTES:
         outcome, words = "large", f"{grew / 1e9:.1f} GB"

@@ -65,11 +65,12 @@ def form(key, models):
     """Type of a section in several forms, told apart by the word under `key`: {word: Block}."""
 
     def word(value):
-        return value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+        found = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+        return found if isinstance(found, str) else ""
 
     def check(value: Any):
         if isinstance(value, dict) and word(value) not in models:
-            got = f"{describe(word(value))} is not known" if key in value else "is missing"
+            got = f"{describe(value[key])} is not known" if key in value else "is missing"
             raise refuse(f"{key}: {got}; choose from: {', '.join(models)}{close(word(value), models)}")
         return value
 

@@ -32,7 +32,7 @@ def test_what_is_bad_is_noticed(fuzz, tmp_path, monkeypatch):
     monkeypatch.setattr(kind, "read", lambda rng: {}["key"])
     outcome, words, _ = fuzz.tried(kind, 1)
     assert outcome == "traceback" and words.startswith("KeyError: 'key'")
-    monkeypatch.setattr(fuzz, "LONGEST_S", -1.0)
+    monkeypatch.setattr(kind, "longest_s", -1.0)
     monkeypatch.setattr(kind, "read", lambda rng: None)
     assert fuzz.tried(kind, 1)[0] == "slow"
 

@@ -231,6 +231,7 @@ REFUSED = {
         "data.format=navigo",
         "data: format: 'navigo' is not known; choose from: csv, kf_gins, navego",
     ),
+    "a list": ("data.format=[csv]", "data: format: a list is not known; choose from: csv, "),
     "method": ("alignment.method=guess", "alignment: method: 'guess' is not known; choose from: reference, "),
     "unit": ("data.imu.gyro_unit=m/s", "data.imu.gyro_unit: 'm/s' is no unit of these columns"),
     "kinds": ("data.imu.gyro_unit=rad", "data.imu.accelerometer_unit: the gyros give increments"),
