@@ -8,9 +8,9 @@ changes (`mutations`). It goes, in this process, to what the commands call: scen
 twentieth that is good is prepared as for a flight; flights are scenarios of which the good ones are flown and
 looked at for their first seconds, every tenth to its end if that is not far; logs are read; pictures are
 solved; recorded data are prepared for a replay. Bad: an exception that is no UserError, more than 10 s of the
-processor (of a flight a minute), more than 2 GB beside what the process had, a number of a flight that is none.
-Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. `--first` goes on where another
-run has ended.
+processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what is logged of a
+flight. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. `--first` goes on where
+another run has ended.
 """
 
 import argparse
@@ -37,7 +37,7 @@ SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 MOST_BYTES = 2e9
 PREPARED = 20  # of how many scenarios one is prepared for its flight
 LOOKED_AT_S = 5.0  # of a flight
-NUMBERS = {"covariance": ("t_s", "P", "estimates", "sigmas")}  # columns in which none may be missing
+NUMBERS = {"covariance": ("t_s", "P", "estimates", "sigmas")}  # in which none may be NaN
 WHOLE, SHORT_S = 10, 1500.0  # of how many flights one is looked at to its end, if it may not be longer
 FORMATS = "png", "tif", "jpg", "webp", "fits"
 
@@ -109,11 +109,11 @@ class Flights(Scenarios):
 
 
 def _check_numbers(name, record):
-    """ValueError for a number of a record of arrays that is none. The sigma of no state is none: not asked."""
+    """ValueError for NaN in a record of arrays; the sigma of a block that is not estimated may be."""
     for field, column in ((one, getattr(record, one)) for one in NUMBERS.get(name, record._fields)):
         if column.dtype.kind == "f" and not np.isfinite(column).all():
             at_s = record.t_s[np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1))]
-            raise ValueError(f"{name}.{field} at T{at_s:+.2f} s is no number")
+            raise ValueError(f"{name}.{field} at T{at_s:+.2f} s is NaN")
 
 
 class Logs(Kind):

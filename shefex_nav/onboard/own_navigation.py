@@ -12,6 +12,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.unsteady import STEADY
+from shefex_nav.onboard import own_conventions
 from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
@@ -79,6 +80,7 @@ class OwnNavigation:
     def __init__(self, software, name, alignment, mission):
         self._own, self._mission = OwnSoftware(software, f"{self.WHAT} {name}"), mission
         self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
+        self._alignment = alignment  # until the first Estimate has been held against it
         self._kept, self._blocks = deque(maxlen=KEPT), deque(maxlen=KEPT)
         self._ask("start", sealed(alignment), sealed(mission))
 
@@ -207,7 +209,16 @@ class OwnNavigation:
         usable = estimate.usable
         if not isinstance(usable, tuple | list) or len(usable) != len(QUANTITIES):
             raise self._error(f"usable of its Estimate must be of {', '.join(QUANTITIES)}, got {usable!r}")
-        return estimate._replace(**arrays)
+        return self._meant(estimate._replace(**arrays))
+
+    def _meant(self, estimate):
+        """The same Estimate; the first one must not be right in another convention."""
+        if self._alignment is not None:
+            C_ei = frames.dcm_ie(self._mission.earth, self.now_s).T
+            if words := own_conventions.of_estimate(estimate, self._alignment, self.now_s, C_ei):
+                raise self._error(words)
+            self._alignment = None
+        return estimate
 
     def _checked_record(self, record):
         """A whole record of the software's own: of this tick, and a NavSolution complete."""

@@ -4,6 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from shefex_nav.onboard import own_conventions
 from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
@@ -55,8 +56,18 @@ class OwnTracker:
             raise self._own.error(frame.t_available_s, f"must give a Solved, got {solved!r}")
         available_s = frame.t_available_s + tracker.params.settings.latency
         fix = self._answers.fix(solved, frame, frame.t_available_s, available_s)
+        self._check_convention(fix, context)
         command = self._answers.command(solved, state.exposure_s, frame.t_available_s, available_s)
         return TrackerState(command.exposure_s), fix, command
+
+    def _check_convention(self, fix, context):
+        """SoftwareError for an attitude that is what the navigation predicts in another convention."""
+        is_known = context.P_c is not None and np.sqrt(np.trace(context.P_c)) < own_conventions.KNOWN
+        if fix.reason == Reason.NONE and is_known:
+            if words := own_conventions.of_attitude(fix.q_ic, context.q_ic):
+                raise self._own.error(
+                    fix.t_available_s, f"q_ic is the attitude that the navigation predicts {words}"
+                )
 
     def close(self):
         """There are no more frames."""

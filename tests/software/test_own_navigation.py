@@ -115,6 +115,38 @@ def test_mistakes_of_the_software_are_told_with_the_mission_time(tmp_path, here,
     assert re.search(words, str(told.value)), told.value
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (
+            "self.r, self.v, self.q[[1, 2, 3, 0]]",
+            "q_ib of its Estimate is the attitude of the alignment with",
+        ),
+        ("self.r, self.v, self.q * [1, -1, -1, -1]", "the attitude of the alignment the other way round"),
+        (
+            "self.r, self.v, (self.q * [1, -1, -1, -1])[[1, 2, 3, 0]]",
+            "(its conjugate) and with the scalar last",
+        ),
+        (
+            "self.r / 1e3, self.v, self.q",
+            "r_i of its Estimate is the position of the alignment in kilometres",
+        ),
+        ("C_ie.T @ self.r, self.v, self.q", "the position of the alignment in Earth-fixed axes"),
+    ],
+)
+def test_what_is_right_in_another_convention_is_told_at_once(tmp_path, given, words):
+    axes = "from shefex_nav.geometry import frames; C_ie = frames.dcm_ie(self.mission.earth, imu.t_valid_s)"
+    path = reckoning(tmp_path, f"{axes}; return Estimate({given})")
+    with pytest.raises(SoftwareError, match=re.escape(words)) as told:
+        flown("rexus_like", f"navigation.software={path}:Reckoning", until_s=0.5)
+    assert re.search(r"Reckoning, T-\d\.\d\d s: ", str(told.value))
+
+
+def test_an_attitude_that_is_nowhere_near_is_the_softwares_own(tmp_path):
+    path = reckoning(tmp_path, "return Estimate(self.r, self.v, (0.5, 0.5, 0.5, 0.5))")
+    assert flown("rexus_like", f"navigation.software={path}:Reckoning", until_s=-9.0)
+
+
 INDEFINITE = "import numpy as np; P = np.eye(9); P[0, 4] = P[4, 0] = 2.0; P *= 1e-6"
 SINGULAR = "import numpy as np; P = np.eye(9); P[0, 4] = P[4, 0] = 1.0; P *= 1e-6"
 GIVES = "; return Estimate(self.r, self.v, self.q, P if self.ticks == 50 else None)"

@@ -72,6 +72,27 @@ def test_mistakes_of_the_tracker_are_told(tmp_path, here, words):
     assert re.match(r"star tracker software seen.py:Seen, T\+\d+\.\d\d s: ", str(told.value))
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (
+            "context.q_ic[[1, 2, 3, 0]]",
+            "q_ic is the attitude that the navigation predicts with the scalar last",
+        ),
+        (
+            "context.q_ic * [1, -1, -1, -1]",
+            "that the navigation predicts the other way round (its conjugate)",
+        ),
+    ],
+)
+def test_an_attitude_in_another_convention_is_told_at_once(tmp_path, given, words):
+    path = tmp_path / "seen.py"
+    here = f"return Solved({given}, 1e-9 * np.eye(3)) if context.P_c is not None else Solved()"
+    path.write_text("import numpy as np\n" + SEEN.replace("HERE", here))
+    with pytest.raises(SoftwareError, match=re.escape(words)):
+        flown("night_sky", f"star_tracker.software={path}:Seen", until_s=3.0)
+
+
 def test_statistics_are_of_the_built_in_tracker(tmp_path):
     path = tmp_path / "seen.py"
     path.write_text(SEEN.replace("HERE", "return Solved()"))
