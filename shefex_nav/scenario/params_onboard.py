@@ -29,17 +29,26 @@ def pinhole_of(star_camera):
     from shefex_nav.geometry.pinhole import pinhole
 
     optics, detector = star_camera.optics, star_camera.detector
-    return pinhole(detector.columns, detector.rows, optics.focal_length / detector.pixel_size)
+    focal_px = optics.focal_length / detector.pixel_size
+    return pinhole(detector.columns, detector.rows, focal_px, optics.principal_point)
+
+
+def distortion_of(star_camera):
+    """Distortion (5,) of the same section, None of a pinhole."""
+    k = star_camera.optics.distortion
+    return None if k is None or not any(k) else np.array(k, dtype=float)
 
 
 def camera_model(scenario, bad_pixels):
     """CameraModel of a scenario; bad_pixels : (n, 2) row, column of the pixels found bad before flight."""
     from shefex_nav.onboard.startracker.camera import CameraModel
+    from shefex_nav.onboard.startracker.undistorted import displaced_px
 
     optics, stray_light = scenario.star_camera.optics, scenario.star_camera.stray_light
+    hole, distortion = nominal_camera(scenario), distortion_of(scenario.star_camera)
     exposure, per_dn = scenario.star_tracker.exposure, electrons_per_dn(scenario)
     return CameraModel(
-        pinhole=nominal_camera(scenario),
+        pinhole=hole,
         bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
         electrons_per_dn=per_dn,
         psf_sigma=optics.psf_sigma,
@@ -47,6 +56,8 @@ def camera_model(scenario, bad_pixels):
         focal_length_error=optics.focal_length_error,
         sun_exclusion=stray_light.sun_exclusion,
         earth_exclusion=stray_light.earth_exclusion,
+        distortion=distortion,
+        displaced_px=displaced_px(hole, distortion),
     )
 
 

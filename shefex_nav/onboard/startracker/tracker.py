@@ -1,12 +1,12 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`. What comes from the navigation, the `Context`,
-corrects aberration, says where to look for the stars first, how they move (`objects`), and names the reason
-of a failure. The attitude is that of the stars; a prediction that they contradict is forgotten, the frame is
-lost in space. It rests on the gyros too where the rate changes within the exposure, and with rows exposed one
-after the other, where the error of the rate is solved for along. No attitude is given at rates for which the
-tracker is not made, nor of rows whose places no rate has brought to one instant: an error message is better
-than a wrong attitude.
+frame -> objects -> distortion taken out (`undistorted`) -> identify and verify -> ESOQ2 -> `StarFix`. What
+comes from the navigation, the `Context`, corrects aberration, says where to look for the stars first, how
+they move (`objects`), and names the reason of a failure. The attitude is that of the stars; a prediction
+that they contradict is forgotten, the frame is lost in space. It rests on the gyros too where the rate
+changes within the exposure, and with rows exposed one after the other, where the error of the rate is solved
+for along. No attitude is given at rates for which the tracker is not made, nor of rows whose places no rate
+has brought to one instant: an error message is better than a wrong attitude.
 
 The flags of the frame set the exposure of the next one (SHEFEX-2 star tracker, section 3.1 and figure 2); the
 gain stays where the scenario puts it.
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.onboard.startracker import best_attitude, objects, single
+from shefex_nav.onboard.startracker import best_attitude, objects, single, undistorted
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -109,7 +109,7 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"star identification: {words[1]}")
     if scan not in (known := ways(SCAN)):
         raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
-    half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
+    half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px) + params.camera.displaced_px
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
     pairs = _pairs(settings.catalogue, _Same(catalogue), julian_year, field)
     deep = None
@@ -163,7 +163,8 @@ def step(tracker, state, frame, context):
     search = objects.SEARCHES.get(params.settings.detection.scan, objects.as_spots)
     for seen in search(params, tracker.pairs.stars, state.memory, frame, context):
         exposed = of_frame(tracker, frame, seen)
-        found, reason, solution, stars = attitude_with_stars(exposed, seen.detections, context, seen.rate)
+        ideal = undistorted.ideal(params.camera, seen.detections)
+        found, reason, solution, stars = attitude_with_stars(exposed, ideal, context, seen.rate)
         if reason == Reason.NONE:
             break
     return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
@@ -211,7 +212,8 @@ def concluded(tracker, state, frame, context, seen, result):
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
-        found, reason, stars = _single(of_frame(tracker, frame, seen), detections, context, seen.rate, reason)
+        ideal = undistorted.ideal(params.camera, detections)
+        found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
@@ -256,7 +258,7 @@ def attitude(tracker, detections, context, rate=None):
     Parameters
     ----------
     tracker : Tracker
-    detections : Detections, brightest first
+    detections : Detections, brightest first, of an ideal pinhole
     context : Context
     rate : as in `best_attitude.of_named`
 
