@@ -258,6 +258,7 @@ def mission(scenario, seed, trajectory):
     Drawings are in axes of the launch site, or of the point on the ellipsoid below the start of an orbit.
     """
     earth, t_s = earth_rotation(scenario), float(trajectory.t_s[0])
+    bent = params_onboard.distortion_of(scenario.star_camera)
     r_e, _ = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
     latitude, longitude, height = wgs84.geodetic_from_ecef(r_e)
     return Mission(
@@ -278,6 +279,7 @@ def mission(scenario, seed, trajectory):
         limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
         plugins=plugged.pinned(scenario),
         software=software.flown(scenario),
+        distortion=() if bent is None else tuple(bent.tolist()),
     )
 
 

@@ -150,8 +150,12 @@ def written(scenario, world, *, true=False):
             "focal_length_error": "0 %",
             "principal_point": [f"{float(hole.cx_px)!r} pix", f"{float(hole.cy_px)!r} pix"],
             "principal_point_error": "0 pix",
-            "distortion": scenario.star_camera.optics.distortion,
         }
+        distortion = scenario.star_camera.optics.distortion
+        if distortion is None:
+            out["star_camera"]["optics"].pop("distortion", None)
+        else:
+            out["star_camera"]["optics"]["distortion"] = list(distortion)
     out["bad_pixels"] = world.camera.bad_pixel_map.tolist()
     return HEAD + load.normalised(out)
 

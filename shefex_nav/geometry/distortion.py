@@ -10,6 +10,8 @@ and the pixel is cx + f x', cy + f y'. Ideal are the places of the pinhole, dist
 (D. C. Brown, Photogrammetric Engineering 32 (1966) 444.)
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -113,3 +115,17 @@ def corners_px(pinhole):
     """Outermost points of the detector: (4, 2) px."""
     right, bottom = pinhole.width_px - 0.5, pinhole.height_px - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
+
+
+def border(pinhole, distortion=(), along=8):
+    """Directions X/Z, Y/Z that the border of the detector sees, once around. -> (4 along + 1, 2)
+
+    distortion : (5,), () of a pinhole: its four corners are enough
+    """
+    (left, top), (right, bottom) = corners_px(pinhole)[[0, 3]]
+    ends = np.array([[left, top], [right, top], [right, bottom], [left, bottom], [left, top]])
+    if not len(distortion):
+        return ideal_of(pinhole, ends)
+    part = np.arange(along)[:, None] / along
+    sides = [start + part * (end - start) for start, end in pairwise(ends)]
+    return ideal_of(pinhole, undistort(pinhole, np.array(distortion), np.concatenate([*sides, ends[-1:]])))

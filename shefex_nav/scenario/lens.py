@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.scenario import params_onboard
 
-GRID = 21  # points along each side of the detector, from border to border
+GRID = 41  # points along each side of the detector, from border to border
 INVERSE_PX = 0.01  # to which the distortion must be undone in the corners
 TOO_STRONG = "is too strong: what a corner of the detector sees cannot be told; use smaller coefficients"
 
