@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.onboard.startracker import best_attitude, objects, single, undistorted
+from shefex_nav.onboard.startracker import best_attitude, denied, objects, single, undistorted
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -84,6 +84,7 @@ class TrackerState(NamedTuple):
 
     exposure_s: float  # as commanded last
     memory: Any = None  # objects.Found.memory of the frame before
+    misfits: float = 0.0  # share of late frames that were refused for their residuals, `denied`
 
 
 def init(params, catalogue, julian_year):
@@ -214,13 +215,18 @@ def concluded(tracker, state, frame, context, seen, result):
     elif params.vectors and reason in single.UNSOLVED:
         ideal = undistorted.ideal(params.camera, detections)
         found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
+    reason = reason if reason == Reason.NONE else explain(params, reason, mean_dn, context)
+    misfits = denied.after(state.misfits, reason)
+    if denied.is_denied(state.misfits):
+        stars = NO_STARS
+        if reason == Reason.NONE:
+            reason, solution = Reason.RESIDUALS, NO_SOLUTION
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
     if seen.variance is not None:
         P_c, stars = P_c + seen.variance * np.eye(3), with_common_error(stars, seen.variance)
-    reason = reason if reason == Reason.NONE else explain(params, reason, mean_dn, context)
     fix = StarFix(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
@@ -241,7 +247,7 @@ def concluded(tracker, state, frame, context, seen, result):
     )
     exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
-    return TrackerState(exposure_s, seen.memory), fix, command
+    return TrackerState(exposure_s, seen.memory, misfits), fix, command
 
 
 def with_common_error(stars, variance):
