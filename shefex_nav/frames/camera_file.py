@@ -12,7 +12,7 @@ from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.tracker import TrackerParams
 from shefex_nav.onboard.startracker.undistorted import displaced_px
-from shefex_nav.scenario import checks_tracker, kind, layers, load, params_onboard
+from shefex_nav.scenario import checks_tracker, kind, layers, lens, load
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
@@ -103,7 +103,7 @@ def _star_camera(sensor, tracker, bad_pixels, epoch):
     from shefex_nav.environment.ephemeris import julian_year
 
     optics, detector, exposure = sensor.optics, sensor.detector, tracker.exposure
-    hole, distortion = params_onboard.pinhole_of(sensor), params_onboard.distortion_of(sensor)
+    hole, distortion = lens.pinhole_of(sensor), lens.distortion_of(sensor)
     per_dn = detector.conversion / 10.0 ** (exposure.gain / 20.0)
     model = CameraModel(
         pinhole=hole,

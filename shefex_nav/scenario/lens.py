@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.scenario import params_onboard
-
 GRID = 41  # points along each side of the detector, from border to border
 INVERSE_PX = 0.01  # to which the distortion must be undone in the corners
 TOO_STRONG = "is too strong: what a corner of the detector sees cannot be told; use smaller coefficients"
@@ -25,6 +23,21 @@ class Left(NamedTuple):
     worst_px: float  # its largest
 
 
+def pinhole_of(star_camera):
+    """Pinhole of a section star_camera, of which it needs optics and detector."""
+    from shefex_nav.geometry.pinhole import pinhole
+
+    optics, detector = star_camera.optics, star_camera.detector
+    focal_px = optics.focal_length / detector.pixel_size
+    return pinhole(detector.columns, detector.rows, focal_px, optics.principal_point)
+
+
+def distortion_of(star_camera):
+    """Distortion (5,) of the same, None of a pinhole."""
+    k = star_camera.optics.distortion
+    return None if k is None or not any(k) else np.array(k, dtype=float)
+
+
 def places(hole):
     """Points over a detector. Pinhole -> (n, 2) px"""
     x = np.linspace(-0.5, hole.width_px - 0.5, GRID)
@@ -36,13 +49,13 @@ def ideal(star_camera, xy_px):
     """X/Z, Y/Z of places on the detector of a section star_camera. (n, 2) px -> (n, 2)"""
     from shefex_nav.geometry import distortion
 
-    hole, k = params_onboard.pinhole_of(star_camera), params_onboard.distortion_of(star_camera)
+    hole, k = pinhole_of(star_camera), distortion_of(star_camera)
     return distortion.ideal_of(hole, xy_px if k is None else distortion.undistort(hole, k, xy_px))
 
 
 def field_deg(star_camera):
     """Width, height and diagonal of the field of view, deg: the angles between what opposite points see."""
-    hole = params_onboard.pinhole_of(star_camera)
+    hole = pinhole_of(star_camera)
     right, bottom = hole.width_px - 0.5, hole.height_px - 0.5
     x, y = 0.5 * (right - 0.5), 0.5 * (bottom - 0.5)
     ends = [(-0.5, y), (right, y), (x, -0.5), (x, bottom), (-0.5, -0.5), (right, bottom)]
@@ -54,11 +67,11 @@ def field_deg(star_camera):
 
 def displaced_px(star_camera):
     """Largest displacement by the distortion, from where a pinhole puts a star, of a section star_camera."""
+    if distortion_of(star_camera) is None:
+        return 0.0
     from shefex_nav.geometry.distortion import ideal_of
 
-    if params_onboard.distortion_of(star_camera) is None:
-        return 0.0
-    hole = params_onboard.pinhole_of(star_camera)
+    hole = pinhole_of(star_camera)
     xy_px = places(hole)
     off = ideal_of(hole, xy_px) - ideal(star_camera, xy_px)
     return float(hole.focal_length_px * np.hypot(*off.T).max())
@@ -66,15 +79,15 @@ def displaced_px(star_camera):
 
 def left(true, told):
     """Left of two sections star_camera of one detector; None where both have the same lens."""
-    from shefex_nav.geometry.pinhole import turn_slopes
-
     if all(
         getattr(true.optics, name) == getattr(told.optics, name)
         for name in ("focal_length", "principal_point", "distortion")
     ):
         return None
-    focal_px = params_onboard.pinhole_of(told).focal_length_px
-    xy_px = places(params_onboard.pinhole_of(true))
+    from shefex_nav.geometry.pinhole import turn_slopes
+
+    focal_px = pinhole_of(told).focal_length_px
+    xy_px = places(pinhole_of(true))
     is_at = ideal(true, xy_px)
     off_px = focal_px * (ideal(told, xy_px) - is_at)
     G = focal_px * np.stack([np.stack(by, axis=-1) for by in turn_slopes(*is_at.T)], axis=1)  # (n, 2, 3)
@@ -106,13 +119,13 @@ def words(true, told):
 
 def fault(star_camera):
     """Words for a distortion that is none of a lens on its detector; None of a good one."""
+    k = distortion_of(star_camera)
+    if k is None:
+        return None
     from shefex_nav.geometry import distortion
     from shefex_nav.geometry.edges import is_lens
 
-    k = params_onboard.distortion_of(star_camera)
-    if k is None:
-        return None
-    hole = params_onboard.pinhole_of(star_camera)
+    hole = pinhole_of(star_camera)
     corners = distortion.corners_px(hole)
     half = np.abs(corners - [hole.cx_px, hole.cy_px]).max(axis=0)
     if not is_lens(float(hole.focal_length_px), k, tuple((2.0 * half).tolist())):

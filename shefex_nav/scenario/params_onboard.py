@@ -11,6 +11,7 @@ from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.scenario import aboard, params_filter, params_gps
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.lens import distortion_of, pinhole_of
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
@@ -22,21 +23,6 @@ SLANT_TROPOSPHERE = 5.0  # m
 def nominal_camera(scenario):
     """Pinhole of the star camera as calibrated."""
     return pinhole_of(scenario.star_camera)
-
-
-def pinhole_of(star_camera):
-    """The same of the section alone, which needs optics and detector."""
-    from shefex_nav.geometry.pinhole import pinhole
-
-    optics, detector = star_camera.optics, star_camera.detector
-    focal_px = optics.focal_length / detector.pixel_size
-    return pinhole(detector.columns, detector.rows, focal_px, optics.principal_point)
-
-
-def distortion_of(star_camera):
-    """Distortion (5,) of the same section, None of a pinhole."""
-    k = star_camera.optics.distortion
-    return None if k is None or not any(k) else np.array(k, dtype=float)
 
 
 def camera_model(scenario, bad_pixels):

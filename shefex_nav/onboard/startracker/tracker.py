@@ -205,22 +205,8 @@ def concluded(tracker, state, frame, context, seen, result):
     -------
     as `step`
     """
-    params, (found, reason, solution, stars) = tracker.params, result
-    settings = params.settings
-    detections, mean_dn = seen.detections, seen.statistics.mean_dn
-    if context.rate > settings.highest_rate or not seen.at_instant:  # an unknown rate is NaN, not too high
-        stars = NO_STARS
-        if reason == Reason.NONE:
-            reason, solution = Reason.SMEARED, NO_SOLUTION
-    elif params.vectors and reason in single.UNSOLVED:
-        ideal = undistorted.ideal(params.camera, detections)
-        found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
-    reason = reason if reason == Reason.NONE else explain(params, reason, mean_dn, context)
-    misfits = denied.after(state.misfits, reason)
-    if denied.is_denied(state.misfits):
-        stars = NO_STARS
-        if reason == Reason.NONE:
-            reason, solution = Reason.RESIDUALS, NO_SOLUTION
+    settings, detections, mean_dn = tracker.params.settings, seen.detections, seen.statistics.mean_dn
+    (found, reason, solution, stars), misfits = _given(tracker, state.misfits, frame, context, seen, result)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
@@ -248,6 +234,29 @@ def concluded(tracker, state, frame, context, seen, result):
     exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
     return TrackerState(exposure_s, seen.memory, misfits), fix, command
+
+
+def _given(tracker, misfits, frame, context, seen, result):
+    """The result without what must not be given out, and the misfits after this frame.
+
+    misfits : of the TrackerState before it;  the others : as of `concluded`
+    """
+    params, (found, reason, solution, stars) = tracker.params, result
+    is_fast = context.rate > params.settings.highest_rate  # an unknown rate is NaN, not too high
+    if is_fast or not seen.at_instant:
+        stars = NO_STARS
+        if reason == Reason.NONE:
+            reason, solution = Reason.SMEARED, NO_SOLUTION
+    elif params.vectors and reason in single.UNSOLVED:
+        ideal = undistorted.ideal(params.camera, seen.detections)
+        found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
+    reason = reason if reason == Reason.NONE else explain(params, reason, seen.statistics.mean_dn, context)
+    after = denied.after(misfits, reason)
+    if denied.is_denied(misfits):
+        stars = NO_STARS
+        if reason == Reason.NONE:
+            reason, solution = Reason.RESIDUALS, NO_SOLUTION
+    return (found, reason, solution, stars), after
 
 
 def with_common_error(stars, variance):
