@@ -120,10 +120,12 @@ def _of_good(scenario, found):
     ]
     told = [_of_line(one) for one in found.told]
     until_s = _flown_until(found.loaded)
-    return _object(scenario, warnings, told, found.differences, flown_until_s=until_s)
+    return _object(scenario, warnings, told, found.differences, lens=found.lens, flown_until_s=until_s)
 
 
-def _object(scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), flown_until_s=None):
+def _object(
+    scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), lens=(), flown_until_s=None
+):
     """JSON object."""
     return {
         "scenario": str(scenario),
@@ -132,6 +134,7 @@ def _object(scenario, warnings=(), told_otherwise=(), differences=(), *, errors=
         "warnings": list(warnings),
         "told_otherwise": list(told_otherwise),
         "differences": list(differences),
+        "lens": list(lens),
         "flown_until_s": flown_until_s,
     }
 

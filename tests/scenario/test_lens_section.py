@@ -138,3 +138,5 @@ def test_check_says_how_far_stars_are_displaced(command):
     assert "displaces" not in command("check", NAME).err
     said = command("check", NAME, "--set", "star_camera.optics.distortion=[-9, 0, 0, 0, 0]", "--json")
     assert "folds the picture over" in json.loads(said.out)["errors"][0]["text"]
+    said = json.loads(command("check", NAME, "--set", TRUE, "--json").out)
+    assert said["lens"] == ["star_camera.optics.distortion: displaces stars by up to 4.25 pixels"]
