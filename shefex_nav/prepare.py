@@ -15,6 +15,7 @@ from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment, Phase
 from shefex_nav.scenario import (
     aboard,
+    lens,
     load,
     params,
     params_gps,
@@ -258,6 +259,7 @@ def mission(scenario, seed, trajectory):
     Drawings are in axes of the launch site, or of the point on the ellipsoid below the start of an orbit.
     """
     earth, t_s = earth_rotation(scenario), float(trajectory.t_s[0])
+    bent = lens.distortion_of(scenario.star_camera)
     r_e, _ = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
     latitude, longitude, height = wgs84.geodetic_from_ecef(r_e)
     return Mission(
@@ -278,6 +280,7 @@ def mission(scenario, seed, trajectory):
         limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
         plugins=plugged.pinned(scenario),
         software=software.flown(scenario),
+        distortion=() if bent is None else tuple(bent.tolist()),
     )
 
 

@@ -25,6 +25,7 @@ class Checked(NamedTuple):
     told: list  # lines about what the computer is told otherwise than it is
     effects: object  # of states that were chosen, for their table
     differences: list  # lines
+    lens: list  # lines about its distortion and what is told of it
 
 
 def check(
@@ -57,7 +58,7 @@ def check(
 
 def _checked(scenario, overrides, against):
     """Checked of the scenario with this name."""
-    from shefex_nav.scenario import aboard, load, surroundings, told
+    from shefex_nav.scenario import aboard, lens, load, surroundings, told
 
     loaded, differences = load.load(scenario, overrides), []
     if against is not None:
@@ -72,7 +73,8 @@ def _checked(scenario, overrides, against):
         surroundings.check(loaded)
         loaded, effects = prepare.settled_with_effects(loaded)
         found = programme.foreseen(loaded)
-    return Checked(loaded, list(found), list(told.lines(loaded)), effects, list(differences))
+    seen = lens.words(loaded.star_camera, told.as_told(loaded).star_camera)
+    return Checked(loaded, list(found), list(told.lines(loaded)), effects, list(differences), seen)
 
 
 def _print(scenario, found):
@@ -83,6 +85,8 @@ def _print(scenario, found):
     count = f", with {n} warning{'s' if n > 1 else ''}" if n else ""
     for line in found.told:
         say(f"told otherwise: {line}")
+    for line in found.lens:
+        say(line)
     if light := starlight.of_section(found.loaded.star_camera):
         width, height, _ = field_of_view.degrees(found.loaded.star_camera)
         say(f"star_camera: a field of view of {width:.3g} x {height:.3g} deg")
@@ -116,10 +120,12 @@ def _of_good(scenario, found):
     ]
     told = [_of_line(one) for one in found.told]
     until_s = _flown_until(found.loaded)
-    return _object(scenario, warnings, told, found.differences, flown_until_s=until_s)
+    return _object(scenario, warnings, told, found.differences, lens=found.lens, flown_until_s=until_s)
 
 
-def _object(scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), flown_until_s=None):
+def _object(
+    scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), lens=(), flown_until_s=None
+):
     """JSON object."""
     return {
         "scenario": str(scenario),
@@ -128,6 +134,7 @@ def _object(scenario, warnings=(), told_otherwise=(), differences=(), *, errors=
         "warnings": list(warnings),
         "told_otherwise": list(told_otherwise),
         "differences": list(differences),
+        "lens": list(lens),
         "flown_until_s": flown_until_s,
     }
 

@@ -12,8 +12,6 @@ class Values(NamedTuple):
 
     optics: dict
     detector: dict
-    principal_point: list
-    distortion: list
     bad_pixels: list
 
 
@@ -37,7 +35,9 @@ def values(found, base):
     optics = {
         "focal_length": f"{focal_px * base.detector.pixel_size * 1e3:.9g} mm",
         "focal_length_error": f"{100.0 * sigma['focal_length_px'] / focal_px:.3g} %",
+        "principal_point": [f"{value['cx_px']:.6g} pix", f"{value['cy_px']:.6g} pix"],
         "principal_point_error": f"{max(sigma['cx_px'], sigma['cy_px']):.3g} pix",
+        "distortion": [float(f"{value[name]:.9g}") for name in ("k1", "k2", "p1", "p2", "k3")],
     }
     detector = {}
     if found.psf_sigma is not None:
@@ -52,8 +52,6 @@ def values(found, base):
     return Values(
         optics,
         detector,
-        [f"{value['cx_px']:.6g} pix", f"{value['cy_px']:.6g} pix"],
-        [float(f"{value[name]:.9g}") for name in ("k1", "k2", "p1", "p2", "k3")],
         [list(one) for one in sorted(bad)],
     )
 
@@ -70,8 +68,6 @@ def written(found, base):
             "optics": {**camera["optics"], **new.optics},
             "detector": {**camera["detector"], **new.detector},
         },
-        "principal_point": new.principal_point,
-        "distortion": new.distortion,
         "bad_pixels": new.bad_pixels,
     }
     return HEAD + normalised(tree)

@@ -3,7 +3,6 @@
 The sections have the keys and units of a scenario. A scenario may stand in the place of such a file.
 """
 
-from dataclasses import replace
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,11 +11,11 @@ from pydantic import Field
 from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.tracker import TrackerParams
-from shefex_nav.scenario import checks_tracker, kind, layers, load, params_onboard
+from shefex_nav.onboard.startracker.undistorted import displaced_px
+from shefex_nav.scenario import checks_tracker, kind, layers, lens, load
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
-from shefex_nav.scenario.quantity import Quantity
 from shefex_nav.scenario.starlight import OF_LENS
 from shefex_nav.scenario.told import as_told
 from shefex_nav.solve.told import StarCamera
@@ -46,13 +45,6 @@ class CameraFile(Block):
         default=None, description="UTC of pictures that do not say it themselves; today if it is left out"
     )
     star_camera: Sensor
-    principal_point: (
-        tuple[Quantity("pix", "328.7 pix", "column, the first is 0"), Quantity("pix", "246.2 pix", "row")]
-        | None
-    ) = Field(default=None, description="of the optical axis; the middle of the detector if it is left out")
-    distortion: tuple[float, float, float, float, float] | None = Field(
-        default=None, description="k1, k2, p1, p2, k3 of Brown and Conrady, as OpenCV orders them; none"
-    )
     bad_pixels: list[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]] = Field(
         default=[], description="row and column of each, the first is 0; they are not looked at"
     )
@@ -94,14 +86,8 @@ def base(path):
         instead=kind.instead_of_camera,
     )
     sensor = given.star_camera
-    hole = params_onboard.pinhole_of(sensor)
-    if given.principal_point is not None:
-        cx, cy = given.principal_point
-        hole = hole._replace(cx_px=cx, cy_px=cy)
     bad = np.array(given.bad_pixels, dtype=np.int64).reshape(-1, 2)
-    camera = _star_camera(sensor, settings(given.star_tracker), hole, bad, given.epoch)
-    if given.distortion is not None:
-        camera = replace(camera, distortion=given.distortion)
+    camera = _star_camera(sensor, settings(given.star_tracker), bad, given.epoch)
     return Base(camera, sensor.detector, given.star_tracker.exposure.gain, tree, tuple(texts))
 
 
@@ -109,15 +95,15 @@ def of_scenario(scenario, bad_pixels=()):
     """StarCamera of a Scenario, as its flight software is told it; bad pixels differ from run to run."""
     told = as_told(scenario)
     bad = np.array(bad_pixels, dtype=np.int64).reshape(-1, 2)
-    hole = params_onboard.nominal_camera(told)
-    return _star_camera(told.star_camera, settings(told.star_tracker), hole, bad, scenario.mission.epoch)
+    return _star_camera(told.star_camera, settings(told.star_tracker), bad, scenario.mission.epoch)
 
 
-def _star_camera(sensor, tracker, hole, bad_pixels, epoch):
+def _star_camera(sensor, tracker, bad_pixels, epoch):
     """StarCamera of sections that have been read."""
     from shefex_nav.environment.ephemeris import julian_year
 
     optics, detector, exposure = sensor.optics, sensor.detector, tracker.exposure
+    hole, distortion = lens.pinhole_of(sensor), lens.distortion_of(sensor)
     per_dn = detector.conversion / 10.0 ** (exposure.gain / 20.0)
     model = CameraModel(
         pinhole=hole,
@@ -126,6 +112,8 @@ def _star_camera(sensor, tracker, hole, bad_pixels, epoch):
         psf_sigma=optics.psf_sigma,
         zero_flux=optics.zero_magnitude_flux * exposure.longest / per_dn,
         focal_length_error=optics.focal_length_error,
+        distortion=distortion,
+        displaced_px=displaced_px(hole, distortion),
     )
     line_s = detector.line_time if detector.shutter == "rolling" and detector.line_time else 0.0
     return StarCamera(
@@ -150,7 +138,7 @@ def written(scenario, world, *, true=False):
     """Text of the camera file of a run.
 
     scenario, world : Scenario, prepare.World
-    true : with focal length and principal point as they are in this run and no error of them; otherwise as
+    true : with the lens as it is in this run, and no error of it; otherwise as
         the flight software is told them
     """
     out = _tree_of(scenario)
@@ -160,9 +148,14 @@ def written(scenario, world, *, true=False):
         out["star_camera"]["optics"] |= {
             "focal_length": f"{hole.focal_length_px * pixel_m * 1e3!r} mm",
             "focal_length_error": "0 %",
+            "principal_point": [f"{float(hole.cx_px)!r} pix", f"{float(hole.cy_px)!r} pix"],
             "principal_point_error": "0 pix",
         }
-        out["principal_point"] = [f"{float(hole.cx_px)!r} pix", f"{float(hole.cy_px)!r} pix"]
+        distortion = scenario.star_camera.optics.distortion
+        if distortion is None:
+            out["star_camera"]["optics"].pop("distortion", None)
+        else:
+            out["star_camera"]["optics"]["distortion"] = list(distortion)
     out["bad_pixels"] = world.camera.bad_pixel_map.tolist()
     return HEAD + load.normalised(out)
 

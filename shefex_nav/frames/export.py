@@ -6,8 +6,7 @@ the flight software knows it; `camera_true.yaml`, as it is in this run.
 
 from shefex_nav.files import put
 from shefex_nav.frames import camera_file, header, picture_files, truth
-from shefex_nav.scenario import params_onboard
-from shefex_nav.scenario.told import as_told
+from shefex_nav.solve.told import lens_of
 
 TRUTH, TOLD, TRUE = "truth.csv", "camera.yaml", "camera_true.yaml"
 
@@ -24,13 +23,13 @@ def write(folder, flight, shots, kind="png"):
     for name in (name for ending in picture_files.FORMATS for name in folder.glob(f"frame_*.{ending}")):
         name.unlink()  # those of another flight would have no truth
     scenario, mission = flight.scenario, flight.scenario.mission
-    hole, rows = params_onboard.nominal_camera(as_told(scenario)), []
+    camera, rows = lens_of(camera_file.of_scenario(scenario)), []
     try:
         for shot in shots:
             name = f"frame_{shot.frame.number:06d}.{kind}"
-            told = header.keywords(shot, mission, flight.seed) | header.angles(shot.truth.q_ic, hole)
+            told = header.keywords(shot, mission, flight.seed) | header.angles(shot.truth.q_ic, camera)
             if kind == "fits":
-                told |= header.wcs(shot.truth.q_ic, hole)
+                told |= header.wcs(shot.truth.q_ic, camera)
             picture_files.write(folder / name, shot.frame.image_dn, told)
             rows.append(truth.row(name, shot, mission.epoch))
             yield shot

@@ -1,1 +1,1 @@
-"""Pure mathematics that both wings need: rotations, the ellipsoid, frames, the pinhole camera."""
+"""Pure mathematics that both wings need: rotations, the ellipsoid, frames, the pinhole camera, its lens."""

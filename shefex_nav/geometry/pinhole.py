@@ -21,9 +21,10 @@ class Pinhole(NamedTuple):
     cy_px: float
 
 
-def pinhole(width_px, height_px, focal_length_px):
-    """Camera with its principal point in the middle of the detector."""
-    return Pinhole(width_px, height_px, focal_length_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1))
+def pinhole(width_px, height_px, focal_length_px, principal_point=None):
+    """Camera with its principal point (x, y) px, by default in the middle of the detector."""
+    middle = (0.5 * (width_px - 1), 0.5 * (height_px - 1)) if principal_point is None else principal_point
+    return Pinhole(width_px, height_px, focal_length_px, *middle)
 
 
 @kernel

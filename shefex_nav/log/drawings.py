@@ -101,6 +101,8 @@ class Drawings:
                 frame_id=CAMERA,
                 width=int(k.width_px),
                 height=int(k.height_px),
+                distortion_model="plumb_bob" if mission.distortion else "",
+                D=list(mission.distortion),
                 K=[f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0],
                 R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
                 P=[f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0],

@@ -125,6 +125,7 @@ def _mission(numbers, raw):
         epoch_utc=raw.metadata["epoch_utc"],
         plugins=_own(raw.metadata, "plugins"),
         software=_own(raw.metadata, "software"),
+        distortion=tuple(json.loads(raw.metadata.get("distortion", "[]"))),
     )
 
 

@@ -90,6 +90,7 @@ class Mission(NamedTuple):
     limb_exclusion: float = math.nan  # rad, and from the Earth's limb
     plugins: tuple = ()  # of (file or name of a package, SHA-256 of its source)
     software: tuple = ()  # of a user's own on board: (section of the scenario, name, SHA-256)
+    distortion: tuple = ()  # (k1, k2, p1, p2, k3) of the camera, `geometry.distortion`; (): a pinhole
 
 
 class RunSummary(NamedTuple):

@@ -290,7 +290,7 @@ class LogWriter:
     def _describe(self):
         """Metadata, the scenario and the constants, on disk before the first record."""
         mission = self._mission
-        own = {"plugins": mission.plugins, "software": mission.software}
+        own = {"plugins": mission.plugins, "software": mission.software, "distortion": mission.distortion}
         plugged = {key: json.dumps(value) for key, value in own.items() if value}
         self._file.write_metadata(
             topics.METADATA,

@@ -58,7 +58,7 @@ def _why(star):
 
 def _of_residuals(_):
     words = "stars lie farther from their places than their centroids are said to be wrong by; "
-    return f"{words}star_tracker.centroid_floor allows for it"
+    return f"{words}is the lens as it is told? star_tracker.centroid_floor allows for it"
 
 
 def _of_few_stars(star):

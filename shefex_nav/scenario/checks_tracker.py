@@ -2,9 +2,10 @@
 
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.onboard.startracker.settings import contradiction
-from shefex_nav.scenario import field_of_view
+from shefex_nav.scenario import field_of_view, lens
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
+from shefex_nav.scenario.told import as_told
 
 SPOTS = ("sequential", "maximum", "single_pixels")  # scans that take a star for a spot at rest
 CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings along
@@ -55,10 +56,41 @@ def _field(scenario):
         words = (
             f"{chip.columns} x {chip.rows} pixels of {1e6 * chip.pixel_size:.4g} um behind "
             f"{1e3 * optics.focal_length:.4g} mm see {width:.4g} x {height:.4g} deg, {diagonal:.4g} deg from "
-            f"corner to corner; a lens without distortion is simulated, {field_of_view.WIDEST_DEG:g} deg is "
-            "the most: is detector.pixel_size right?"
+            f"corner to corner; {field_of_view.WIDEST_DEG:g} deg is the most that is simulated: is "
+            "detector.pixel_size right?"
         )
         yield ("star_camera", "optics", "focal_length"), words
+
+
+def _lens(scenario):
+    """A distortion that can be taken out again, and a scan that knows of it. A Scenario, or a camera file"""
+    path, camera = ("star_camera", "optics"), scenario.star_camera
+    cameras = [(path, camera)]
+    if hasattr(scenario, "navigation"):
+        cameras += [(("navigation", "told", *path), as_told(scenario).star_camera)]
+    given = [(where, words) for where, one in cameras if (words := lens.fault(one)) is not None]
+    for where, words in given if len({words for _, words in given}) > 1 else given[:1]:
+        yield (*where, "distortion"), words
+    bent = [where for where, one in cameras if one.optics.distortion and any(one.optics.distortion)]
+    if bent and scenario.star_tracker.detection.scan == "run_length":
+        words = "scan 'run_length' takes the lens for a pinhole; choose sequential, maximum or streaks"
+        yield ("star_tracker", "detection", "scan"), words
+
+
+def _principal_point(scenario):
+    """An optical axis that meets the detector, of the truth and of what is told."""
+    for path, camera in (
+        ((), scenario.star_camera),
+        (("navigation", "told"), scenario.navigation.told.star_camera),
+    ):
+        point = camera and camera.optics and camera.optics.principal_point
+        chip = scenario.star_camera.detector
+        if point and not (-0.5 <= point[0] <= chip.columns - 0.5 and -0.5 <= point[1] <= chip.rows - 0.5):
+            words = (
+                f"[{point[0]:g} pix, {point[1]:g} pix] is not on a detector of {chip.columns} x {chip.rows} "
+                "pixels"
+            )
+            yield (*path, "star_camera", "optics", "principal_point"), words
 
 
 def _grey_values(scenario):
@@ -191,5 +223,5 @@ def _catalogue_and_latency(scenario):
         yield ("navigation", "history"), words
 
 
-OF_CAMERA = (_rows_and_frames, _grey_values, _chain)  # of sections star_camera and star_tracker alone
-PARTS = (_clock_and_window, _field, *OF_CAMERA, _catalogue_and_latency)
+OF_CAMERA = (_rows_and_frames, _grey_values, _chain, _lens)  # of sections star_camera and star_tracker alone
+PARTS = (_clock_and_window, _field, _principal_point, *OF_CAMERA, _catalogue_and_latency)

@@ -1,4 +1,4 @@
-"""The field of view of a star camera: its detector behind a lens without distortion, a pinhole."""
+"""The field of view of a star camera: its detector behind its lens."""
 
 import math
 
@@ -9,5 +9,9 @@ WIDEST_DEG = 100.0  # from corner to corner. At 50 deg from the axis a pinhole d
 def degrees(camera):
     """Width, height and diagonal of the field of view, deg: (3,) floats. camera : section star_camera"""
     chip, focal_length = camera.detector, camera.optics.focal_length
+    if camera.optics.distortion is not None or camera.optics.principal_point is not None:
+        from shefex_nav.scenario import lens
+
+        return lens.field_deg(camera)
     sides = [0.5 * n * chip.pixel_size / focal_length for n in (chip.columns, chip.rows)]
     return tuple(math.degrees(2.0 * math.atan(one)) for one in (*sides, math.hypot(*sides)))

@@ -21,6 +21,14 @@ _NOW = {  # path: what to write instead of a value, and of null
         "requirements.integrity_risk: 1e-5 /h",  # per hour of use; the old one was per independent error
         "requirements.integrity_risk: 1e-5 /h",
     ),
+    ("principal_point",): (
+        "star_camera: {{optics: {{principal_point: {value}}}}}",
+        "star_camera: {optics: {principal_point: null}}",
+    ),
+    ("distortion",): (
+        "star_camera: {{optics: {{distortion: {value}}}}}",
+        "star_camera: {optics: {distortion: null}}",
+    ),
     ("navigation", "integrity", "attitude"): (
         "requirements.attitude: {{limit: {value}}}",
         "requirements.attitude: {limit: null}",

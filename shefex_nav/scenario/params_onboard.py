@@ -11,6 +11,7 @@ from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.scenario import aboard, params_filter, params_gps
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.lens import distortion_of, pinhole_of
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
@@ -24,22 +25,16 @@ def nominal_camera(scenario):
     return pinhole_of(scenario.star_camera)
 
 
-def pinhole_of(star_camera):
-    """The same of the section alone, which needs optics and detector."""
-    from shefex_nav.geometry.pinhole import pinhole
-
-    optics, detector = star_camera.optics, star_camera.detector
-    return pinhole(detector.columns, detector.rows, optics.focal_length / detector.pixel_size)
-
-
 def camera_model(scenario, bad_pixels):
     """CameraModel of a scenario; bad_pixels : (n, 2) row, column of the pixels found bad before flight."""
     from shefex_nav.onboard.startracker.camera import CameraModel
+    from shefex_nav.onboard.startracker.undistorted import displaced_px
 
     optics, stray_light = scenario.star_camera.optics, scenario.star_camera.stray_light
+    hole, distortion = nominal_camera(scenario), distortion_of(scenario.star_camera)
     exposure, per_dn = scenario.star_tracker.exposure, electrons_per_dn(scenario)
     return CameraModel(
-        pinhole=nominal_camera(scenario),
+        pinhole=hole,
         bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
         electrons_per_dn=per_dn,
         psf_sigma=optics.psf_sigma,
@@ -47,6 +42,8 @@ def camera_model(scenario, bad_pixels):
         focal_length_error=optics.focal_length_error,
         sun_exclusion=stray_light.sun_exclusion,
         earth_exclusion=stray_light.earth_exclusion,
+        distortion=distortion,
+        displaced_px=displaced_px(hole, distortion),
     )
 
 

@@ -17,6 +17,8 @@ from shefex_nav.scenario.starlight import OF_LENS
 NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result travels
     "enabled", "on", "off", "latency", "frames", "model", "software",
 }  # fmt: skip
+# of the star camera: what the flux says all of, and where the world puts the stars, which is not fitted
+NOT_FITTED = {**OF_LENS, "optics": {*OF_LENS["optics"], "principal_point", "distortion"}}
 MOST = 8  # settings with which a model does not go that are told one by one
 SAME = 1e-9  # relative; rounding of a number that was written and read
 
@@ -104,7 +106,7 @@ Model = Annotated[
 def settings(scenario):
     """What a fitted star tracker depends on: {path: number, text or bool}, in SI, as far as it is given."""
     tracker = scenario.star_tracker.model_dump(exclude=NOT_OF_THE_MODEL)
-    camera = scenario.star_camera.model_dump(exclude=OF_LENS)  # the flux says all of that
+    camera = scenario.star_camera.model_dump(exclude=NOT_FITTED)
     found = _flat(camera, ("star_camera",)) | _flat(tracker, ("star_tracker",))
     del found["star_tracker.identification.acceptance"]  # statistics are of verified attitudes: `fitness`
     return {path: value for path, value in found.items() if value is not None}
@@ -143,6 +145,7 @@ def contradictions(scenario):
         yield ("star_tracker", "model"), words
         return
     yield from fitness(scenario)
+    yield from _miscalibrated(scenario)
     found, wanted = settings(scenario), tracker.model.settings
     for path in [path for path in wanted if path not in found]:
         words = f"the model is made for a setting {path} that there is not; characterise again"
@@ -181,6 +184,22 @@ def fitness(scenario):
         yield path, words
     if BUILT_IN != scenario.star_tracker.software or BUILT_IN != scenario.computer.software:
         yield path, "statistics are of the built-in star tracker; fly your own with frames: rendered"
+
+
+def _miscalibrated(scenario):
+    """A calibration that displaces stars beyond their gates: how many are identified then is not fitted."""
+    from shefex_nav.scenario import lens
+    from shefex_nav.scenario.told import as_told
+
+    left = lens.left(scenario.star_camera, as_told(scenario).star_camera)
+    identification = scenario.star_tracker.identification
+    gate_px = identification.gate_sigma * identification.centroid_error
+    if left is not None and left.worst_px > gate_px:
+        words = (
+            f"leaves stars {left.worst_px:.2g} pixels from where an attitude puts them, beyond their gate of "
+            f"{gate_px:.2g} pixels; statistics do not know what is identified then: fly with frames: rendered"
+        )
+        yield ("navigation", "told", "star_camera", "optics"), words
 
 
 def with_model(scenario, content):

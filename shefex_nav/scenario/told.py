@@ -24,7 +24,9 @@ OF_GPS = {
 OF_OPTICS = (
     "focal_length",
     "focal_length_error",
+    "principal_point",
     "principal_point_error",
+    "distortion",
     "psf_sigma",
     "zero_magnitude_flux",
 )

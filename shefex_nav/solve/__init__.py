@@ -3,7 +3,7 @@
 picture, header, deep            a picture; what its file tells of it
 background, field, foreground    its background and noise; its objects; which of them are no stars
 patterns, triangles, search      attitudes, scales and laws of lenses that it may have
-lens, edges, proof               the camera, adjusted; what it sees at its edges; the odds of the result
+lens, proof                      the camera, adjusted; the odds of the result
 naming, adjust, names            all its stars, and the attitude with covariance that they make together
 steps                            the compiled loops of lens and adjust
 centroids, camera, given         for lists of centroids, with a known camera

@@ -6,10 +6,8 @@ from numbers import Real
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry.distortion import undistort
 from shefex_nav.geometry.pinhole import Pinhole
-
-UNDISTORT_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -54,33 +52,6 @@ def undistorted(camera, xy_px):
     if camera.distortion is None:
         return xy_px
     return undistort(pinhole_of(camera), np.array(camera.distortion), xy_px)
-
-
-@kernel
-def undistort(pinhole, distortion, xy_px):
-    """Pixels of an ideal pinhole from distorted ones, by iteration. Pinhole, (5,), (n, 2) -> (n, 2)."""
-    out = np.empty_like(xy_px)
-    for k in range(xy_px.shape[0]):
-        u = (xy_px[k, 0] - pinhole.cx_px) / pinhole.focal_length_px
-        v = (xy_px[k, 1] - pinhole.cy_px) / pinhole.focal_length_px
-        x, y = straight_one(distortion, u, v)
-        out[k, 0] = pinhole.cx_px + pinhole.focal_length_px * x
-        out[k, 1] = pinhole.cy_px + pinhole.focal_length_px * y
-    return out
-
-
-@inner
-def straight_one(distortion, u, v):
-    """Ideal x, y = X/Z, Y/Z of a distorted place u, v."""
-    k1, k2, p1, p2, k3 = distortion
-    x, y = u, v
-    for _ in range(UNDISTORT_STEPS):
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-        dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-        x, y = (u - dx) / radial, (v - dy) / radial
-    return x, y
 
 
 def numbers(name, value, shape):

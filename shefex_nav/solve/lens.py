@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import edges
+from shefex_nav.geometry.distortion import BEHIND, bent, undistort
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
-from shefex_nav.solve import edges, steps
-from shefex_nav.solve.camera import Camera, pinhole_of, undistort, undistorted
+from shefex_nav.solve import steps
+from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
 WIDE = 0.35  # tan of the half diagonal from which on what makers leave grows no more
@@ -62,33 +64,8 @@ def project(lens, u_i, size_px):
     """Pixels of directions. (n, 3) -> xy_px (n, 2), NaN behind the camera; ideal x, y = X/Z, Y/Z (n, 2)."""
     u_c = u_i @ lens.C_ci.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        ideal = np.where(u_c[:, 2:] > steps.BEHIND, u_c[:, :2] / u_c[:, 2:], np.nan)
+        ideal = np.where(u_c[:, 2:] > BEHIND, u_c[:, :2] / u_c[:, 2:], np.nan)
     return middle(size_px) + lens.focal_px * bent(lens.k, ideal), ideal
-
-
-def bent(k, ideal):
-    """Distorted x, y of ideal ones: (n, 2) -> (n, 2)."""
-    k1, k2, p1, p2, k3 = k
-    x, y = ideal.T
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return np.column_stack([radial * x + dx, radial * y + dy])
-
-
-def slopes(k, ideal):
-    """d distorted / d ideal: (n, 2, 2)."""
-    k1, k2, p1, p2, k3 = k
-    x, y = ideal.T
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2))  # d radial / d r2, twice
-    J = np.empty((len(x), 2, 2))
-    J[:, 0, 0] = radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-    J[:, 0, 1] = J[:, 1, 0] = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-    J[:, 1, 1] = radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x
-    return J
 
 
 def middle(size_px):

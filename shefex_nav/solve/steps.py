@@ -7,11 +7,11 @@ of the camera (3), ln f, k1, k2, p1, p2, k3.
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry.distortion import BEHIND, bent_one, slopes_one
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 
 UNKNOWNS = 9
-BEHIND = 0.1  # Z of a unit vector that is no longer before the camera
 LEAST_GATE_PX = 1.5
 NOISE_GATE = 4.0  # standard deviations, in the end
 LEAST_NOISE_PX = 0.08  # of what is proposed; what is proved has a floor of its own
@@ -47,28 +47,6 @@ def ideal_of(C_ci, u_i, s):
     X = C_ci[0, 0] * u_i[s, 0] + C_ci[0, 1] * u_i[s, 1] + C_ci[0, 2] * u_i[s, 2]
     Y = C_ci[1, 0] * u_i[s, 0] + C_ci[1, 1] * u_i[s, 1] + C_ci[1, 2] * u_i[s, 2]
     return X / Z, Y / Z
-
-
-@inner
-def bent_one(k, x, y):
-    """Distorted x, y of an ideal place. k : (5,)"""
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
-    dx = 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x)
-    dy = k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y
-    return radial * x + dx, radial * y + dy
-
-
-@inner
-def slopes_one(k, x, y):
-    """d distorted / d ideal at an ideal place: xx, xy, yy of a symmetric matrix. k : (5,)"""
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
-    growth = 2.0 * (k[0] + r2 * (2.0 * k[1] + 3.0 * k[4] * r2))
-    xx = radial + growth * x * x + 2.0 * k[2] * y + 6.0 * k[3] * x
-    xy = growth * x * y + 2.0 * k[2] * x + 2.0 * k[3] * y
-    yy = radial + growth * y * y + 6.0 * k[2] * y + 2.0 * k[3] * x
-    return xx, xy, yy
 
 
 @inner

@@ -25,12 +25,12 @@ from shefex_nav.onboard.startracker import best_attitude, objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.shape import streak_px
 from shefex_nav.onboard.startracker.spot import Picture
+from shefex_nav.onboard.startracker.undistorted import ideal
 from shefex_nav.records import Reason
 from shefex_nav.solve import pointing
 from shefex_nav.solve.camera import Camera, undistorted
 from shefex_nav.solve.field import Field
 from shefex_nav.solve.header import Taken, says_day
-from shefex_nav.solve.lens import slopes
 from shefex_nav.solve.picture import PictureError
 from shefex_nav.solve.solution import ImageSolution, Match, failed
 
@@ -44,12 +44,11 @@ _ready = set()  # types of grey values for which all kernels are loaded
 class StarCamera:
     """A star camera and its star tracker, as they are told to `solve_image`.
 
-    params : tracker.TrackerParams; its pinhole is without distortion, its principal point anywhere
+    params : tracker.TrackerParams; the distortion of its camera is taken out of the centroids
     principal_point_error : px, 1 sigma per axis, what the calibration left
     bits : of a grey value
     line_s : from the start of one row to the next; 0 with a global shutter
     julian_year : of pictures that do not say when they were taken; None: such are refused
-    distortion : None or (k1, k2, p1, p2, k3), as of `camera.Camera`; taken out of the centroids
     """
 
     params: star_tracker.TrackerParams
@@ -57,7 +56,6 @@ class StarCamera:
     bits: int = 8
     line_s: float = 0.0
     julian_year: float | None = None
-    distortion: tuple | None = None
 
 
 def solve(image, camera, taken=None, record=None):
@@ -101,7 +99,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s, record=None):
     settings, model = tracker.params.settings, tracker.params.camera
     exposure_s = settings.exposure.longest if exposure_s is None else exposure_s
     seen, statistics, length_px = _detect(settings.detection, model, image_dn)
-    detections = seen if camera.distortion is None else straightened(camera, seen)
+    detections = ideal(model, seen)
     if record is not None:
         record.field = _field_of(seen, statistics)
 
@@ -157,19 +155,9 @@ def _field_of(seen, statistics):
 
 def lens_of(camera):
     """Camera of a StarCamera: its lens."""
-    hole = camera.params.camera.pinhole
-    return Camera(
-        hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), camera.distortion
-    )
-
-
-def straightened(camera, detections):
-    """Detections as the pinhole of a StarCamera would make them: places and covariances."""
-    told = lens_of(camera)
-    xy_px = undistorted(told, detections.xy_px)
-    J = np.linalg.inv(slopes(told.distortion, (xy_px - told.principal_point_px) / told.focal_length_px))
-    P_px = detections.P_px
-    return detections._replace(xy_px=xy_px, P_px=P_px if P_px is None else J @ P_px @ J.mT)
+    hole, k = camera.params.camera.pinhole, camera.params.camera.distortion
+    k = None if k is None else tuple(k.tolist())
+    return Camera(hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), k)
 
 
 def checked(image, camera):

@@ -30,7 +30,11 @@ class MyTracker:
     def start(self, mission):
         camera = mission.camera
         self.camera = shefex_nav.Camera(
-            camera.width_px, camera.height_px, camera.focal_length_px, (camera.cx_px, camera.cy_px)
+            camera.width_px,
+            camera.height_px,
+            camera.focal_length_px,
+            (camera.cx_px, camera.cy_px),
+            mission.sheets["star_camera"].optics.distortion,
         )
         self.year = float(mission.epoch_utc[:4]) + 0.5
 

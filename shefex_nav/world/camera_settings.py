@@ -35,7 +35,28 @@ class Optics(Settings):
     focal_length_error: float = quantity(
         "", "0.02 %", "what the calibration left, 1 sigma", non_negative=True
     )
+    principal_point: tuple[float, float] | None = quantity(
+        "pix",
+        ("328.7 pix", "246.2 pix"),
+        (
+            "where the optical axis meets the detector, column, the first is 0; left out: the middle",
+            "row, the first is 0",
+        ),
+        None,
+    )
     principal_point_error: float = quantity("pix", "0.3 pix", "each axis, 1 sigma", non_negative=True)
+    distortion: tuple[float, float, float, float, float] | None = number(
+        ("-0.3", "0.1", "0.0002", "-0.0001", "0"),
+        (
+            "k1 of Brown and Conrady, in OpenCV's order, from the ideal to the distorted picture; left out: "
+            "a lens without distortion",
+            "k2",
+            "p1",
+            "p2",
+            "k3",
+        ),
+        None,
+    )
     psf_sigma: float = quantity(
         "pix", "0.8 pix", "Gaussian image of a star", at_least="0.3 pix", at_most="5 pix"
     )

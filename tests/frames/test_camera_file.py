@@ -1,11 +1,22 @@
 """The camera in a file: what an export writes is what flies; mistakes are told with their place."""
 
+import importlib
+from pathlib import Path
+
 import numpy as np
 import pytest
+from exported_frames import DEEP, SEED, error_c, exported
+from scipy.stats import chi2
 
+from shefex_nav import prepare, solve_image
+from shefex_nav.environment.ephemeris import julian_year
 from shefex_nav.frames import camera_file, export
+from shefex_nav.records import CameraCommand
 from shefex_nav.scenario import load
 from shefex_nav.scenario.layers import ScenarioError
+from shefex_nav.solve.calibration import calibrate, pictures
+from shefex_nav.solve.header import Taken
+from shefex_nav.world.camera import expose
 
 
 def test_exported_camera_is_the_one_on_board(still):
@@ -77,3 +88,49 @@ def test_of_another_kind(still):
         camera_file.read("csv_example")
     with pytest.raises(ScenarioError, match="is the camera of pictures; `shefex-nav solve IMAGE --camera"):
         load.load(still.folder / export.TOLD)
+
+
+BENT = ("star_camera.optics.distortion=[-0.376, 0, 0, 0, 0]",)
+TOLD = "navigation.told.star_camera.optics.distortion=[-0.35, 0, 0.001, 0, 0]"
+
+
+def test_a_lens_with_distortion_goes_through_the_files(tmp_path):
+    """As told, and as it is; both read again, and solve the pictures with attitudes of the right size."""
+    made = exported(tmp_path / "bent", "night_sky", (*DEEP, *BENT, TOLD), SEED, 1.5)
+    told = camera_file.read(made.folder / export.TOLD).params.camera
+    true = camera_file.read(made.folder / export.TRUE).params.camera
+    np.testing.assert_array_equal(told.distortion, [-0.35, 0, 0.001, 0, 0])
+    np.testing.assert_array_equal(true.distortion, [-0.376, 0, 0, 0, 0])
+    np.testing.assert_allclose(true.pinhole, made.flight.world.camera.pinhole, rtol=1e-14)
+    shot = made.shots[0]
+    taken = Taken(None, shot.frame.exposure_s, shot.v_i)
+    found = solve_image(shot.frame.image_dn, camera=camera_file.read(made.folder / export.TRUE), taken=taken)
+    assert found.status == "ok"
+    assert np.linalg.norm(error_c(found.q_ci, shot.truth.q_ic)[:2]) < 4e-5  # 8 arcsec
+    off = [np.hypot(*(shot.truth.xy_px - [one.x_px, one.y_px]).T).min() for one in found.matched]
+    assert np.median(off) < 0.3  # named where they are on the detector
+
+
+@pytest.mark.slow
+def test_calibrate_finds_the_lens_of_the_simulated_camera(monkeypatch):
+    """Ten rendered pictures in different directions: seven numbers, each by its sigma and all."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    bench = importlib.import_module("lens_distortion")
+    squares, scenario = [], load.load("night_sky", [*BENT, *DEEP])
+    told = pictures.Told(15.0, julian_year(scenario.mission.epoch))
+    for seed in (1, 2):
+        world = prepare.build_world(scenario, seed, brief=True)
+        seen = []
+        for k in range(10):
+            q_ic = bench.dark_attitude(seed, k, world.camera.bodies.sun_u_i)
+            command = CameraCommand(bench.T_S, 0.05, 0.0)
+            at, rng = bench.at_rest(world.camera, q_ic), np.random.default_rng([seed, k])
+            frame, _ = expose(world.camera, command, at, k, bench.T_S, rng)
+            seen.append(pictures.look(f"{k}.png", frame.image_dn, Taken(told.julian_year, 0.05), told))
+        found, hole = calibrate.of_seen(seen, calibrate.Known(60.0, 7.5)).lens, world.camera.pinhole
+        true = np.array([hole.focal_length_px, hole.cx_px, hole.cy_px, -0.376, 0.0, 0.0, 0.0])
+        d, P = (found.values[:7] - true), found.covariance[:7, :7]
+        assert found.sigma[3] < 0.2 * 0.376
+        assert (abs(d) < 4.0 * found.sigma[:7]).all()
+        squares.append(d @ np.linalg.solve(P, d))
+    assert sum(squares) < chi2.ppf(0.9995, 14)

@@ -13,11 +13,12 @@ from typer.testing import CliRunner
 from shefex_nav import runs
 from shefex_nav.commands.main import app
 from shefex_nav.environment import ephemeris, stars
-from shefex_nav.frames import flown
+from shefex_nav.frames import flown, header
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
 from shefex_nav.log import pixels, reader, topics
 from shefex_nav.log.topics import LogError
 from shefex_nav.scenario import load
+from shefex_nav.solve.camera import Camera
 
 
 def command(*arguments):
@@ -219,3 +220,28 @@ def test_a_folder_that_is_written_again_has_no_frames_of_another_flight(tmp_path
             rows = [row["file"] for row in csv.DictReader(file)]
         assert sorted(rows) == sorted(path.name for path in folder.glob("frame_*"))
         assert {row.rpartition(".")[2] for row in rows} == {name}
+
+
+def test_wcs_has_the_distortion_in_its_polynomials():
+    """Stars by the written formula, and by the header that an astronomer's program reads."""
+    k1, p1 = -0.7, 1.5e-3
+    camera = Camera(659, 493, 2520.2, (333.1, 240.7), (k1, 0.0, p1, 0.0, 0.0))
+    q_ic = quat_from_rotvec(np.array([0.4, -1.1, 0.3]))
+    head = fits.Header()
+    for key, value in header.wcs(q_ic, camera).items():
+        head[key] = value
+    xy = np.random.default_rng(1).uniform([-0.125, -0.09], [0.125, 0.095], (200, 2))
+    r2 = (xy**2).sum(axis=1)
+    x = xy[:, 0] * (1 + k1 * r2) + 2 * p1 * xy[:, 0] * xy[:, 1]
+    y = xy[:, 1] * (1 + k1 * r2) + p1 * (r2 + 2 * xy[:, 1] ** 2)
+    u_i = np.column_stack([xy, np.ones(200)]) @ dcm_from_quat(q_ic).T
+    ra, dec = (
+        np.degrees(np.arctan2(u_i[:, 1], u_i[:, 0])),
+        np.degrees(np.arctan2(u_i[:, 2], np.hypot(*u_i[:, :2].T))),
+    )
+    at = np.column_stack([333.1 + 2520.2 * x, 240.7 + 2520.2 * y])
+    on = ((at > -0.5) & (at < [658.5, 492.5])).all(axis=1)
+    found = np.column_stack(WCS(head).all_world2pix(ra[on], dec[on], 0))
+    np.testing.assert_allclose(found, at[on], atol=0.01)
+    plain = np.column_stack([333.1 + 2520.2 * xy[:, 0], 240.7 + 2520.2 * xy[:, 1]])
+    assert np.abs(plain - at)[on].max() > 3.0

@@ -26,6 +26,7 @@ def test_every_attribute_of_a_record_is_logged():
         "epoch_utc",
         "plugins",
         "software",
+        "distortion",
     }
     for topic in topics.topics():
         logged = {field.source.split(".")[0] for field in topic.fields}

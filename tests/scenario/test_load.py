@@ -72,7 +72,7 @@ def test_what_the_default_leaves_out():
         *("thrust_factor", "misalignment", "offset", "axial_factor", "normal_factor"),
         *("faintest_south", "line_time", "gradient", "software", "deepest"),
         *("highest_speed", "highest_height"),
-        *("f_number", "aperture", "transmission", "quantum_efficiency"),
+        *("f_number", "aperture", "transmission", "quantum_efficiency", "principal_point", "distortion"),
         *("hot_pixel_smear", "upsets_per_frame", "trails_per_frame", "trail_longest"),
         *("particle_weakest", "particle_strongest"),
         *("moving_objects", "moving_slowest", "moving_fastest"),

@@ -43,7 +43,7 @@ MAY_BE_NONE = (
     ),
     *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time", "deepest"),
     *("cross_period", "ramp", "separation", "spent"),
-    *("f_number", "aperture", "transmission", "quantum_efficiency"),
+    *("f_number", "aperture", "transmission", "quantum_efficiency", "principal_point", "distortion"),
 )
 
 

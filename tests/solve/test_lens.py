@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shefex_nav.geometry import distortion
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm, rotvec_from_quat
 from shefex_nav.solve import lens, naming, proof, steps
@@ -138,7 +139,7 @@ def test_the_compiled_steps_see_the_lens_that_the_module_sees():
     assert 100 < inside.sum() < 1000 and np.isnan(seen_px[:, 0]).sum() > 1500
     # derivatives by the turn of the camera: the lens's slopes times those of X/Z and Y/Z
     few = np.ascontiguousarray(ideal[inside][:50])
-    J, bent = steps.jacobians(at.focal_px, k, few), lens.slopes(at.k, few)
+    J, bent = steps.jacobians(at.focal_px, k, few), distortion.slopes(at.k, few)
     by_x, by_y = np.array([turn_slopes(x, y) for x, y in few]).transpose(1, 0, 2)
     for row in range(2):
         slope = -at.focal_px * (bent[:, row, :1] * by_x + bent[:, row, 1:] * by_y)

@@ -31,7 +31,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard.startracker import centroid, fit, scan
+from shefex_nav.onboard.startracker import centroid, fit, scan, undistorted
 from shefex_nav.onboard.startracker.background import FrameStatistics, survey
 from shefex_nav.onboard.startracker.methods import Table
 from shefex_nav.onboard.startracker.spot import Picture
@@ -186,9 +186,11 @@ def at_frame_instant(camera, frame, context, detections, fits):
     sigma_px = math.hypot(camera.psf_sigma, PIXEL_SIGMA_PX) if fits else math.inf
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
     unsteady_c = STEADY if context.unsteady_c is None else context.unsteady_c
-    xy_px, seen_s = unsteady.at_instant(
-        camera.pinhole, sigma_px, times, context.omega_c, unsteady_c, detections.xy_px
-    )
+
+    def move(xy_px):
+        return unsteady.at_instant(camera.pinhole, sigma_px, times, context.omega_c, unsteady_c, xy_px)
+
+    xy_px, seen_s = undistorted.at_instant(camera, times, context.omega_c, detections.xy_px, move)
     good = np.isfinite(xy_px.sum(axis=1))
     if good.all():
         return detections._replace(xy_px=xy_px), seen_s
@@ -224,11 +226,18 @@ def _along_streaks(params, stars, frame, context):
         xy_px, P_px = predicted(params, stars, context)
         if len(xy_px) >= FEWEST:
             near = streaks.detect_near(settings, camera, frame.image_dn, motion, xy_px, P_px)
-            rate, variance = rate_of(hole, motion, near[0]), variance_of(context)
-            yield Found(*near, int(Scan.STREAKS_NEAR), True, rate=rate, variance=variance)
+            yield _of_streaks(camera, motion, context, near, Scan.STREAKS_NEAR)
     whole = streaks.detect_streaks(settings, camera, frame.image_dn, motion)
-    rate, variance = rate_of(hole, motion, whole[0]), variance_of(context)
-    yield Found(*whole, int(Scan.STREAKS), True, rate=rate, variance=variance)
+    yield _of_streaks(camera, motion, context, whole, Scan.STREAKS)
+
+
+def _of_streaks(camera, motion, context, found, kind):
+    """Found of what a search along streaks finds: (Detections, FrameStatistics)."""
+    detections, statistics = found
+    rate, variance = rate_of(camera.pinhole, motion, detections), variance_of(context)
+    xy_px = undistorted.of_streaks(camera, motion.times, motion.omega_c, detections.xy_px, rate[0])
+    detections = detections._replace(xy_px=xy_px)
+    return Found(detections, statistics, int(kind), True, rate=rate, variance=variance)
 
 
 def rate_of(camera, motion, detections):
@@ -268,7 +277,7 @@ def _largest_sigma_px(camera, P_c):
 
 
 def predicted(params, stars, context):
-    """Where the stars on board must be at the frame's instant.
+    """Where the stars on board must be on the detector at the frame's instant.
 
     Returns
     -------
@@ -278,15 +287,17 @@ def predicted(params, stars, context):
     camera = params.camera.pinhole
     C_ci = dcm_from_quat(context.q_ic).T
     half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
-    cosine = math.cos(math.atan((half_diagonal_px + OUTSIDE_PX) / camera.focal_length_px))
+    outside_px = OUTSIDE_PX + params.camera.displaced_px
+    cosine = math.cos(math.atan((half_diagonal_px + outside_px) / camera.focal_length_px))
     ahead_i = stars.u_i[stars.u_i @ C_ci[2] > cosine]
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     u_c = np.ascontiguousarray(aberrate(ahead_i, velocity_i) @ C_ci.T)
-    xy_px = pixels(camera, u_c)
+    ideal_px = pixels(camera, u_c)
+    H = turn_jacobians(camera, ideal_px)
+    P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.settings.centroid_floor**2 * np.eye(2)
+    xy_px, P_px = undistorted.on_detector(params.camera, ideal_px, P_px)
     inside = (xy_px > -0.5 - OUTSIDE_PX) & (
         xy_px < np.array([camera.width_px, camera.height_px]) - 0.5 + OUTSIDE_PX
     )
     inside = inside.all(axis=1)
-    H = turn_jacobians(camera, xy_px[inside])
-    P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.settings.centroid_floor**2 * np.eye(2)
-    return xy_px[inside], P_px
+    return xy_px[inside], P_px[inside]

@@ -1,12 +1,12 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`. What comes from the navigation, the `Context`,
-corrects aberration, says where to look for the stars first, how they move (`objects`), and names the reason
-of a failure. The attitude is that of the stars; a prediction that they contradict is forgotten, the frame is
-lost in space. It rests on the gyros too where the rate changes within the exposure, and with rows exposed one
-after the other, where the error of the rate is solved for along. No attitude is given at rates for which the
-tracker is not made, nor of rows whose places no rate has brought to one instant: an error message is better
-than a wrong attitude.
+frame -> objects -> distortion taken out (`undistorted`) -> identify and verify -> ESOQ2 -> `StarFix`. What
+comes from the navigation, the `Context`, corrects aberration, says where to look for the stars first, how
+they move (`objects`), and names the reason of a failure. The attitude is that of the stars; a prediction
+that they contradict is forgotten, the frame is lost in space. It rests on the gyros too where the rate
+changes within the exposure, and with rows exposed one after the other, where the error of the rate is solved
+for along. No attitude is given at rates for which the tracker is not made, nor of rows whose places no rate
+has brought to one instant: an error message is better than a wrong attitude.
 
 The flags of the frame set the exposure of the next one (SHEFEX-2 star tracker, section 3.1 and figure 2); the
 gain stays where the scenario puts it.
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.onboard.startracker import best_attitude, objects, single
+from shefex_nav.onboard.startracker import best_attitude, denied, objects, single, undistorted
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -84,6 +84,7 @@ class TrackerState(NamedTuple):
 
     exposure_s: float  # as commanded last
     memory: Any = None  # objects.Found.memory of the frame before
+    misfits: float = 0.0  # share of late frames that were refused for their residuals, `denied`
 
 
 def init(params, catalogue, julian_year):
@@ -109,7 +110,7 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"star identification: {words[1]}")
     if scan not in (known := ways(SCAN)):
         raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
-    half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
+    half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px) + params.camera.displaced_px
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
     pairs = _pairs(settings.catalogue, _Same(catalogue), julian_year, field)
     deep = None
@@ -163,7 +164,8 @@ def step(tracker, state, frame, context):
     search = objects.SEARCHES.get(params.settings.detection.scan, objects.as_spots)
     for seen in search(params, tracker.pairs.stars, state.memory, frame, context):
         exposed = of_frame(tracker, frame, seen)
-        found, reason, solution, stars = attitude_with_stars(exposed, seen.detections, context, seen.rate)
+        ideal = undistorted.ideal(params.camera, seen.detections)
+        found, reason, solution, stars = attitude_with_stars(exposed, ideal, context, seen.rate)
         if reason == Reason.NONE:
             break
     return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
@@ -203,22 +205,14 @@ def concluded(tracker, state, frame, context, seen, result):
     -------
     as `step`
     """
-    params, (found, reason, solution, stars) = tracker.params, result
-    settings = params.settings
-    detections, mean_dn = seen.detections, seen.statistics.mean_dn
-    if context.rate > settings.highest_rate or not seen.at_instant:  # an unknown rate is NaN, not too high
-        stars = NO_STARS
-        if reason == Reason.NONE:
-            reason, solution = Reason.SMEARED, NO_SOLUTION
-    elif params.vectors and reason in single.UNSOLVED:
-        found, reason, stars = _single(of_frame(tracker, frame, seen), detections, context, seen.rate, reason)
+    settings, detections, mean_dn = tracker.params.settings, seen.detections, seen.statistics.mean_dn
+    (found, reason, solution, stars), misfits = _given(tracker, state.misfits, frame, context, seen, result)
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
     if seen.variance is not None:
         P_c, stars = P_c + seen.variance * np.eye(3), with_common_error(stars, seen.variance)
-    reason = reason if reason == Reason.NONE else explain(params, reason, mean_dn, context)
     fix = StarFix(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
@@ -239,7 +233,30 @@ def concluded(tracker, state, frame, context, seen, result):
     )
     exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
-    return TrackerState(exposure_s, seen.memory), fix, command
+    return TrackerState(exposure_s, seen.memory, misfits), fix, command
+
+
+def _given(tracker, misfits, frame, context, seen, result):
+    """The result without what must not be given out, and the misfits after this frame.
+
+    misfits : of the TrackerState before it;  the others : as of `concluded`
+    """
+    params, (found, reason, solution, stars) = tracker.params, result
+    is_fast = context.rate > params.settings.highest_rate  # an unknown rate is NaN, not too high
+    if is_fast or not seen.at_instant:
+        stars = NO_STARS
+        if reason == Reason.NONE:
+            reason, solution = Reason.SMEARED, NO_SOLUTION
+    elif params.vectors and reason in single.UNSOLVED:
+        ideal = undistorted.ideal(params.camera, seen.detections)
+        found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
+    reason = reason if reason == Reason.NONE else explain(params, reason, seen.statistics.mean_dn, context)
+    after = denied.after(misfits, reason)
+    if denied.is_denied(misfits):
+        stars = NO_STARS
+        if reason == Reason.NONE:
+            reason, solution = Reason.RESIDUALS, NO_SOLUTION
+    return (found, reason, solution, stars), after
 
 
 def with_common_error(stars, variance):
@@ -256,7 +273,7 @@ def attitude(tracker, detections, context, rate=None):
     Parameters
     ----------
     tracker : Tracker
-    detections : Detections, brightest first
+    detections : Detections, brightest first, of an ideal pinhole
     context : Context
     rate : as in `best_attitude.of_named`
 

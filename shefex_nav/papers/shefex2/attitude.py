@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from shefex_nav.environment.stars import load_catalogue
+from shefex_nav.geometry.distortion import undistort
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.onboard.startracker import catalogue
@@ -30,7 +31,7 @@ from shefex_nav.papers.shefex2.published import SHEFEX
 from shefex_nav.papers.stills import random_attitude
 from shefex_nav.papers.verdict import Verdict
 from shefex_nav.report import intervals
-from shefex_nav.solve.camera import Camera, undistort
+from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.centroids import solve_centroids
 
 # --- shefex-attitude ---

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.geometry import distortion, frames, rotation, wgs84
 from shefex_nav.records import Reason
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
@@ -241,7 +241,7 @@ def _draw_near(axes, data, sky, stars):
         if sky.solved.any()
         else (data.frame_truths[len(data.frame_truths) // 2])
     )
-    corners = _corners(camera) @ rotation.dcm_from_quat(frame.q_ic).T
+    corners = _border(data.mission) @ rotation.dcm_from_quat(frame.q_ic).T
     outline = _tangent(corners, centre)
     axes.plot(*outline.T, color=style.BLACK, lw=1.2, label="_field")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
@@ -255,9 +255,8 @@ def _draw_near(axes, data, sky, stars):
     axes.set_ylabel("north [deg]")
 
 
-def _corners(camera):
-    """Directions of the corners of the picture in camera axes, the first one again at the end: (5, 3)."""
-    x = np.array([-0.5, camera.width_px - 0.5, camera.width_px - 0.5, -0.5, -0.5]) - camera.cx_px
-    y = np.array([-0.5, -0.5, camera.height_px - 0.5, camera.height_px - 0.5, -0.5]) - camera.cy_px
-    rays = np.column_stack([x, y, np.full(5, camera.focal_length_px)])
+def _border(mission):
+    """Directions of the border of the picture in camera axes, once around: (n, 3)."""
+    xy = distortion.border(mission.camera, mission.distortion)
+    rays = np.column_stack([xy, np.ones(len(xy))])
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)

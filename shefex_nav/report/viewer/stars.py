@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from shefex_nav.geometry import distortion
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.records import Reason
 from shefex_nav.report.viewer import layout, world
@@ -169,11 +170,9 @@ def field(sender, C_ms, data):
     """The field of the camera on the map. C_ms : as of `map_axes`"""
     import rerun as rr
 
-    truths, camera = data.frame_truths, data.mission.camera
-    half = np.array([camera.width_px, camera.height_px]) / (2.0 * camera.focal_length_px)
-    corners = np.array(
-        [(sx * half[0], sy * half[1], 1.0) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))]
-    )
+    truths, mission = data.frame_truths, data.mission
+    border = distortion.border(mission.camera, mission.distortion)
+    corners = np.column_stack([border, np.ones(len(border))])
     strips = [on_map(C_ms, (dcm_from_quat(truth.q_ic) @ corners.T).T)[0] for truth in truths]
     columns = rr.LineStrips2D.columns(strips=strips)
     sender.static("sky/field", rr.LineStrips2D.from_fields(colors=[GREEN], radii=[-1.5]))

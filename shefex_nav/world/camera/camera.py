@@ -4,9 +4,8 @@ In: the star tracker's command, the true trajectory, the sky. Out: a `Frame` and
 showed, `FrameTruth`. Defaults of the SHEFEX-2 mission are those of its star tracker (Prosilica EC655 behind
 a 25 mm lens): see `scenarios/`.
 
-Simplifications: no lens distortion (the flight software assumes it was calibrated away), no
-vignetting, an anti-blooming drain (charge beyond the full well is lost), stars and background as seen
-from above the atmosphere.
+Simplifications: no vignetting, spots of one width all over the field, an anti-blooming drain (charge beyond
+the full well is lost), stars and background as seen from above the atmosphere.
 """
 
 from math import acos, atan, cos, hypot, pi
@@ -24,6 +23,7 @@ from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.records import Frame, FrameTruth
 from shefex_nav.world.camera import artefacts, detector, hits, moon, motion, movers, optics, render, sky
+from shefex_nav.world.camera import lens as lenses
 from shefex_nav.world.camera_settings import StarCamera
 
 TRUTH_VMAG = 5.5  # FrameTruth lists stars down to here: the depth of an on-board catalogue
@@ -47,6 +47,9 @@ class Camera(NamedTuple):
     bad_pixels: artefacts.BadPixels
     bad_pixel_map: np.ndarray  # (n, 2) row, column of the defects that were found before flight
     light: render.Light  # work memory of `expose`
+    corner: float  # rad, from the axis to what the farthest corner sees
+    step_px: float  # of the path in a frame, of a pinhole: then no star moves by more than psf.step_px
+    lens: lenses.Lens | None = None  # None: a pinhole
 
 
 def init(settings, catalogue, bodies, earth, rng):
@@ -95,7 +98,17 @@ def init(settings, catalogue, bodies, earth, rng):
         bad_pixels=defects,
         bad_pixel_map=defects.known,
         light=render.darkness(sensor.columns * sensor.rows),
+        **_projection(lens, pinhole),
     )
+
+
+def _projection(optics, hole):
+    """corner, step_px and lens of a Camera. camera_settings.Optics, true Pinhole"""
+    lens, step_px = lenses.lens_of(hole, optics.distortion), render.gaussian_psf(optics.psf_sigma).step_px
+    if lens is None and optics.principal_point is None:  # what tolerances move the axis by is in the margins
+        return {"corner": _corner_angle(hole), "step_px": step_px}
+    corner, step_px = lenses.corner_angle(hole, lens), lenses.step_px(hole, lens, step_px)
+    return {"corner": corner, "step_px": step_px, "lens": lens}
 
 
 def expose(camera, command, trajectory, number, t_start_s, rng):
@@ -119,7 +132,7 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
     if t_start_s < trajectory.t_s[0] or t_end_s > trajectory.t_s[-1]:
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
-    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.psf.step_px)
+    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.step_px)
     boresight_i, C_ei = move.C_ci[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
     sun_angle, limb_angle, stray = surroundings(camera, boresight_i, move.r_i, C_ei)
     background = (sensor.background + stray) * exposure_s
@@ -211,26 +224,36 @@ def _add_sky(camera, move, C_ei, least):
     """Draw stars, false objects, planets and Moon; returns (hip, xy_px) of the listed stars in the frame."""
     hole, psf = camera.pinhole, camera.psf
     times, r_i = move.path.times, move.r_i
-    half_diagonal = _corner_angle(hole)
-    cone = min(pi, half_diagonal + 0.5 * move.rate * duration_s(times) + 0.005)  # rad; spot and aberration
+    cone = min(pi, camera.corner + 0.5 * move.rate * duration_s(times) + 0.005)  # rad; spot and aberration
     observer_v_i = camera.bodies.earth_v_i + move.v_i
     view = sky.View(move.C_ci[2], cone, r_i, observer_v_i, move.omega_ib_i, C_ei)
     film = sky.DrawingLimit(times.exposure_s, hole.focal_length_px, psf.width_px, least)
     hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, film)
-    render.add_points(camera.light, hole, psf, move.path, u_i, electrons, least)
+    _add_points(camera, move.path, u_i, electrons, least)
 
     moon_i, radius = moon.seen_from(camera.bodies, r_i)
     if moon_i @ view.boresight_i > cos(cone + radius):
         if not sky.behind_earth(moon_i[None], r_i, C_ei)[0]:
             full_moon = camera.full_moon_flux * times.exposure_s
             sun_u_i = camera.bodies.sun_u_i
-            moon.add_moon(camera.light, hole, move.path, moon_i, radius, sun_u_i, full_moon)
+            moon.add_moon(camera.light, hole, move.path, moon_i, radius, sun_u_i, full_moon, camera.lens)
 
-    xy_px = pixels(hole, u_i @ move.C_ci.T)
+    xy_px = lenses.places(hole, camera.lens, pixels(hole, u_i @ move.C_ci.T))
     x, y = xy_px.T  # NaN behind the camera is inside of nothing
     inside = (x >= -0.5) & (x <= hole.width_px - 0.5) & (y >= -0.5) & (y <= hole.height_px - 0.5)
     listed = inside & (hip > 0)
     return hip[listed], xy_px[listed]
+
+
+def _add_points(camera, path, u_i, electrons, least):
+    """Draw sources at infinity."""
+    light, hole, psf, lens = camera.light, camera.pinhole, camera.psf, camera.lens
+    if lens is None:
+        render.add_points(light, hole, psf, path, u_i, electrons, least)
+        return
+    lit = electrons > 0.0
+    xy_px = lenses.tracks(hole, lens, path, np.ascontiguousarray(u_i[lit]))
+    render.add_tracks(light, hole, psf, path, xy_px, electrons[lit], least)
 
 
 def _add_spikes(camera, exposure_s, least, rng):
@@ -248,15 +271,15 @@ def _add_movers(camera, move, C_ei, t_valid_s, least):
     if not len(camera.movers.rate):
         return
     hole, half_s = camera.pinhole, 0.5 * duration_s(move.path.times)
-    cone = _corner_angle(hole)
+    cone = camera.corner
     cone += move.rate * half_s + 0.005  # rad; spot
     rows = movers.near(camera.movers, t_valid_s, move.C_ci[2], cone, half_s)
     some = movers.Movers(*(column[rows] for column in camera.movers))
     visible = ~sky.behind_earth(movers.directions(some, t_valid_s), move.r_i, C_ei)
     some = movers.Movers(*(column[visible] for column in some))
     if len(some.rate):
-        path = motion.refined(move.path, float(some.rate.max()) * hole.focal_length_px, camera.psf.step_px)
-        xy_px = movers.tracks(some, hole, path, t_valid_s)
+        path = motion.refined(move.path, float(some.rate.max()) * hole.focal_length_px, camera.step_px)
+        xy_px = lenses.places(hole, camera.lens, movers.tracks(some, hole, path, t_valid_s))
         electrons = some.flux * path.times.exposure_s
         render.add_tracks(camera.light, hole, camera.psf, path, xy_px, electrons, least)
 

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.world.camera.lens import as_pinhole
 from shefex_nav.world.camera.render import add, open_for
 
 RADIUS = 1737.4e3  # m
@@ -24,7 +25,7 @@ def seen_from(bodies, r_i):
     return toward_i / distance, math.asin(RADIUS / distance)
 
 
-def add_moon(light, camera, path, moon_u_i, angular_radius, sun_u_i, electrons):
+def add_moon(light, camera, path, moon_u_i, angular_radius, sun_u_i, electrons, lens=None):
     """Add the Moon, in place.
 
     Parameters
@@ -33,12 +34,18 @@ def add_moon(light, camera, path, moon_u_i, angular_radius, sun_u_i, electrons):
     moon_u_i, sun_u_i : (3,) unit vectors
     angular_radius : float [rad]
     electrons : float, of the exposure of a row from a full Moon; the phase is in the picture
+    lens : Lens, None of a pinhole; the disc stays round, and as bright as it is
     """
     radius_px = camera.focal_length_px * math.tan(angular_radius)
     # the mean of cos(incidence) over the disc of a fully lit sphere is 2/3
     per_px = 1.5 * electrons / (np.pi * radius_px**2)
     C_ci = 0.5 * (path.C_ci[1:] + path.C_ci[:-1])  # in the middle of the steps
-    _moon_kernel(light, camera, path, C_ci @ moon_u_i, radius_px, C_ci @ sun_u_i, per_px)
+    moon_c = C_ci @ moon_u_i
+    if lens is not None:
+        moon_c, scales = as_pinhole(lens, moon_c)
+        scale = float(scales.mean())
+        radius_px, per_px = radius_px * scale, per_px / scale**2
+    _moon_kernel(light, camera, path, moon_c, radius_px, C_ci @ sun_u_i, per_px)
 
 
 @kernel

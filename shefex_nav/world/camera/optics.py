@@ -23,7 +23,9 @@ def true_mounting(mounting, rng):
 def true_pinhole(optics, detector, rng):
     """Pinhole with random errors of focal length and principal point."""
     focal_length = optics.focal_length * (1.0 + optics.focal_length_error * rng.standard_normal())
-    nominal = pinhole.pinhole(detector.columns, detector.rows, focal_length / detector.pixel_size)
+    nominal = pinhole.pinhole(
+        detector.columns, detector.rows, focal_length / detector.pixel_size, optics.principal_point
+    )
     dx, dy = optics.principal_point_error * rng.standard_normal(2)
     return nominal._replace(cx_px=nominal.cx_px + dx, cy_px=nominal.cy_px + dy)
 

@@ -13,6 +13,7 @@ from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.geometry.streak import velocity
+from shefex_nav.world.camera import lens as lenses
 from shefex_nav.world.camera import motion, sky
 from shefex_nav.world.camera.camera import aimed, frame_of, stray_rate, truth_of
 
@@ -114,15 +115,28 @@ def look(camera, command, trajectory, number, t_start_s):
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
     heaven = camera.sky, camera.planets, camera.bodies.earth_v_i, camera.bodies.sun_u_i
     shot = t_valid_s, exposure_s, line_s == 0.0, camera.psf.width_px
+    is_plain = camera.lens is None and settings.optics.principal_point is None
+    hole, shift_px = (camera.pinhole, 0.0) if is_plain else lenses.around(camera.pinhole, camera.lens)
     (q_ic, rate, omega_c), aim, listed, scene = _look(
-        camera.pinhole, motion.states(trajectory), camera.q_bc,
+        hole, motion.states(trajectory), camera.q_bc,
         motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, heaven, shot,
     )  # fmt: skip
+    if not is_plain:
+        listed, scene = (_through(camera, shift_px, *some) for some in (listed, scene))
     background = (settings.detector.background + stray_rate(settings.stray_light, *aim)) * exposure_s
     film = _drawing_limit(settings, command, omega_c, background, scene[2].sum())
     frame = frame_of(settings.detector, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
     truth = truth_of(frame, settings.stray_light, (q_ic, rate), aim[:2], *listed)
     return frame, truth, film, scene
+
+
+def _through(camera, shift_px, hip, xy_px, *more):
+    """Of what a larger pinhole sees (`lens.around`), what the lens puts on the detector, and where."""
+    hole = camera.pinhole
+    seen_px = lenses.places(hole, camera.lens, xy_px - shift_px)
+    size_px = np.array([hole.width_px, hole.height_px])
+    on = ((seen_px >= -EDGE_PX) & (seen_px <= size_px - EDGE_PX)).all(axis=1)
+    return tuple(column[on] for column in (hip, seen_px, *more))
 
 
 @kernel

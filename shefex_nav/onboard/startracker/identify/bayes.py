@@ -127,7 +127,7 @@ def _identify(settings, camera, pairs, u_c, flux, prediction, P_px):
         float(hole.focal_length_px),
         float(hole.cx_px),
         float(hole.cy_px),
-        BORDER_PX,
+        BORDER_PX + camera.displaced_px,
         float(settings.centroid_error),
         float(settings.magnitude_error),
         float(settings.false_alarm),

@@ -54,7 +54,7 @@ def verify(settings, camera, stars, u_c, flux, star):
     -------
     Identification
     """
-    hole, error = camera.pinhole, settings.centroid_error
+    hole, error = _well_inside(camera), settings.centroid_error
     matched, distance2, n_missing = _extend_kernel(
         hole,
         stars.u_i,
@@ -71,6 +71,22 @@ def verify(settings, camera, stars, u_c, flux, star):
     odds += brightness_odds(settings.magnitude_error, stars.vmag, flux, matched)
     reason = Reason.NONE if odds > -math.log(settings.false_alarm) else Reason.AMBIGUOUS
     return Identification(matched, int(reason), float(odds))
+
+
+def _well_inside(camera):
+    """Pinhole of the part of the detector in which a lens that displaces leaves no star out.
+
+    camera : CameraModel; places are relative to its first pixel
+    """
+    hole, rim = camera.pinhole, int(np.ceil(camera.displaced_px))
+    if rim == 0:
+        return hole
+    return hole._replace(
+        width_px=hole.width_px - 2 * rim,
+        height_px=hole.height_px - 2 * rim,
+        cx_px=hole.cx_px - rim,
+        cy_px=hole.cy_px - rim,
+    )
 
 
 @kernel

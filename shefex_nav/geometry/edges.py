@@ -1,14 +1,13 @@
 """What a lens does at the edges of a picture: whether it is one there, and how far it sees. Compiled.
 
-In: focal length [px], distortion (5,) of `lens.Lens`, (width, height) of the picture as floats. The axis is
+In: focal length [px], distortion (5,) of `distortion`, (width, height) of the picture as floats. The axis is
 in the middle of the picture.
 """
 
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.solve.camera import straight_one
-from shefex_nav.solve.steps import BEHIND, bent_one, slopes_one
+from shefex_nav.geometry.distortion import BEHIND, bent_one, slopes_one, straight_one
 
 ALONG = 20  # points from the axis to a corner
 SAME_PX = 1.0  # of a corner, there and back

@@ -1,0 +1,158 @@
+"""The lens of a star camera as a scenario says it: does it fold, how far does it displace, what is left.
+
+What is told in the place of the truth leaves a residual. A part of it is a turn of the picture, which no star
+tracker can tell from an attitude; the rest shows in the residuals of the stars.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+GRID = 41  # points along each side of the detector, from border to border
+INVERSE_PX = 0.01  # to which the distortion must be undone in the corners
+TOO_STRONG = "is too strong: what a corner of the detector sees cannot be told; use smaller coefficients"
+
+
+class Left(NamedTuple):
+    """What a calibration leaves over the detector, for stars that are spread evenly."""
+
+    largest_px: float  # distance of a star from where it is expected
+    turn: tuple  # (3,) rad, dtheta_c: q_ic(true) = q_ic(fix) exp(turn), the attitude that fits the stars best
+    rest_px: float  # rms distance that is left by that attitude
+    worst_px: float  # its largest
+
+
+def pinhole_of(star_camera):
+    """Pinhole of a section star_camera, of which it needs optics and detector."""
+    from shefex_nav.geometry.pinhole import pinhole
+
+    optics, detector = star_camera.optics, star_camera.detector
+    focal_px = optics.focal_length / detector.pixel_size
+    return pinhole(detector.columns, detector.rows, focal_px, optics.principal_point)
+
+
+def distortion_of(star_camera):
+    """Distortion (5,) of the same, None of a pinhole."""
+    k = star_camera.optics.distortion
+    return None if k is None or not any(k) else np.array(k, dtype=float)
+
+
+def places(hole):
+    """Points over a detector. Pinhole -> (n, 2) px"""
+    x = np.linspace(-0.5, hole.width_px - 0.5, GRID)
+    y = np.linspace(-0.5, hole.height_px - 0.5, GRID)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def ideal(star_camera, xy_px):
+    """X/Z, Y/Z of places on the detector of a section star_camera. (n, 2) px -> (n, 2)"""
+    from shefex_nav.geometry import distortion
+
+    hole, k = pinhole_of(star_camera), distortion_of(star_camera)
+    return distortion.ideal_of(hole, xy_px if k is None else distortion.undistort(hole, k, xy_px))
+
+
+def field_deg(star_camera):
+    """Width, height and diagonal of the field of view, deg: the angles between what opposite points see."""
+    hole = pinhole_of(star_camera)
+    right, bottom = hole.width_px - 0.5, hole.height_px - 0.5
+    x, y = 0.5 * (right - 0.5), 0.5 * (bottom - 0.5)
+    ends = [(-0.5, y), (right, y), (x, -0.5), (x, bottom), (-0.5, -0.5), (right, bottom)]
+    rays = np.column_stack([ideal(star_camera, np.array(ends)), np.ones(6)])
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    sine = np.linalg.norm(np.cross(rays[::2], rays[1::2]), axis=1)
+    return tuple(np.degrees(np.arctan2(sine, (rays[::2] * rays[1::2]).sum(axis=1))).tolist())
+
+
+def displaced_px(star_camera):
+    """Largest displacement by the distortion, from where a pinhole puts a star, of a section star_camera."""
+    if distortion_of(star_camera) is None:
+        return 0.0
+    from shefex_nav.geometry.distortion import ideal_of
+
+    hole = pinhole_of(star_camera)
+    xy_px = places(hole)
+    off = ideal_of(hole, xy_px) - ideal(star_camera, xy_px)
+    return float(hole.focal_length_px * np.hypot(*off.T).max())
+
+
+def left(true, told):
+    """Left of two sections star_camera of one detector; None where both have the same lens."""
+    if all(
+        getattr(true.optics, name) == getattr(told.optics, name)
+        for name in ("focal_length", "principal_point", "distortion")
+    ):
+        return None
+    from shefex_nav.geometry.pinhole import turn_slopes
+
+    focal_px = pinhole_of(told).focal_length_px
+    xy_px = places(pinhole_of(true))
+    is_at = ideal(true, xy_px)
+    off_px = focal_px * (ideal(told, xy_px) - is_at)
+    G = focal_px * np.stack([np.stack(by, axis=-1) for by in turn_slopes(*is_at.T)], axis=1)  # (n, 2, 3)
+    # a fix that is turned by it sees the stars where the calibration takes them to be
+    turn = np.linalg.lstsq(G.reshape(-1, 3), off_px.ravel(), rcond=None)[0]
+    rest = np.hypot(*(off_px - G @ turn).T)
+    return Left(
+        float(np.hypot(*off_px.T).max()),
+        tuple((-turn).tolist()),
+        float(np.sqrt((rest**2).mean())),
+        float(rest.max()),
+    )
+
+
+def words(true, told):
+    """What is said of lens and calibration: list of lines."""
+    said = []
+    if largest := displaced_px(true):
+        said.append(f"star_camera.optics.distortion: displaces stars by up to {largest:.3g} pixels")
+    if (found := left(true, told)) is not None:
+        angle = math.degrees(math.hypot(*found.turn)) * 3600.0
+        said.append(
+            f"navigation.told.star_camera.optics: stars are up to {found.largest_px:.3g} pixels from where "
+            f"they are expected; an attitude off by {angle:.3g} arcsec leaves {found.rest_px:.2g} "
+            f"pixels rms of it, {found.worst_px:.2g} at most"
+        )
+    return said
+
+
+def fault(star_camera):
+    """Words for a distortion that is none of a lens on its detector; None of a good one."""
+    k = distortion_of(star_camera)
+    if k is None:
+        return None
+    from shefex_nav.geometry import distortion
+    from shefex_nav.geometry.edges import is_lens
+
+    hole = pinhole_of(star_camera)
+    corners = distortion.corners_px(hole)
+    half = np.abs(corners - [hole.cx_px, hole.cy_px]).max(axis=0)
+    if not is_lens(float(hole.focal_length_px), k, tuple((2.0 * half).tolist())):
+        r_px = hole.focal_length_px * _folds_at(k, half / hole.focal_length_px)
+        corner_px = math.hypot(*half)
+        if r_px <= corner_px:
+            return (
+                f"folds the picture over: it ends {r_px:.4g} pixels from the optical axis, where "
+                f"distances begin to shrink again; a corner of the detector is {corner_px:.4g} "
+                "pixels away. Use smaller coefficients"
+            )
+        return TOO_STRONG
+    again = distortion.distort(hole, k, distortion.undistort(hole, k, corners))
+    if not np.abs(again - corners).max() < INVERSE_PX:
+        return TOO_STRONG
+    return None
+
+
+def _folds_at(k, half):
+    """Distance from the axis over f at which the picture ends, towards the corners of (2,); the least."""
+    from shefex_nav.geometry.distortion import bent, slopes
+
+    r = np.linspace(0.0, 3.0, 3001)[1:, None]
+    least = math.inf
+    for side in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        ray = half * side / np.hypot(*half)
+        folds = np.linalg.det(slopes(k, r * ray)) <= 0.0
+        if folds.any():
+            least = min(least, float(np.hypot(*bent(k, (r * ray)[[np.argmax(folds)]])[0])))
+    return least
