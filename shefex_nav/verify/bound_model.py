@@ -1,6 +1,6 @@
 """How every error of the simulated sensors grows into errors of navigation, along the true flight.
 
-In: true trajectory, parameters of the world's sensors. Out: `linear.Interval` and `linear.Update` of one
+In: true trajectory, parameters of the world's sensors. Out: `linear.DrivenInterval` and `linear.Update` of one
 state vector: errors of position, velocity and attitude in inertial axes, and behind them each error source
 of the world as a state of its own. It shares no code with the on-board error model, whose states are fewer
 and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
@@ -17,6 +17,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.verify import linear
 
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad, all in inertial axes
 N_NAV = 9
@@ -31,10 +32,6 @@ class Source(NamedTuple):
     tau_s: float  # correlation time; inf: constant in a run
     length: float = np.inf  # m, correlation length along the path over the Earth
 
-    def keeps(self, duration_s, path):
-        """Correlation over a time and a path of so many metres."""
-        return float(np.exp(-duration_s / self.tau_s - path / self.length))
-
 
 class Layout(NamedTuple):
     """The sources and where their states stand, counted from the start of the whole vector."""
@@ -45,7 +42,7 @@ class Layout(NamedTuple):
     @property
     def n(self):
         """Length of the state vector."""
-        return N_NAV + sum(source.size for source in self.sources)
+        return max((place.stop for place in self.places.values()), default=N_NAV)
 
 
 class Samples(NamedTuple):
@@ -214,7 +211,7 @@ def _drive(C, f, gyro, accel, gravity, dt_s, drive):
 
 
 def interval(layout, samples, t_s, dt_s, path=0.0):
-    """Phi and Q of the whole state vector over some samples.
+    """linear.DrivenInterval of the whole state vector over some samples.
 
     Parameters
     ----------
@@ -223,13 +220,10 @@ def interval(layout, samples, t_s, dt_s, path=0.0):
     t_s : end of the last sample
     dt_s : of one sample
     path : m, over the Earth
-
-    Returns
-    -------
-    Phi, Q : (n, n)
     """
     X, Q_nav = spread(layout, samples, dt_s)
-    return with_sources(layout, X, Q_nav, dt_s * len(samples.C_ib), path)
+    faded = fading(layout).over(dt_s * len(samples.C_ib), path)
+    return linear.DrivenInterval(t_s, X, Q_nav, *faded)
 
 
 def spread(layout, samples, dt_s):
@@ -243,20 +237,27 @@ def spread(layout, samples, dt_s):
     return X, Q_nav
 
 
-def with_sources(layout, X, Q_nav, duration_s, path):
-    """Phi and Q of the whole state vector: the errors of navigation, and how sources wander.
+class Fading(NamedTuple):
+    """How the p states of all sources wander, each by itself."""
 
-    layout, path : as of `interval`;  X, Q_nav : of `spread`;  duration_s : of the samples -> (n, n), (n, n)
-    """
-    n = layout.n
-    Phi, Q = np.eye(n), np.zeros((n, n))
-    Phi[:N_NAV], Q[:N_NAV, :N_NAV] = X, Q_nav
-    for source in layout.sources:
-        if (keeps := source.keeps(duration_s, path)) < 1.0:
-            place = layout.places[source.name]
-            Phi[place, place] *= keeps
-            Q[place, place] = np.diag(source.sigma**2 * (1.0 - keeps**2))
-    return Phi, Q
+    variance: np.ndarray  # (p,)
+    per_s: np.ndarray  # (p,) 1/tau
+    per_m: np.ndarray  # (p,) 1/length
+
+    def over(self, duration_s, path):
+        """(p,) correlations over a time and a path of so many metres, (p,) variances that are added."""
+        keeps = np.exp(-duration_s * self.per_s - path * self.per_m)
+        return keeps, self.variance * (1.0 - keeps**2)
+
+
+def fading(layout):
+    """Fading of the sources of a Layout."""
+    sizes = [source.size for source in layout.sources]
+    return Fading(
+        np.concatenate([source.sigma for source in layout.sources]) ** 2,
+        np.repeat([1.0 / source.tau_s for source in layout.sources], sizes),
+        np.repeat([1.0 / source.length for source in layout.sources], sizes),
+    )
 
 
 def start(layout, sigma_r, sigma_v, P_psi, omega_ie_i):

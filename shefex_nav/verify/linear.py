@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.verify import covariance
 
 
 class Interval(NamedTuple):
@@ -25,6 +26,30 @@ class Interval(NamedTuple):
     t_s: float  # end
     Phi: np.ndarray  # (n, n)
     Q: np.ndarray  # (n, n)
+
+
+class DrivenInterval(NamedTuple):
+    """Growth of the errors up to t_s where all but the first a of them depend on themselves alone."""
+
+    t_s: float  # end
+    X: np.ndarray  # (a, n) the first rows of Phi
+    Q_first: np.ndarray  # (a, a) their noise
+    keeps: np.ndarray  # (n - a,) diagonal of Phi of the others
+    added: np.ndarray  # (n - a,) diagonal of their noise
+
+    @property
+    def Phi(self):
+        """(n, n)"""
+        Phi = np.diag(np.concatenate([np.zeros(len(self.X)), self.keeps]))
+        Phi[: len(self.X)] = self.X
+        return Phi
+
+    @property
+    def Q(self):
+        """(n, n)"""
+        Q = np.diag(np.concatenate([np.zeros(len(self.X)), self.added]))
+        Q[: len(self.X), : len(self.X)] = self.Q_first
+        return Q
 
 
 class Update(NamedTuple):
@@ -83,7 +108,7 @@ def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
     Parameters
     ----------
     P : (n, n) at the start
-    steps : sequence of Interval and Update, in order of t_s
+    steps : sequence of Interval, DrivenInterval and Update, in order of t_s
     times_s : increasing; each the end of an interval
     rng : Generator, with `number` > 0
     number : of histories
@@ -117,27 +142,17 @@ def _known_s(step):
 
 def _take(P, errors, step, k, drawn, *, last):
     """P and errors after a step."""
-    if isinstance(step, Interval):
-        grown = step.Phi @ P @ step.Phi.T + step.Q
+    if isinstance(step, Update):
+        P, K = covariance.corrected(P, *map(np.ascontiguousarray, (step.H, step.R)))
         if drawn.number:
-            errors = step.Phi @ errors + drawn.process(k, step.Q, last=last)
-        return 0.5 * (grown + grown.T), errors
-    K = gain(P, step.H, step.R)
+            errors = errors - K @ (step.H @ errors + drawn.measured(k, step.R, last=last))
+        return P, errors
     if drawn.number:
-        errors = errors - K @ (step.H @ errors + drawn.measured(k, step.R, last=last))
-    return _joseph(P, K, step.H, step.R), errors
-
-
-def gain(P, H, R):
-    """K = P H^T (H P H^T + R)^-1. (n, n), (m, n), (m, m) -> (n, m)"""
-    return np.linalg.solve(H @ P @ H.T + R, H @ P).T
-
-
-def _joseph(P, K, H, R):
-    """(I - K H) P (I - K H)^T + K R K^T, symmetric."""
-    left = P - K @ (H @ P)
-    P = left - (left @ H.T) @ K.T + K @ R @ K.T
-    return 0.5 * (P + P.T)
+        errors = step.Phi @ errors + drawn.process(k, step.Q, last=last)
+    if isinstance(step, DrivenInterval):
+        return covariance.grown(P, *step[1:]), errors
+    grown = step.Phi @ P @ step.Phi.T + step.Q
+    return 0.5 * (grown + grown.T), errors
 
 
 def square_root(P):

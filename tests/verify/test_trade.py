@@ -59,11 +59,11 @@ def test_an_interval_of_pieces_is_that_of_the_bound():
     dt_s = sample_s(flight.trajectory.t_s)
     before, end = 4030, 5270  # within pieces, over several whole ones
     whole = bound._interval(flight, layout, dt_s, before, end)
-    joined = Growth(flight).interval(flight, layout, before, end)
+    joined = Growth(flight).of(flight, layout).interval(before, end)
     assert joined.t_s == whole.t_s
     np.testing.assert_allclose(joined.Phi, whole.Phi, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(joined.Q, whole.Q, rtol=1e-9, atol=1e-9 * np.abs(whole.Q).max())
-    assert Growth(flight).interval(flight, layout, 0, 200).Q[6, 6] > 0.0
+    assert Growth(flight).of(flight, layout).interval(0, 200).Q[6, 6] > 0.0
 
 
 def test_white_noise_adds_to_the_covariance_with_its_square():

@@ -232,7 +232,7 @@ def _errors(along, growth, process):
     look = round(LOOK_S / sample_s(trajectory.t_s))
     looks, starred = np.union1d(wanted, np.arange(look, wanted[0], look)), _at_stars(along)
     levels, found, in_stars, widest = bound.swings(along), [], [], 0.0
-    for k, output in bound.outputs_at(along, layout, np.union1d(looks, starred), growth):
+    for k, output in bound.outputs_at(along, layout, np.union1d(looks, starred), growth.of(along, layout)):
         t_s, errors = float(trajectory.t_s[k]), bound.reported(along, levels, k, output.P)
         if k in starred:
             in_stars.append(Errors(STARS, t_s, *errors))
