@@ -259,7 +259,8 @@ def samples(flight, layout, dt_s, before, end):
     q /= np.linalg.norm(q, axis=1)[:, None]
     r_i = 0.5 * (trajectory.r_i[earlier] + trajectory.r_i[rows])
     walks = np.zeros((len(dv_b), 2))
-    return bound_model.Samples(rotation.dcms_from_quats(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
+    C_ib = rotation.dcms_from_quats(q)
+    return bound_model.Samples(C_ib, np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
 
 
 def path_over_earth(flight, before, end):

@@ -1,4 +1,4 @@
-"""One step of a covariance, compiled: over an interval in which most states move nothing, and over a measurement.
+"""One step of a covariance, compiled: over an interval where few states are driven, and over a measurement.
 
 The equations are those of `linear`; here they leave out what is zero. Symmetric matrices are given whole.
 """
@@ -44,9 +44,11 @@ def corrected(P, H, R):
     """
     n, m = P.shape[0], H.shape[0]
     HP, S, left, W = np.zeros((m, n)), R.copy(), P.copy(), np.zeros((n, m))
+    seen = np.zeros(n, dtype=np.bool_)  # the states that the measurement depends on
     for a in range(m):
         for k in range(n):
             _add_multiple(HP[a], H[a, k], P[k])
+            seen[k] = seen[k] or H[a, k] != 0.0
     for a in range(m):
         for b in range(m):
             for k in range(n):
@@ -56,15 +58,13 @@ def corrected(P, H, R):
     for i in range(n):
         for a in range(m):
             _add_multiple(left[i], -K_T[a, i], HP[a])
-    for a in range(m):  # W = K R - (I - K H) P H^T, nothing but rounding for the best of gains
+    H_T = H.T.copy()
+    for i in range(n):  # W = K R - (I - K H) P H^T, nothing but rounding for the best of gains
         for k in range(n):
-            if H[a, k] != 0.0:
-                for i in range(n):
-                    W[i, a] -= left[i, k] * H[a, k]
-        for b in range(m):
-            for i in range(n):
-                W[i, a] += K_T[b, i] * R[b, a]
-    for i in range(n):
+            if seen[k]:
+                _add_multiple(W[i], -left[i, k], H_T[k])
+        for a in range(m):
+            _add_multiple(W[i], K_T[a, i], R[a])
         for a in range(m):
             _add_multiple(left[i], W[i, a], K_T[a])
     for i in range(n):

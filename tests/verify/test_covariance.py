@@ -9,7 +9,7 @@ N, A = 17, 5
 
 
 def made(seed):
-    """P, DrivenInterval, H, R of no structure but that which is asked for; scales as far apart as m and rad."""
+    """P, DrivenInterval, H, R at random, and scales of the states, as far apart as m and rad."""
     rng = np.random.default_rng(seed)
     scale = 10.0 ** rng.uniform(-6.0, 2.0, N)
     root = scale[:, None] * rng.standard_normal((N, N))

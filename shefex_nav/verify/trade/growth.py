@@ -61,15 +61,10 @@ class Growth:
     def _made(self, flight, before, end):
         """X (9, n) of `bound_model.spread`, Q (4, 9, 9), of one piece."""
         samples = bound.samples(flight, self._layout, self._dt_s, before, end)
-        turned = np.zeros((end - before, 2))
-        turned[:, 0] = self._dt_s
-        X, by_gyro = bound_model.spread(self._layout, samples._replace(walks=turned), self._dt_s)
-        alone = samples._replace(
-            gyro=samples.gyro[:, :, :0].copy(),
-            accel=samples.accel[:, :, :0].copy(),
-            walks=turned[:, ::-1].copy(),
+        walks = np.full((end - before, 2), self._dt_s)
+        X, (by_gyro, by_accelerometer) = bound_model.spread(
+            self._layout, samples._replace(walks=walks), self._dt_s
         )
-        _, by_accelerometer = bound_model.spread(self._layout, alone, self._dt_s)
         counted = bound.remainders(flight.trajectory, before, end).mean() / self._dt_s
         return X, np.array([by_gyro, counted * by_gyro, by_accelerometer, counted * by_accelerometer])
 

@@ -93,6 +93,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     refuse(scenario)
     key = flight_key(scenario)
     flight = shared.of("flight", key, lambda: prepare.fly_vehicle(scenario, shared.seed))
+    scenario = _settled(scenario, shared, key, flight)
     heard = shared.of(
         "heard", _others(scenario), lambda: _with_readings(scenario, shared.seed, flight, gps_s)
     )
@@ -107,15 +108,15 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))
     growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
     flown = shared.of("flown", key, lambda: programme.of_flight(flight))
-    errors, in_stars, widest = _errors(along, growth, process)
-    settled = _settled(scenario, shared, key, flight)
+    wanted = shared.of("wanted", key, lambda: _wanted(flight.trajectory, along.earth))
+    errors, in_stars, widest = _errors(along, growth, process, wanted)
     return Prediction(
         errors,
         len(along.gps_fixes),
         seen.frames,
         seen.solved,
         seen.sigma,
-        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(settled, flown)),
+        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(scenario, flown)),
         at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
         _taken_over(scenario),
         in_stars,
@@ -214,31 +215,37 @@ def _mean(group, t_s):
 
 def _stars(scenario, seed, flight, every_s):
     """stars.StarFixes of a scenario."""
-    return stars.star_fixes(scenario, prepare.measure(scenario, seed, flight).world, seed, every_s)
+    return stars.star_fixes(scenario, prepare.unmeasured(scenario, seed, flight), seed, every_s)
 
 
-def _errors(along, growth, process):
+def _wanted(trajectory, earth):
+    """Samples of ENTRY, if there is one, and of END: {index: ENTRY or END}."""
+    truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))
+    entry = metrics.entry_index(truth.t_s, track.earth_fixed(earth, truth).height)
+    whats = [END] if entry is None else [ENTRY, END]
+    times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
+    at = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
+    return dict(zip(at[::-1].tolist(), whats[::-1], strict=True))  # an entry at the end is an entry
+
+
+def _errors(along, growth, process, wanted):
     """Errors at entry, if there is one, and at the end; STARS; largest sigma of the attitude until the first.
 
-    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity -> tuple, Errors or None, rad
+    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity;  wanted : of `_wanted`
+    -> tuple, Errors or None, rad
     """
     trajectory, more = along.trajectory, [source for one in along.heard for source in one.sources]
     layout = bound_model.sources(along.imu, along.camera, *process, more)
-    truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))
-    entry = metrics.entry_index(truth.t_s, track.earth_fixed(along.earth, truth).height)
-    whats = [END] if entry is None else [ENTRY, END]
-    times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
-    wanted = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
-    look = round(LOOK_S / sample_s(trajectory.t_s))
-    looks, starred = np.union1d(wanted, np.arange(look, wanted[0], look)), _at_stars(along)
+    look, first = round(LOOK_S / sample_s(trajectory.t_s)), min(wanted)
+    looks, starred = {*wanted, *range(look, first, look)}, set(_at_stars(along).tolist())
     levels, found, in_stars, widest = bound.swings(along), [], [], 0.0
-    for k, output in bound.outputs_at(along, layout, np.union1d(looks, starred), growth.of(along, layout)):
+    for k, output in bound.outputs_at(along, layout, np.array(sorted(looks | starred)), growth.of(along, layout)):
         t_s, errors = float(trajectory.t_s[k]), bound.reported(along, levels, k, output.P)
         if k in starred:
             in_stars.append(Errors(STARS, t_s, *errors))
         if k in wanted:
-            found.append(Errors(whats[len(found)], t_s, *errors))
-        if k in looks and k <= wanted[0]:
+            found.append(Errors(wanted[k], t_s, *errors))
+        if k in looks and k <= first:
             widest = max(widest, float(np.sqrt(errors[2].diagonal().max())))
     return tuple(found), _largest(in_stars), widest
 
