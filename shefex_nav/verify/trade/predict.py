@@ -34,6 +34,13 @@ ALONE = (  # sections that GPS fixes and readings of instruments do not depend o
 OF_STARS = "star_camera", "star_tracker"
 
 
+def cost_rank(section):
+    """0, 1 or 2: another setting of a section of a scenario takes another flight, other fixes, or neither."""
+    if section not in ALONE:
+        return int(section == "gps")
+    return 1 if section in OF_STARS else 2
+
+
 class NoPredictionError(UserError):
     """A scenario of which the linear model says nothing; the message says why."""
 
