@@ -145,14 +145,18 @@ def reported(flight, levels, k, P):
 
     levels : of `swings`;  P : (n, n)
     """
-    trajectory = flight.trajectory
-    rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
-    C_ib, (velocity, angle) = rotation.dcm_from_quat(trajectory.q_ib[k]), levels[rms]
+    C_ib = rotation.dcm_from_quat(flight.trajectory.q_ib[k])
+    velocity, angle = swings_at(flight, levels, k)
     return (
         P[POS, POS],
         P[VEL, VEL] + velocity**2 * np.eye(3),
         C_ib.T @ P[PSI, PSI] @ C_ib + angle**2 * np.eye(3),
     )
+
+
+def swings_at(flight, levels, k):
+    """Swing of velocity and of attitude at sample k, 1 sigma of each axis. levels : of `swings`"""
+    return levels[float(world_imu.vibration_rms(flight.imu, flight.trajectory.burning[k : k + 1])[0])]
 
 
 def outputs(flight, layout, *, every_s=OUTPUT_S):
@@ -164,15 +168,18 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
     yield from outputs_at(flight, layout, np.arange(stride, len(flight.trajectory.t_s), stride))
 
 
-def outputs_at(flight, layout, at, growth=None):
-    """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`"""
+def outputs_at(flight, layout, at, growth=None, **histories):
+    """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`
+
+    histories : rng and number of `linear.outputs`, for errors that are drawn
+    """
     trajectory = flight.trajectory
     steps = problem(flight, layout, sample_s(trajectory.t_s), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
     P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
     omega_ie_i = frames.omega_ie_i(flight.earth)
     P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
-    yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at]), strict=True)
+    yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at], **histories), strict=True)
 
 
 def problem(flight, layout, dt_s, at, growth=None):

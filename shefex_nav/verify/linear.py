@@ -85,20 +85,21 @@ class _Drawn(NamedTuple):
     kept: dict
     share: Share | None
 
-    def noise(self, k, covariance, *, last):
+    def noise(self, k, step, *, last):
         """Noise of step k: the same until it is asked for the last time."""
         if k not in self.kept:
-            self.kept[k] = square_root(covariance) @ self.rng.standard_normal((len(covariance), self.number))
+            root = _root(step)
+            self.kept[k] = root @ self.rng.standard_normal((root.shape[1], self.number))
         return self.kept.pop(k) if last else self.kept[k]
 
-    def process(self, k, covariance, *, last):
+    def process(self, k, step, *, last):
         """The same, of an interval."""
-        noise = self.noise(k, covariance, last=last)
+        noise = self.noise(k, step, last=last)
         return noise if self.share is None else self.share.states[:, None] * noise
 
-    def measured(self, k, covariance, *, last):
+    def measured(self, k, step, *, last):
         """The same, of a measurement."""
-        noise = self.noise(k, covariance, last=last)
+        noise = self.noise(k, step, last=last)
         return noise if self.share is None or self.share.measured else 0.0 * noise
 
 
@@ -145,14 +146,34 @@ def _take(P, errors, step, k, drawn, *, last):
     if isinstance(step, Update):
         P, K = covariance.corrected(P, *map(np.ascontiguousarray, (step.H, step.R)))
         if drawn.number:
-            errors = errors - K @ (step.H @ errors + drawn.measured(k, step.R, last=last))
+            errors = errors - K @ (step.H @ errors + drawn.measured(k, step, last=last))
         return P, errors
     if drawn.number:
-        errors = step.Phi @ errors + drawn.process(k, step.Q, last=last)
+        errors = _grown(step, errors) + drawn.process(k, step, last=last)
     if isinstance(step, DrivenInterval):
         return covariance.grown(P, *step[1:]), errors
     grown = step.Phi @ P @ step.Phi.T + step.Q
     return 0.5 * (grown + grown.T), errors
+
+
+def _grown(step, errors):
+    """Phi e of an interval. (n, number)"""
+    if isinstance(step, DrivenInterval):
+        return np.vstack([step.X @ errors, step.keeps[:, None] * errors[len(step.X) :]])
+    return step.Phi @ errors
+
+
+def _root(step):
+    """(n, r) matrix A with A A^T = Q of an interval, R of a measurement."""
+    if isinstance(step, Update):
+        return square_root(step.R)
+    if isinstance(step, Interval):
+        return square_root(step.Q)
+    a, wander = len(step.X), np.flatnonzero(step.added)
+    root = np.zeros((a + len(step.added), a + len(wander)))
+    root[:a, :a] = square_root(step.Q_first)
+    root[a + wander, a + np.arange(len(wander))] = np.sqrt(step.added[wander])
+    return root
 
 
 def square_root(P):
