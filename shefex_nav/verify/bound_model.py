@@ -2,8 +2,8 @@
 
 In: true trajectory, parameters of the world's sensors. Out: `linear.DrivenInterval` and `linear.Update` of
 one state vector: errors of position, velocity and attitude in inertial axes, and behind them each error
-source of the world as a state of its own. It shares no code with the on-board error model, whose states are fewer
-and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
+source of the world as a state of its own. It shares no code with the on-board error model, whose states are
+fewer and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
 
     psi <- psi - C d(dtheta),   dv <- dv - (C dv_b) x psi - C d(dv) + (G dr + dg) T,   dr <- dr + T dv
 

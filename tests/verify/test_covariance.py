@@ -53,3 +53,17 @@ def test_a_measurement_without_a_covariance_is_refused():
     P, _, H, R, _ = made(1)
     with pytest.raises(ValueError, match="not positive definite"):
         covariance.corrected(P, H, R - 1e12 * np.eye(3))
+
+
+def test_histories_of_driven_errors_have_their_covariance():
+    """Drawn by the blocks of an interval, against the covariance of the same steps."""
+    P, step, H, R, scale = made(2)
+    step = step._replace(added=step.added * scale[A:] ** 2 * (np.arange(N - A) % 2))
+    steps = [step, linear.Update(1.0, 1.0, "one", H, R), step._replace(t_s=2.0)]
+    number = 40_000
+    rng = np.random.default_rng(5)
+    *_, last = linear.outputs(P, steps, [1.0, 2.0], rng=rng, number=number)
+    sigma = np.sqrt(last.P.diagonal())
+    drawn = last.errors / sigma[:, None]
+    wanted = last.P / np.outer(sigma, sigma)
+    assert np.abs(drawn @ drawn.T / number - wanted).max() < 6.0 / np.sqrt(number)

@@ -257,4 +257,5 @@ def _numbers(one):
     """What is predicted, as something that can be compared."""
     if one.prediction is None:
         return one.refused
-    return tuple(P.tobytes() for errors in one.prediction.errors for P in errors[2:])
+    found = (*one.prediction.errors, *one.prediction.largest)
+    return tuple(P.tobytes() for errors in found for P in errors[2:])
