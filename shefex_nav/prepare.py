@@ -107,34 +107,38 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     Healthy
     """
 
-    def rng(stream):
-        return noise.generator(seed, stream)
-
     aboard.activate(scenario)
-    epoch = scenario.mission.epoch
-    earth, bodies = earth_rotation(scenario), ephemeris.sky_bodies(epoch)
-    catalogue = stars.load_catalogue(8.0)
-    at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
     scenario = settled(scenario, flight if brief else None)
-    sensed = imu.sense(settings(scenario.imu), flight.trajectory, rng("imu"), biases)
-    true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
+    world = unmeasured(scenario, seed, flight)
+    sensed = imu.sense(settings(scenario.imu), flight.trajectory, noise.generator(seed, "imu"), biases)
     receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
-    said = gps.received(receiver, seen, flight.events, start_s, rng("gps"), rng("gps_errors"))
-    world = World(
+    rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
+    said = gps.received(receiver, seen, flight.events, start_s, *rngs)
+    return Healthy(scenario, seed, world._replace(imu_biases=biases), sensed, said)
+
+
+def unmeasured(scenario, seed, flight):
+    """World of a flight in which nothing has measured yet. scenario : `settled` -> World"""
+    earth, bodies = earth_rotation(scenario), ephemeris.sky_bodies(scenario.mission.epoch)
+    catalogue = stars.load_catalogue(8.0)
+    at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(scenario.mission.epoch))
+    rng = noise.generator(seed, "camera_errors")
+    true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng)
+    rng = noise.generator(seed, "pad")
+    return World(
         earth=earth,
         catalogue=catalogue,
         flight=flight,
-        alignment=pad.align(settings(scenario.pad_alignment), flight.trajectory, earth, rng("pad")),
+        alignment=pad.align(settings(scenario.pad_alignment), flight.trajectory, earth, rng),
         imu=None,
         gps_fixes=[],
         gps_ranges=[],
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=None,
-        imu_biases=biases,
+        imu_biases=None,
     )
-    return Healthy(scenario, seed, world, sensed, said)
 
 
 def with_faults(scenario, healthy, *, keeps=False):

@@ -81,6 +81,15 @@ def dcm_from_quat(q):
 
 
 @kernel
+def dcms_from_quats(q):
+    """The same of many. (N, 4) -> (N, 3, 3)."""
+    C = np.empty((q.shape[0], 3, 3))
+    for k in range(q.shape[0]):
+        t3.store(C[k], t3.dcm_from_quat(q[k]))
+    return C
+
+
+@kernel
 def quat_from_dcm(C):
     """Quaternion q_ab of C_ab by the largest of its components (Shepperd 1978). (3, 3) -> (4,)."""
     q2 = np.array(

@@ -44,10 +44,11 @@ def of(scenario):
     camera, tracker = settings(scenario.star_camera), settings(scenario.star_tracker)
     chip, optics = camera.detector, camera.optics
     half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
-    known = _known(tracker.catalogue, ephemeris.julian_year(scenario.mission.epoch))
+    year = ephemeris.julian_year(scenario.mission.epoch)
+    known = _known(tracker.catalogue, year)
     share = _solid_angle(*half) / SPHERE
     if share * len(known.hip) < SURE:
-        catalogue.pair_table(known, 2.0 * math.atan(math.hypot(*half)))
+        _check_pairs(tracker.catalogue, year, 2.0 * math.atan(math.hypot(*half)))
     faintest = _faintest(camera, tracker)
     electrons_per_dn = detector.electronics(chip, tracker.exposure.gain).electrons_per_dn
     return Light(
@@ -63,6 +64,12 @@ def of(scenario):
 def _known(of_catalogue, julian_year):
     """OnboardCatalogue of settings.Catalogue."""
     return catalogue.build(of_catalogue, stars.load_catalogue(8.0), julian_year)
+
+
+@lru_cache(maxsize=64)
+def _check_pairs(of_catalogue, julian_year, max_angle):
+    """CatalogueError where a field of view [rad] has no pairs of stars. of_catalogue : settings.Catalogue"""
+    catalogue.pair_table(_known(of_catalogue, julian_year), max_angle)
 
 
 def _solid_angle(x, y):

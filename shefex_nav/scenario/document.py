@@ -46,6 +46,22 @@ class BadText(Exception):
 
 def parse(text, file):
     """Document of the YAML `text`, which came from `file`; BadText if it is not YAML."""
+    found = _parsed(text, file)
+    return Document(
+        _copied(found.tree), dict(found.keys), dict(found.values), list(found.errors), list(found.removed)
+    )
+
+
+def _copied(value):
+    """A tree of dicts and lists in which nothing but single values is the same object."""
+    if isinstance(value, dict):
+        return {key: _copied(one) for key, one in value.items()}
+    return [_copied(one) for one in value] if isinstance(value, list) else value
+
+
+@lru_cache(maxsize=32)  # a study reads its scenario and its instruments for every flight
+def _parsed(text, file):
+    """As `parse`, of which all get the same object."""
     node = _compose(text, file)
     document = Document({}, {}, {}, [], [])
     if node is None:
@@ -73,7 +89,7 @@ def parse_value(text, label):
     return value, document.errors
 
 
-@lru_cache(maxsize=128)  # a study reads its scenario for every flight
+@lru_cache(maxsize=128)  # values of settings, mostly
 def _compose(text, file):
     """Root node of the YAML `text`, None if there is nothing in it."""
     from yaml import MarkedYAMLError, YAMLError

@@ -145,14 +145,18 @@ def reported(flight, levels, k, P):
 
     levels : of `swings`;  P : (n, n)
     """
-    trajectory = flight.trajectory
-    rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
-    C_ib, (velocity, angle) = rotation.dcm_from_quat(trajectory.q_ib[k]), levels[rms]
+    C_ib = rotation.dcm_from_quat(flight.trajectory.q_ib[k])
+    velocity, angle = swings_at(flight, levels, k)
     return (
         P[POS, POS],
         P[VEL, VEL] + velocity**2 * np.eye(3),
         C_ib.T @ P[PSI, PSI] @ C_ib + angle**2 * np.eye(3),
     )
+
+
+def swings_at(flight, levels, k):
+    """Swing of velocity and of attitude at sample k, 1 sigma of each axis. levels : of `swings`"""
+    return levels[float(world_imu.vibration_rms(flight.imu, flight.trajectory.burning[k : k + 1])[0])]
 
 
 def outputs(flight, layout, *, every_s=OUTPUT_S):
@@ -164,15 +168,18 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
     yield from outputs_at(flight, layout, np.arange(stride, len(flight.trajectory.t_s), stride))
 
 
-def outputs_at(flight, layout, at, growth=None):
-    """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`"""
+def outputs_at(flight, layout, at, growth=None, **histories):
+    """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`
+
+    histories : rng and number of `linear.outputs`, for errors that are drawn
+    """
     trajectory = flight.trajectory
     steps = problem(flight, layout, sample_s(trajectory.t_s), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
     P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
     omega_ie_i = frames.omega_ie_i(flight.earth)
     P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
-    yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at]), strict=True)
+    yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at], **histories), strict=True)
 
 
 def problem(flight, layout, dt_s, at, growth=None):
@@ -184,7 +191,7 @@ def problem(flight, layout, dt_s, at, growth=None):
     layout : bound_model.Layout
     dt_s : s, of one sample
     at : (m,) indices of samples at which an interval has to end
-    growth : trade.growth.Growth, which keeps steps for other problems; None: each is made anew
+    growth : trade.growth.OneOf, which keeps steps for other problems; None: each is made anew
 
     Returns
     -------
@@ -197,16 +204,14 @@ def problem(flight, layout, dt_s, at, growth=None):
         k = round((fix.t_valid_s - begin_s) / dt_s)
         step = partial(make, flight, layout, dt_s, k, fix)
         if growth is not None:
-            step = partial(growth.update, make, flight, layout, k, fix)
+            step = partial(growth.update, make, k, fix)
         updates.setdefault(k, []).append(step)
     for one in flight.heard:
         for row, k in enumerate(one.k.tolist()):
             updates.setdefault(k, []).append(partial(_reading, flight, layout, one, row))
     last = len(flight.trajectory.t_s) - 1
     ends = sorted({k for k in (*at.tolist(), *updates) if 0 < k <= last})
-    make = partial(_interval, flight, layout, dt_s)
-    if growth is not None:
-        make = partial(growth.interval, flight, layout)
+    make = partial(_interval, flight, layout, dt_s) if growth is None else growth.interval
     makers, before = [], 0
     for end in ends:
         makers += [partial(make, before, end), *updates.get(end, ())]
@@ -215,7 +220,7 @@ def problem(flight, layout, dt_s, at, growth=None):
 
 
 class Steps:
-    """Sequence of linear.Interval and linear.Update, each made when it is asked for.
+    """Sequence of linear.DrivenInterval and linear.Update, each made when it is asked for.
 
     Those of a flight with ten readings a second would fill the memory.
     """
@@ -232,7 +237,7 @@ class Steps:
 
 
 def _interval(flight, layout, dt_s, before, end):
-    """linear.Interval over the samples after `before` up to `end`."""
+    """linear.DrivenInterval over the samples after `before` up to `end`."""
     sensed = samples(flight, layout, dt_s, before, end)
     params, carried = flight.imu, remainders(flight.trajectory, before, end)
     walks = np.column_stack(
@@ -242,7 +247,7 @@ def _interval(flight, layout, dt_s, before, end):
         ]
     )
     t_s, path = float(flight.trajectory.t_s[end]), path_over_earth(flight, before, end)
-    return linear.Interval(t_s, *bound_model.interval(layout, sensed._replace(walks=walks), t_s, dt_s, path))
+    return bound_model.interval(layout, sensed._replace(walks=walks), t_s, dt_s, path)
 
 
 def remainders(trajectory, before, end):
@@ -261,7 +266,8 @@ def samples(flight, layout, dt_s, before, end):
     q /= np.linalg.norm(q, axis=1)[:, None]
     r_i = 0.5 * (trajectory.r_i[earlier] + trajectory.r_i[rows])
     walks = np.zeros((len(dv_b), 2))
-    return bound_model.Samples(_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
+    C_ib = rotation.dcms_from_quats(q)
+    return bound_model.Samples(C_ib, np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
 
 
 def path_over_earth(flight, before, end):
@@ -279,11 +285,6 @@ def _sign(trajectory, earlier, rows):
     """+1 or -1: quaternions of one half of the sphere. (N, 1)"""
     along = np.einsum("ki,ki->k", trajectory.q_ib[earlier], trajectory.q_ib[rows])
     return np.where(along < 0.0, -1.0, 1.0)[:, None]
-
-
-def _dcms(q):
-    """(N, 4) -> (N, 3, 3)."""
-    return np.array([rotation.dcm_from_quat(one) for one in q])
 
 
 def _reading(flight, layout, one, row):

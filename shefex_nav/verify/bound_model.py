@@ -1,9 +1,9 @@
 """How every error of the simulated sensors grows into errors of navigation, along the true flight.
 
-In: true trajectory, parameters of the world's sensors. Out: `linear.Interval` and `linear.Update` of one
-state vector: errors of position, velocity and attitude in inertial axes, and behind them each error source
-of the world as a state of its own. It shares no code with the on-board error model, whose states are fewer
-and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
+In: true trajectory, parameters of the world's sensors. Out: `linear.DrivenInterval` and `linear.Update` of
+one state vector: errors of position, velocity and attitude in inertial axes, and behind them each error
+source of the world as a state of its own. It shares no code with the on-board error model, whose states are
+fewer and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
 
     psi <- psi - C d(dtheta),   dv <- dv - (C dv_b) x psi - C d(dv) + (G dr + dg) T,   dr <- dr + T dv
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.verify import linear
 
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad, all in inertial axes
 N_NAV = 9
@@ -31,21 +32,13 @@ class Source(NamedTuple):
     tau_s: float  # correlation time; inf: constant in a run
     length: float = np.inf  # m, correlation length along the path over the Earth
 
-    def keeps(self, duration_s, path):
-        """Correlation over a time and a path of so many metres."""
-        return float(np.exp(-duration_s / self.tau_s - path / self.length))
-
 
 class Layout(NamedTuple):
     """The sources and where their states stand, counted from the start of the whole vector."""
 
     sources: tuple[Source, ...]
     places: dict  # name -> slice
-
-    @property
-    def n(self):
-        """Length of the state vector."""
-        return N_NAV + sum(source.size for source in self.sources)
+    n: int  # length of the state vector
 
 
 class Samples(NamedTuple):
@@ -65,7 +58,7 @@ def layout(sources):
     for source in sources:
         places[source.name] = slice(begin, begin + source.size)
         begin += source.size
-    return Layout(tuple(sources), places)
+    return Layout(tuple(sources), places, begin)
 
 
 def sources(imu, camera, gravity_sigma, gravity_tau_s, more=()):
@@ -151,52 +144,77 @@ def imu_columns(layout, dtheta_b, dv_b, rms2, dt_s):
 
 @kernel
 def spread_kernel(samples, gravity, dt_s, X, Q):
-    """Carry columns of errors and the covariance of white noise over samples, in place.
+    """Carry columns of errors and the covariances of white noise over samples, in place.
 
     samples : Samples;  gravity : index of the first of three states of gravity;  dt_s : of one sample
-    X : (9, 9 + p), written: begins as [I | 0];  Q : (9, 9), written: begins as 0
+    X : (9, 9 + p), written: begins as [I | 0]
+    Q : (2, 9, 9), written: begins as 0; of the noise of attitude, of that of velocity
     """
     C_ib, dv_b, r_i, gyro, accel, walks = samples
-    F, drive = np.empty((9, 9)), np.empty((9, gyro.shape[2]))
+    G, drive = np.empty((3, 3)), np.empty((9, gyro.shape[2]))
     for k in range(C_ib.shape[0]):
         f = C_ib[k] @ dv_b[k]
-        _transition(f, r_i[k], dt_s, F)
+        _gradient(r_i[k], dt_s, G)
         _drive(C_ib[k], f, gyro[k], accel[k], gravity, dt_s, drive)
-        X[:] = F @ X
-        X[:, 9:] += drive
-        Q[:] = F @ Q @ F.T
-        for i in range(3):
-            Q[6 + i, 6 + i] += walks[k, 0]
-            Q[3 + i, 3 + i] += walks[k, 1]
+        _carry(G, f, dt_s, X)
+        for i in range(9):
+            for c in range(drive.shape[1]):
+                X[i, 9 + c] += drive[i, c]
+        for kind in range(2):
+            _carry(G, f, dt_s, Q[kind])  # F Q, and then (F (F Q)^T)^T
+            _transpose(Q[kind])
+            _carry(G, f, dt_s, Q[kind])
+            _transpose(Q[kind])
+            for i in range(3):
+                place = 6 + i if kind == 0 else 3 + i
+                Q[kind, place, place] += walks[k, kind]
 
 
 @inner
-def _transition(f, r, dt_s, F):
-    """Write how errors of position, velocity and attitude go over one sample to F (9, 9).
+def _transpose(Q):
+    """Transpose a square matrix in place."""
+    for i in range(Q.shape[0]):
+        for j in range(i):
+            Q[i, j], Q[j, i] = Q[j, i], Q[i, j]
 
-    f : (3,) m/s, velocity gained by specific force, inertial axes;  r : (3,) m
+
+@inner
+def _gradient(r, dt_s, G):
+    """Write what gravity over one sample does to the velocity for an error of position to G (3, 3), 1/s.
+
+    r : (3,) m
     """
     d2 = r[0] ** 2 + r[1] ** 2 + r[2] ** 2
     pull = wgs84.GM / (d2 * np.sqrt(d2)) * dt_s
-    F[:] = 0.0
-    for i in range(9):
-        F[i, i] = 1.0
     for i in range(3):
         for j in range(3):
-            F[3 + i, j] = pull * (3.0 * r[i] * r[j] / d2 - (1.0 if i == j else 0.0))
-    F[3, 7], F[3, 8], F[4, 6] = f[2], -f[1], -f[2]
-    F[4, 8], F[5, 6], F[5, 7] = f[0], f[1], -f[0]
-    for i in range(3):
-        for j in range(9):
-            F[i, j] += 0.5 * dt_s * F[3 + i, j]  # position goes with the mean of velocity before and after
-        F[i, 3 + i] = dt_s
+            G[i, j] = pull * (3.0 * r[i] * r[j] / d2 - (1.0 if i == j else 0.0))
+
+
+@inner
+def _carry(G, f, dt_s, X):
+    """Carry errors of position, velocity and attitude over one sample, in place: columns of X (9, m).
+
+    G : of `_gradient`;  f : (3,) m/s, velocity gained by specific force, inertial axes
+    """
+    for c in range(X.shape[1]):
+        x, y, z = X[6, c], X[7, c], X[8, c]
+        gain_0 = G[0, 0] * X[0, c] + G[0, 1] * X[1, c] + G[0, 2] * X[2, c] + f[2] * y - f[1] * z
+        gain_1 = G[1, 0] * X[0, c] + G[1, 1] * X[1, c] + G[1, 2] * X[2, c] - f[2] * x + f[0] * z
+        gain_2 = G[2, 0] * X[0, c] + G[2, 1] * X[1, c] + G[2, 2] * X[2, c] + f[1] * x - f[0] * y
+        X[0, c] += dt_s * (X[3, c] + 0.5 * gain_0)  # the mean of velocity before and after
+        X[1, c] += dt_s * (X[4, c] + 0.5 * gain_1)
+        X[2, c] += dt_s * (X[5, c] + 0.5 * gain_2)
+        X[3, c] += gain_0
+        X[4, c] += gain_1
+        X[5, c] += gain_2
 
 
 @inner
 def _drive(C, f, gyro, accel, gravity, dt_s, drive):
     """Write what unit error states put into position, velocity and attitude in one sample to drive (9, p).
 
-    C : C_ib;  f : as in `_transition`;  gyro, accel : (3, p) of the sample;  gravity : as in `spread_kernel`
+    C : C_ib;  f : as in `_carry`;  gyro, accel : (3, p) of the sample;  gravity : as in `spread_kernel`
     """
     t, v = np.empty(3), np.empty(3)
     for c in range(gyro.shape[1]):
@@ -214,7 +232,7 @@ def _drive(C, f, gyro, accel, gravity, dt_s, drive):
 
 
 def interval(layout, samples, t_s, dt_s, path=0.0):
-    """Phi and Q of the whole state vector over some samples.
+    """linear.DrivenInterval of the whole state vector over some samples.
 
     Parameters
     ----------
@@ -223,40 +241,43 @@ def interval(layout, samples, t_s, dt_s, path=0.0):
     t_s : end of the last sample
     dt_s : of one sample
     path : m, over the Earth
-
-    Returns
-    -------
-    Phi, Q : (n, n)
     """
-    X, Q_nav = spread(layout, samples, dt_s)
-    return with_sources(layout, X, Q_nav, dt_s * len(samples.C_ib), path)
+    X, Q = spread(layout, samples, dt_s)
+    faded = fading(layout).over(dt_s * len(samples.C_ib), path)
+    return linear.DrivenInterval(t_s, X, Q.sum(axis=0), *faded)
 
 
 def spread(layout, samples, dt_s):
     """What errors at the start and constant sources become over some samples, and white noise.
 
-    samples : those without columns of sources give X of navigation alone
-    -> X (9, 9 + p), Q (9, 9)
+    -> X (9, 9 + p), Q (2, 9, 9) of the noise of attitude, of that of velocity
     """
-    X, Q_nav = np.eye(N_NAV, N_NAV + samples.gyro.shape[2]), np.zeros((N_NAV, N_NAV))
-    spread_kernel(samples, layout.places["gravity"].start - N_NAV, dt_s, X, Q_nav)
-    return X, Q_nav
+    X, Q = np.eye(N_NAV, N_NAV + samples.gyro.shape[2]), np.zeros((2, N_NAV, N_NAV))
+    spread_kernel(samples, layout.places["gravity"].start - N_NAV, dt_s, X, Q)
+    return X, Q
 
 
-def with_sources(layout, X, Q_nav, duration_s, path):
-    """Phi and Q of the whole state vector: the errors of navigation, and how sources wander.
+class Fading(NamedTuple):
+    """How the p states of all sources wander, each by itself."""
 
-    layout, path : as of `interval`;  X, Q_nav : of `spread`;  duration_s : of the samples -> (n, n), (n, n)
-    """
-    n = layout.n
-    Phi, Q = np.eye(n), np.zeros((n, n))
-    Phi[:N_NAV], Q[:N_NAV, :N_NAV] = X, Q_nav
-    for source in layout.sources:
-        if (keeps := source.keeps(duration_s, path)) < 1.0:
-            place = layout.places[source.name]
-            Phi[place, place] *= keeps
-            Q[place, place] = np.diag(source.sigma**2 * (1.0 - keeps**2))
-    return Phi, Q
+    variance: np.ndarray  # (p,)
+    per_s: np.ndarray  # (p,) 1/tau
+    per_m: np.ndarray  # (p,) 1/length
+
+    def over(self, duration_s, path):
+        """(p,) correlations over a time and a path of so many metres, (p,) variances that are added."""
+        keeps = np.exp(-duration_s * self.per_s - path * self.per_m)
+        return keeps, self.variance * (1.0 - keeps**2)
+
+
+def fading(layout):
+    """Fading of the sources of a Layout."""
+    sizes = [source.size for source in layout.sources]
+    return Fading(
+        np.concatenate([source.sigma for source in layout.sources]) ** 2,
+        np.repeat([1.0 / source.tau_s for source in layout.sources], sizes),
+        np.repeat([1.0 / source.length for source in layout.sources], sizes),
+    )
 
 
 def start(layout, sigma_r, sigma_v, P_psi, omega_ie_i):

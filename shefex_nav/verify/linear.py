@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.verify import covariance
 
 
 class Interval(NamedTuple):
@@ -25,6 +26,30 @@ class Interval(NamedTuple):
     t_s: float  # end
     Phi: np.ndarray  # (n, n)
     Q: np.ndarray  # (n, n)
+
+
+class DrivenInterval(NamedTuple):
+    """Growth of the errors up to t_s where all but the first a of them depend on themselves alone."""
+
+    t_s: float  # end
+    X: np.ndarray  # (a, n) the first rows of Phi
+    Q_first: np.ndarray  # (a, a) their noise
+    keeps: np.ndarray  # (n - a,) diagonal of Phi of the others
+    added: np.ndarray  # (n - a,) diagonal of their noise
+
+    @property
+    def Phi(self):
+        """(n, n)"""
+        Phi = np.diag(np.concatenate([np.zeros(len(self.X)), self.keeps]))
+        Phi[: len(self.X)] = self.X
+        return Phi
+
+    @property
+    def Q(self):
+        """(n, n)"""
+        Q = np.diag(np.concatenate([np.zeros(len(self.X)), self.added]))
+        Q[: len(self.X), : len(self.X)] = self.Q_first
+        return Q
 
 
 class Update(NamedTuple):
@@ -60,20 +85,21 @@ class _Drawn(NamedTuple):
     kept: dict
     share: Share | None
 
-    def noise(self, k, covariance, *, last):
+    def noise(self, k, step, *, last):
         """Noise of step k: the same until it is asked for the last time."""
         if k not in self.kept:
-            self.kept[k] = square_root(covariance) @ self.rng.standard_normal((len(covariance), self.number))
+            root = _root(step)
+            self.kept[k] = root @ self.rng.standard_normal((root.shape[1], self.number))
         return self.kept.pop(k) if last else self.kept[k]
 
-    def process(self, k, covariance, *, last):
+    def process(self, k, step, *, last):
         """The same, of an interval."""
-        noise = self.noise(k, covariance, last=last)
+        noise = self.noise(k, step, last=last)
         return noise if self.share is None else self.share.states[:, None] * noise
 
-    def measured(self, k, covariance, *, last):
+    def measured(self, k, step, *, last):
         """The same, of a measurement."""
-        noise = self.noise(k, covariance, last=last)
+        noise = self.noise(k, step, last=last)
         return noise if self.share is None or self.share.measured else 0.0 * noise
 
 
@@ -83,7 +109,7 @@ def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
     Parameters
     ----------
     P : (n, n) at the start
-    steps : sequence of Interval and Update, in order of t_s
+    steps : sequence of Interval, DrivenInterval and Update, in order of t_s
     times_s : increasing; each the end of an interval
     rng : Generator, with `number` > 0
     number : of histories
@@ -117,27 +143,37 @@ def _known_s(step):
 
 def _take(P, errors, step, k, drawn, *, last):
     """P and errors after a step."""
-    if isinstance(step, Interval):
-        grown = step.Phi @ P @ step.Phi.T + step.Q
+    if isinstance(step, Update):
+        P, K = covariance.corrected(P, *map(np.ascontiguousarray, (step.H, step.R)))
         if drawn.number:
-            errors = step.Phi @ errors + drawn.process(k, step.Q, last=last)
-        return 0.5 * (grown + grown.T), errors
-    K = gain(P, step.H, step.R)
+            errors = errors - K @ (step.H @ errors + drawn.measured(k, step, last=last))
+        return P, errors
     if drawn.number:
-        errors = errors - K @ (step.H @ errors + drawn.measured(k, step.R, last=last))
-    return _joseph(P, K, step.H, step.R), errors
+        errors = _grown(step, errors) + drawn.process(k, step, last=last)
+    if isinstance(step, DrivenInterval):
+        return covariance.grown(P, *step[1:]), errors
+    grown = step.Phi @ P @ step.Phi.T + step.Q
+    return 0.5 * (grown + grown.T), errors
 
 
-def gain(P, H, R):
-    """K = P H^T (H P H^T + R)^-1. (n, n), (m, n), (m, m) -> (n, m)"""
-    return np.linalg.solve(H @ P @ H.T + R, H @ P).T
+def _grown(step, errors):
+    """Phi e of an interval. (n, number)"""
+    if isinstance(step, DrivenInterval):
+        return np.vstack([step.X @ errors, step.keeps[:, None] * errors[len(step.X) :]])
+    return step.Phi @ errors
 
 
-def _joseph(P, K, H, R):
-    """(I - K H) P (I - K H)^T + K R K^T, symmetric."""
-    left = P - K @ (H @ P)
-    P = left - (left @ H.T) @ K.T + K @ R @ K.T
-    return 0.5 * (P + P.T)
+def _root(step):
+    """(n, r) matrix A with A A^T = Q of an interval, R of a measurement."""
+    if isinstance(step, Update):
+        return square_root(step.R)
+    if isinstance(step, Interval):
+        return square_root(step.Q)
+    a, wander = len(step.X), np.flatnonzero(step.added)
+    root = np.zeros((a + len(step.added), a + len(wander)))
+    root[:a, :a] = square_root(step.Q_first)
+    root[a + wander, a + np.arange(len(wander))] = np.sqrt(step.added[wander])
+    return root
 
 
 def square_root(P):

@@ -187,6 +187,13 @@ def test_a_fix_without_velocity_or_height_has_so_many_rows_fewer(is_horizontal, 
 
 
 def test_an_error_that_goes_with_the_path_keeps_what_the_path_leaves():
-    source = bound_model.Source("one", 1, np.ones(1), 10.0, 500.0)
-    assert source.keeps(2.0, 100.0) == pytest.approx(np.exp(-0.4))
-    assert bound_model.Source("one", 1, np.ones(1), np.inf).keeps(1e9, 1e9) == 1.0
+    layout = bound_model.layout(
+        [
+            bound_model.Source("wanders", 1, np.full(1, 3.0), 10.0, 500.0),
+            bound_model.Source("constant", 2, np.ones(2), np.inf),
+        ]
+    )
+    keeps, added = bound_model.fading(layout).over(2.0, 100.0)
+    assert keeps == pytest.approx([np.exp(-0.4), 1.0, 1.0])
+    assert added == pytest.approx([9.0 * (1.0 - np.exp(-0.8)), 0.0, 0.0])
+    assert bound_model.fading(layout).over(1e9, 1e9)[0][1:].tolist() == [1.0, 1.0]

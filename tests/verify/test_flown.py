@@ -268,7 +268,7 @@ def group_in_one_field(P, steps, times_s, number, rng):
         errors[:N] += np.sqrt(0.1) * rng.standard_normal((N, number))
         errors[N:] += np.sqrt(0.02) * rng.standard_normal((3, 1))
         P = interval.Phi @ P @ interval.Phi.T + interval.Q
-        K = linear.gain(P, update.H, update.R)
+        K = np.linalg.solve(update.H @ P @ update.H.T + update.R, update.H @ P).T
         errors -= K @ (update.H @ errors + 5.0 * rng.standard_normal((3, number)))
         P = known.P
         total += normalised(errors[N - 3 : N].T, P[N - 3 : N, N - 3 : N][None]).mean()

@@ -11,12 +11,13 @@ from typer.testing import CliRunner
 from shefex_nav import prepare
 from shefex_nav.clock import sample_s
 from shefex_nav.commands.main import app
+from shefex_nav.records import Phase
 from shefex_nav.report import imu_range
 from shefex_nav.scenario import load, star_model, sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.verify import bound, bound_model, over_bound
-from shefex_nav.verify.trade import judge, picture, plan, predict, table, within
+from shefex_nav.verify.trade import judge, picture, plan, pointing, predict, table, within
 from shefex_nav.verify.trade.growth import Growth
 
 NIGHT = [  # instruments at rest for 100 s
@@ -59,11 +60,11 @@ def test_an_interval_of_pieces_is_that_of_the_bound():
     dt_s = sample_s(flight.trajectory.t_s)
     before, end = 4030, 5270  # within pieces, over several whole ones
     whole = bound._interval(flight, layout, dt_s, before, end)
-    joined = Growth(flight).interval(flight, layout, before, end)
+    joined = Growth(flight).of(flight, layout).interval(before, end)
     assert joined.t_s == whole.t_s
     np.testing.assert_allclose(joined.Phi, whole.Phi, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(joined.Q, whole.Q, rtol=1e-9, atol=1e-9 * np.abs(whole.Q).max())
-    assert Growth(flight).interval(flight, layout, 0, 200).Q[6, 6] > 0.0
+    assert Growth(flight).of(flight, layout).interval(0, 200).Q[6, 6] > 0.0
 
 
 def test_white_noise_adds_to_the_covariance_with_its_square():
@@ -327,8 +328,82 @@ def test_the_largest_error_between_star_fixes():
     assert predicted("night_sky", SHORT).at(predict.STARS) is None
 
 
-def of_one(prediction):
+def test_the_largest_of_many_instants_is_that_of_so_many_independent_ones():
+    """Noise anew at each of 50 instants, or constant errors: the limits are those of 150 angles, or of 3."""
+    rng, sigma, m, n = np.random.default_rng(7), 1e-4, 50, 4000
+    P = predict.Errors(predict.POINTING, 300.0, np.eye(3), np.eye(3), sigma**2 * np.eye(3))
+    required = Requirements.model_validate({"attitude": {"limit": "0.05 deg", "while_pointing": True}})
+    for angles, independent in ((rng.standard_normal((n, m, 3)), m), (rng.standard_normal((n, 1, 3)), 1)):
+        drawn = sigma * np.abs(angles).max(axis=(1, 2))
+        largest = pointing.Largest(m, drawn, drawn, drawn)
+        prediction = errors_of(sigma)._replace(largest=(P,), while_pointing=largest)
+        (one,) = judge.judge(required, prediction)
+        k = stats.norm.ppf(0.5 + 0.5 * 0.99865 ** (1.0 / (3 * independent)))
+        assert one.k == pytest.approx(k, rel=0.01) and one.name == "attitude_while_pointing"
+        share = (2.0 * stats.norm.cdf(np.radians(0.05) / sigma) - 1.0) ** (3 * independent)
+        assert one.share == pytest.approx(share, abs=1e-6)
+    assert judge.unpredicted(required) == []
+    never = judge.judge(required, errors_of(sigma))[0]
+    assert never.found is None and not never.met
+    drawn, _ = table.tables(*of_one(prediction, required))
+    assert list(drawn[0].columns)[1].header == "a" and "attitude while" in list(drawn[0].columns)[2].header
+    assert table.TITLES[predict.POINTING] in drawn[1].title
+
+
+def test_errors_are_predicted_in_the_phases_pointing():
+    class Flown:
+        """What is asked of a trajectory: two stretches of pointing."""
+
+        t_s = np.arange(1001) / 100.0
+        phase = np.where((t_s > 3.2) & (t_s < 5.7) | (t_s > 8.99), Phase.POINTING, Phase.COAST)
+
+    k = pointing.samples(Flown, 0.5)
+    assert [Flown.t_s[one] for one in k] == [3.5, 4.0, 4.5, 5.0, 5.5, 9.0, 9.5, 10.0]
+
+
+@pytest.mark.slow
+def test_errors_while_pointing_are_larger_than_those_of_the_worst_instant():
+    """The noise of GPS is another one after a while; the error of the camera's mounting stays."""
+    wanted = {name: {"while_pointing": True} for name in ("position", "attitude")}
+    sets = [f"requirements.{name}.while_pointing=true" for name in wanted]
+    scenario = load.load("shefex2_andoya", [*sets, "requirements.probability=50 %"])
+    shared = predict.Shared(star_model.named_by("shefex2_andoya", sets), 1)
+    found = predict.predict(scenario, shared)
+    judged = {one.name: one for one in judge.judge(scenario.requirements, found)}
+    position, attitude = (judged[f"{name}_while_pointing"] for name in wanted)
+    at_once = {
+        name: within.least_limit(probability, 0.5, values(getattr(found.at(predict.POINTING), field)))
+        for name, (field, probability), values in (
+            ("position", judge.FIELDS["position"], np.linalg.eigvalsh),
+            ("attitude", judge.FIELDS["attitude"], np.diag),
+        )
+    }
+    assert 1.2 < position.found / at_once["position"] < 1.8
+    assert 1.0 <= np.radians(attitude.found) / at_once["attitude"] < position.found / at_once["position"]
+    assert 250.0 <= found.at(predict.POINTING).t_s <= 372.0
+    assert predict.predict(load.load("shefex2_andoya"), shared).at(predict.POINTING) is None
+
+
+def test_combinations_with_the_same_stars_come_one_after_the_other():
+    axes = (
+        sweeps.Axis("imu.use", ("i", "j")),
+        sweeps.Axis("star_tracker.off", ("1 s", "2 s")),
+        sweeps.Axis("launch.elevation", ("80 deg", "81 deg")),
+        sweeps.Axis("gps.rate", ("1 Hz", "2 Hz")),
+    )
+    chosen = sweeps.combinations(axes, 100)
+    ordered = plan.in_order(axes, chosen)
+    assert sorted(k for k, _ in ordered) == list(range(16)) and all(chosen[k] == one for k, one in ordered)
+    flights = [one["launch.elevation"] for _, one in ordered]
+    fixes = [(one["star_tracker.off"], one["gps.rate"]) for _, one in ordered[:8]]
+    assert flights == ["80 deg"] * 8 + ["81 deg"] * 8 and fixes[::2] == fixes[1::2]
+    assert len(set(fixes)) == 4
+
+
+def of_one(prediction, required=None):
     """plan.Study and plan.Asked of one prediction."""
     axes = (sweeps.Axis("a", ("1", "2")),)
-    one = plan.Combination({"a": "1"}, prediction, "", (), None)
-    return plan.ordered("made", Requirements(), axes, [one], False), plan.Asked("made", axes)
+    required = required or Requirements()
+    judged = tuple(judge.judge(required, prediction))
+    one = plan.Combination({"a": "1"}, prediction, "", judged, None)
+    return plan.ordered("made", required, axes, [one], False), plan.Asked("made", axes)

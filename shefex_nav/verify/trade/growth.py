@@ -25,19 +25,15 @@ class Growth:
         self._layout = bound_model.sources(flight.imu, flight.camera, 0.0, np.inf)
         self._pieces, self._intervals, self._updates = {}, {}, {}
 
-    def interval(self, flight, layout, before, end):
-        """linear.Interval over the samples after `before` up to `end`. bound.Flight, bound_model.Layout"""
+    def of(self, flight, layout):
+        """OneOf of them. bound.Flight, bound_model.Layout"""
+        return OneOf(self, flight, layout)
+
+    def interval(self, flight, before, end):
+        """X (9, n), Q (4, 9, 9), path of `_joined` over the samples after `before` up to `end`."""
         if (before, end) not in self._intervals:
             self._intervals[before, end] = self._joined(flight, before, end)
-        X, units, path = self._intervals[before, end]
-        gyro, accelerometer = flight.imu.gyro, flight.imu.accelerometer
-        sizes = gyro.random_walk, gyro.quantum, accelerometer.random_walk, accelerometer.quantum
-        Q = np.square(sizes) @ units.reshape(len(units), -1)
-        whole = np.zeros((N_NAV, layout.n))
-        whole[:, : X.shape[1]] = X  # errors of other instruments do not move the navigation by themselves
-        duration_s = self._dt_s * (end - before)
-        Phi, Q = bound_model.with_sources(layout, whole, Q.reshape(N_NAV, N_NAV), duration_s, path)
-        return linear.Interval(float(flight.trajectory.t_s[end]), Phi, Q)
+        return self._intervals[before, end]
 
     def update(self, make, flight, layout, k, fix):
         """linear.Update of a fix at sample k, by a function of `bound` that makes it."""
@@ -65,14 +61,33 @@ class Growth:
     def _made(self, flight, before, end):
         """X (9, n) of `bound_model.spread`, Q (4, 9, 9), of one piece."""
         samples = bound.samples(flight, self._layout, self._dt_s, before, end)
-        turned = np.zeros((end - before, 2))
-        turned[:, 0] = self._dt_s
-        X, by_gyro = bound_model.spread(self._layout, samples._replace(walks=turned), self._dt_s)
-        alone = samples._replace(
-            gyro=samples.gyro[:, :, :0].copy(),
-            accel=samples.accel[:, :, :0].copy(),
-            walks=turned[:, ::-1].copy(),
+        walks = np.full((end - before, 2), self._dt_s)
+        X, (by_gyro, by_accelerometer) = bound_model.spread(
+            self._layout, samples._replace(walks=walks), self._dt_s
         )
-        _, by_accelerometer = bound_model.spread(self._layout, alone, self._dt_s)
         counted = bound.remainders(flight.trajectory, before, end).mean() / self._dt_s
         return X, np.array([by_gyro, counted * by_gyro, by_accelerometer, counted * by_accelerometer])
+
+
+class OneOf:
+    """Intervals and updates for one set of instruments. growth : Growth of the flight that they fly"""
+
+    def __init__(self, growth, flight, layout):
+        gyro, accelerometer = flight.imu.gyro, flight.imu.accelerometer
+        sizes = gyro.random_walk, gyro.quantum, accelerometer.random_walk, accelerometer.quantum
+        self._growth, self._flight, self._layout = growth, flight, layout
+        self._dt_s, self._variances = sample_s(flight.trajectory.t_s), np.square(sizes)
+        self._fading = bound_model.fading(layout)
+
+    def interval(self, before, end):
+        """linear.DrivenInterval over the samples after `before` up to `end`."""
+        X, units, path = self._growth.interval(self._flight, before, end)
+        Q = (self._variances @ units.reshape(len(units), -1)).reshape(N_NAV, N_NAV)
+        if X.shape[1] < self._layout.n:  # errors of other instruments do not move the navigation
+            X = np.hstack([X, np.zeros((N_NAV, self._layout.n - X.shape[1]))])
+        faded = self._fading.over(self._dt_s * (end - before), path)
+        return linear.DrivenInterval(float(self._flight.trajectory.t_s[end]), X, Q, *faded)
+
+    def update(self, make, k, fix):
+        """linear.Update of a fix at sample k, by a function of `bound` that makes it."""
+        return self._growth.update(make, self._flight, self._layout, k, fix)

@@ -1,7 +1,7 @@
 """What a requirement says of predicted errors: within which limit the stated share of flights stays.
 
-Only navigation errors at entry have a covariance; protection levels, usability, star fixes and all that the
-vehicle does are not predicted.
+Navigation errors at entry and the largest while pointing are predicted; protection levels, usability, star
+fixes and all that the vehicle does are not.
 """
 
 from math import sqrt
@@ -10,13 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.report import requirements as judging
-from shefex_nav.verify.trade import within
-from shefex_nav.verify.trade.predict import ENTRY
+from shefex_nav.verify.trade import pointing, within
+from shefex_nav.verify.trade.predict import ENTRY, POINTING
 
-PREDICTED = {  # requirement: field of Errors, how its limit is meant
-    "position_at_entry": ("position_i", within.length),
-    "velocity_at_entry": ("velocity_i", within.length),
-    "attitude_at_entry": ("attitude_b", within.axes),
+FIELDS = {  # quantity: field of Errors, how its limit is meant
+    "position": ("position_i", within.length),
+    "velocity": ("velocity_i", within.length),
+    "attitude": ("attitude_b", within.axes),
+}
+PREDICTED = {  # requirement: when, quantity
+    **{f"{name}_at_entry": (ENTRY, name) for name in FIELDS},
+    **{f"{name}_while_pointing": (POINTING, name) for name in FIELDS},
 }
 
 
@@ -25,7 +29,7 @@ class Judged(NamedTuple):
 
     name: str
     limit: float  # in `unit`, as the next two
-    found: float | None  # the stated share of flights is within it; None: there is no entry
+    found: float | None  # the stated share of flights is within it; None: no entry, or it never points
     sigma: float | None  # of the whole error; of an attitude, of its largest axis
     unit: str
     share: float | None  # of the flights within the limit
@@ -49,9 +53,10 @@ class Judged(NamedTuple):
 def judge(requirements, prediction):
     """list of Judged, of what a scenario requires and a covariance can say. Requirements, Prediction"""
     limits = judging.limits(requirements)
-    entry = prediction.at(ENTRY)
     return [
-        _judged(name, limits[name], entry, requirements.probability) for name in PREDICTED if name in limits
+        _judged(name, limits[name], prediction, requirements.probability)
+        for name in PREDICTED
+        if name in limits
     ]
 
 
@@ -60,20 +65,25 @@ def unpredicted(requirements):
     return [name for name in judging.limits(requirements) if name not in PREDICTED]
 
 
-def _judged(name, limit, entry, share):
-    field, probability = PREDICTED[name]
-    measure = judging.MEASURES[name]
-    if entry is None:
+def _judged(name, limit, prediction, share):
+    what, quantity = PREDICTED[name]
+    (field, probability), measure = FIELDS[quantity], judging.MEASURES[name]
+    errors = prediction.at(what)
+    if errors is None:
         return Judged(name, limit, None, None, measure.unit, None)
-    P = getattr(entry, field)
+    P = getattr(errors, field)
     variances = np.diag(P) if probability is within.axes else np.linalg.eigvalsh(P)
     sigma = sqrt(max(variances)) if probability is within.axes else sqrt(sum(variances))
-    found = within.least_limit(probability, share, variances)
+    instants = 1.0
+    if what == POINTING:
+        drawn = prediction.while_pointing
+        instants = pointing.independent(probability, variances, getattr(drawn, quantity), drawn.instants)
+    found = within.least_limit(probability, share ** (1.0 / instants), variances)
     return Judged(
         name,
         limit,
         found * measure.factor,
         sigma * measure.factor,
         measure.unit,
-        probability(variances, limit / measure.factor),
+        probability(variances, limit / measure.factor) ** instants,
     )

@@ -179,8 +179,9 @@ def _loads(asked, settings):
 def _predicted(asked, chosen, model):
     """Lists of (index, (Prediction or None, why none, tuple of Judged)), as they come."""
     most = min(asked.workers or machine.cores(), max(1, len(chosen) // CHUNK))
+    ordered = in_order(asked.axes, chosen)
     shares = {
-        k: (asked.scenario, asked.overrides, asked.seed, model, list(enumerate(chosen))[begin:end])
+        k: (asked.scenario, asked.overrides, asked.seed, model, ordered[begin:end])
         for k, (begin, end) in enumerate(_parts(len(chosen), most))
     }
     if most == 1:
@@ -189,6 +190,16 @@ def _predicted(asked, chosen, model):
     with machine.environment(dict.fromkeys(ONE_THREAD, "1")):
         for _, found in machine.each(work, shares, most):
             yield found
+
+
+def in_order(axes, chosen):
+    """list of (index, settings) of combinations, those with most in common one after the other.
+
+    Whoever predicts some of them in a row flies once, and looks at the stars once for each camera.
+    """
+    ranked = sorted(axes, key=lambda one: predict.cost_rank(one.key.split(".")[0]))
+    places = [(one.key, {value: n for n, value in enumerate(one.values)}) for one in ranked]
+    return sorted(enumerate(chosen), key=lambda one: [place[one[1][key]] for key, place in places])
 
 
 def _parts(n, parts):
@@ -246,4 +257,5 @@ def _numbers(one):
     """What is predicted, as something that can be compared."""
     if one.prediction is None:
         return one.refused
-    return tuple(P.tobytes() for errors in one.prediction.errors for P in errors[2:])
+    found = (*one.prediction.errors, *one.prediction.largest)
+    return tuple(P.tobytes() for errors in found for P in errors[2:])

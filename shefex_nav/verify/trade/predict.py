@@ -12,18 +12,19 @@ from shefex_nav import prepare
 from shefex_nav.clock import SAME_S, sample_s
 from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import imu_range, metrics, programme, track
 from shefex_nav.scenario import params, star_statistics, surroundings, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.dispersions import OF_FLIGHT
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model, over_bound
-from shefex_nav.verify.trade import stars
+from shefex_nav.verify.trade import pointing, stars
 from shefex_nav.verify.trade.growth import Growth
 from shefex_nav.world.columns import truth_of
 
 GPS_S = 1.0  # fixes that come more often are taken together
-ENTRY, END, STARS = "entry", "end", "stars"
+ENTRY, END, STARS, POINTING = "entry", "end", "stars", "pointing"
 LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
 LOOK_S = 10.0  # between two looks at that
 MOST = {"flight": 2, "planned": 2, "moved": 2, "growth": 4}  # that are kept, of what is large
@@ -34,6 +35,13 @@ ALONE = (  # sections that GPS fixes and readings of instruments do not depend o
 OF_STARS = "star_camera", "star_tracker"
 
 
+def cost_rank(section):
+    """0, 1 or 2: another setting of a section of a scenario takes another flight, other fixes, or neither."""
+    if section not in ALONE:
+        return int(section == "gps")
+    return 1 if section in OF_STARS else 2
+
+
 class NoPredictionError(UserError):
     """A scenario of which the linear model says nothing; the message says why."""
 
@@ -41,7 +49,7 @@ class NoPredictionError(UserError):
 class Errors(NamedTuple):
     """Predicted errors at one time of a flight: covariances."""
 
-    what: str  # ENTRY, END; STARS: each the largest between star fixes
+    what: str  # ENTRY, END; STARS, POINTING: each the largest between star fixes, while pointing
     t_s: float  # of the attitude
     position_i: np.ndarray  # (3, 3) m^2
     velocity_i: np.ndarray  # (3, 3) m^2/s^2
@@ -59,13 +67,12 @@ class Prediction(NamedTuple):
     warnings: tuple  # of texts, as `check` gives them
     doubtful: bool  # before the first of the errors the IMU is at its range, or the attitude beyond LARGE
     taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
-    in_stars: Errors | None = None  # STARS; None: there are no two star fixes
+    largest: tuple = ()  # of Errors: STARS if there are two star fixes, POINTING if that is required
+    while_pointing: pointing.Largest | None = None  # None: nothing is required of it, or it never points
 
     def at(self, what):
-        """Errors of ENTRY, END or STARS; None where the flight has none."""
-        if what == STARS:
-            return self.in_stars
-        return next((one for one in self.errors if one.what == what), None)
+        """Errors of ENTRY, END, STARS or POINTING; None where the flight has none."""
+        return next((one for one in (*self.errors, *self.largest) if one.what == what), None)
 
 
 class Shared:
@@ -93,6 +100,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     refuse(scenario)
     key = flight_key(scenario)
     flight = shared.of("flight", key, lambda: prepare.fly_vehicle(scenario, shared.seed))
+    scenario = _settled(scenario, shared, key, flight)
     heard = shared.of(
         "heard", _others(scenario), lambda: _with_readings(scenario, shared.seed, flight, gps_s)
     )
@@ -107,18 +115,23 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))
     growth = shared.of("growth", (key, repr(along.imu.vibration)), lambda: Growth(along))
     flown = shared.of("flown", key, lambda: programme.of_flight(flight))
-    errors, in_stars, widest = _errors(along, growth, process)
-    settled = _settled(scenario, shared, key, flight)
+    wanted = shared.of("wanted", key, lambda: _wanted(flight.trajectory, along.earth))
+    is_pointing = any(getattr(scenario.requirements, name).while_pointing for name in QUANTITIES)
+    points = pointing.samples(flight.trajectory) if is_pointing else []
+    errors, largest, widest, while_pointing = _errors(
+        along, growth, process, wanted, set(points), shared.seed
+    )
     return Prediction(
         errors,
         len(along.gps_fixes),
         seen.frames,
         seen.solved,
         seen.sigma,
-        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(settled, flown)),
+        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(scenario, flown)),
         at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
         _taken_over(scenario),
-        in_stars,
+        largest,
+        while_pointing,
     )
 
 
@@ -214,33 +227,49 @@ def _mean(group, t_s):
 
 def _stars(scenario, seed, flight, every_s):
     """stars.StarFixes of a scenario."""
-    return stars.star_fixes(scenario, prepare.measure(scenario, seed, flight).world, seed, every_s)
+    return stars.star_fixes(scenario, prepare.unmeasured(scenario, seed, flight), seed, every_s)
 
 
-def _errors(along, growth, process):
-    """Errors at entry, if there is one, and at the end; STARS; largest sigma of the attitude until the first.
+def _wanted(trajectory, earth):
+    """Samples of ENTRY, if there is one, and of END: {index: ENTRY or END}."""
+    truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))
+    entry = metrics.entry_index(truth.t_s, track.earth_fixed(earth, truth).height)
+    whats = [END] if entry is None else [ENTRY, END]
+    times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
+    at = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
+    return dict(zip(at[::-1].tolist(), whats[::-1], strict=True))  # an entry at the end is an entry
 
-    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity -> tuple, Errors or None, rad
+
+def _errors(along, growth, process, wanted, points, seed):
+    """Errors at entry, if there is one, and at the end; largest ones; largest sigma of the attitude before.
+
+    along : bound.Flight;  growth : Growth;  process : sigma and tau of gravity;  wanted : of `_wanted`
+    points : set of samples of `pointing`;  seed : of histories at these
+    -> tuple of Errors, tuple of those of STARS and POINTING, rad, pointing.Largest or None
     """
     trajectory, more = along.trajectory, [source for one in along.heard for source in one.sources]
     layout = bound_model.sources(along.imu, along.camera, *process, more)
-    truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))
-    entry = metrics.entry_index(truth.t_s, track.earth_fixed(along.earth, truth).height)
-    whats = [END] if entry is None else [ENTRY, END]
-    times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
-    wanted = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
-    look = round(LOOK_S / sample_s(trajectory.t_s))
-    looks, starred = np.union1d(wanted, np.arange(look, wanted[0], look)), _at_stars(along)
-    levels, found, in_stars, widest = bound.swings(along), [], [], 0.0
-    for k, output in bound.outputs_at(along, layout, np.union1d(looks, starred), growth):
+    look, first = round(LOOK_S / sample_s(trajectory.t_s)), min(wanted)
+    looks, starred = {*wanted, *range(look, first, look)}, set(_at_stars(along).tolist())
+    levels, found, in_stars, in_points, widest, largest = bound.swings(along), [], [], [], 0.0, 0.0
+    rng = np.random.default_rng(seed)
+    histories = {"rng": rng, "number": pointing.HISTORIES} if points else {}
+    at = np.array(sorted(looks | starred | points))
+    for k, output in bound.outputs_at(along, layout, at, growth.of(along, layout), **histories):
         t_s, errors = float(trajectory.t_s[k]), bound.reported(along, levels, k, output.P)
+        if k in points:
+            in_points.append(Errors(POINTING, t_s, *errors))
+            swings = bound.swings_at(along, levels, k)
+            drawn = pointing.sizes(trajectory.q_ib[k], swings, output.errors, rng)
+            largest = np.maximum(largest, drawn)
         if k in starred:
             in_stars.append(Errors(STARS, t_s, *errors))
         if k in wanted:
-            found.append(Errors(whats[len(found)], t_s, *errors))
-        if k in looks and k <= wanted[0]:
+            found.append(Errors(wanted[k], t_s, *errors))
+        if k in looks and k <= first:
             widest = max(widest, float(np.sqrt(errors[2].diagonal().max())))
-    return tuple(found), _largest(in_stars), widest
+    more = [one for one in (_largest(in_stars), _largest(in_points)) if one is not None]
+    return tuple(found), tuple(more), widest, pointing.Largest(len(points), *largest) if points else None
 
 
 def _at_stars(along):

@@ -6,12 +6,13 @@ import string
 
 from shefex_nav.report import columns
 from shefex_nav.report.requirements import words
-from shefex_nav.verify.trade.predict import END, ENTRY, STARS
+from shefex_nav.verify.trade.predict import END, ENTRY, POINTING, STARS
 
 CHEAPEST = "cheapest that meets all that is predicted"
 CORNERS = 4  # settings: a campaign takes 26 combinations
 TITLES = {
     STARS: "Largest predicted errors between star fixes",
+    POINTING: "Largest predicted errors while pointing",
     ENTRY: "Predicted errors at entry",
     END: "Predicted errors at end",
 }
@@ -90,20 +91,24 @@ def _verdicts(study, asked, required, notes):
         cells = [_verdict(each, one.prediction.doubtful) for each in one.judged] or ["-"] * len(required)
         cells += _stars(one.prediction)
         rows.append((str(rank), *one.settings.values(), *cost, *cells, notes.of(one)))
-    limits = [f">{one.name.split('_')[0]} [{one.unit}], {words(one.name, one.limit, '')}" for one in required]
+    limits = [
+        f">{one.name.replace('_', ' ')} [{one.unit}], {words(one.name, one.limit, '')}" for one in required
+    ]
     heads = ("", *study.combinations[0].settings, *([">cost"] if asked.costs else []), *limits,
              ">frames with a fix", ">noise of a fix [arcsec]", "notes")  # fmt: skip
     share = f"{100.0 * study.probability:.6g} %"
     title = "what the star tracker sees"
     if required:
-        title = f"at entry {share} of flights are predicted to be within"
+        title = f"{share} of flights are predicted to be within"
     return columns.table(f"{study.name}: {title}", heads, rows)
 
 
 def _verdict(one, doubtful):
     """A Judged in a cell."""
     verdict = ("met" if one.met else "NOT met") + "?" * doubtful
-    return f"no entry, {verdict}" if one.found is None else f"{one.found:.3g} {verdict}"
+    if one.found is None:
+        return f"{'no entry' if one.name.endswith('at_entry') else 'never points'}, {verdict}"
+    return f"{one.found:.3g} {verdict}"
 
 
 def _stars(prediction):
@@ -116,7 +121,7 @@ def _stars(prediction):
 
 
 def _sizes(study, what):
-    """Table of the errors at ENTRY or END, or of STARS."""
+    """Table of the errors at one of TITLES."""
     rows = []
     for rank, one in enumerate(study.combinations, 1):
         errors = one.prediction and one.prediction.at(what)
