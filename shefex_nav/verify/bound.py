@@ -171,7 +171,7 @@ def outputs(flight, layout, *, every_s=OUTPUT_S):
 def outputs_at(flight, layout, at, growth=None, **histories):
     """The same at some samples. at : (m,) indices, ascending;  growth : as of `problem`
 
-    histories : rng and number of `linear.outputs`, for errors that are drawn
+    histories : of `linear.outputs`, for errors that are drawn
     """
     trajectory = flight.trajectory
     steps = problem(flight, layout, sample_s(trajectory.t_s), at, growth)

@@ -103,7 +103,7 @@ class _Drawn(NamedTuple):
         return noise if self.share is None or self.share.measured else 0.0 * noise
 
 
-def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
+def outputs(P, steps, times_s, *, rng=None, number=0, share=None, between=(-np.inf, np.inf)):
     """Follow the errors through the steps.
 
     Parameters
@@ -114,17 +114,18 @@ def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
     rng : Generator, with `number` > 0
     number : of histories
     share : Share that the histories are drawn of; None: all
+    between : times from which and until which there are histories; they begin with the covariance of then
 
     Yields
     ------
     Output, one for each time
     """
-    drawn = _Drawn(rng, number, {}, share)
-    errors = square_root(P) @ rng.standard_normal((len(P), number)) if number else np.zeros((len(P), 0))
-    if share is not None:
-        errors = share.states[:, None] * errors
+    drawn, errors = _Drawn(rng, 0, {}, share), np.zeros((len(P), 0))
     settled = 0
     for t_s in times_s:
+        wanted = number if between[0] - SAME_S <= t_s <= between[1] + SAME_S else 0
+        if wanted != drawn.number:
+            drawn, errors = drawn._replace(number=wanted, kept={}), _begun(P, rng, wanted, share)
         while settled < len(steps) and _known_s(steps[settled]) <= t_s + SAME_S:
             P, errors = _take(P, errors, steps[settled], settled, drawn, last=True)
             settled += 1
@@ -134,6 +135,14 @@ def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
                 P_now, errors_now = _take(P_now, errors_now, steps[k], k, drawn, last=False)
             k += 1
         yield Output(t_s, P_now, errors_now)
+
+
+def _begun(P, rng, number, share):
+    """Errors of a covariance, (n, number)."""
+    if not number:
+        return np.zeros((len(P), 0))
+    errors = square_root(P) @ rng.standard_normal((len(P), number))
+    return errors if share is None else share.states[:, None] * errors
 
 
 def _known_s(step):

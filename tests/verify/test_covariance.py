@@ -67,3 +67,24 @@ def test_histories_of_driven_errors_have_their_covariance():
     drawn = last.errors / sigma[:, None]
     wanted = last.P / np.outer(sigma, sigma)
     assert np.abs(drawn @ drawn.T / number - wanted).max() < 6.0 / np.sqrt(number)
+
+
+def test_histories_that_begin_later_have_the_covariance_of_then():
+    P, step, H, R, scale = made(4)
+    step = step._replace(added=step.added * scale[A:] ** 2)
+    steps = []
+    for k in range(1, 6):
+        steps += [step._replace(t_s=float(k)), linear.Update(float(k), k + 0.5, "late", H, R)]
+    number = 40_000
+    found = list(
+        linear.outputs(
+            P, steps, np.arange(1.0, 6.0), rng=np.random.default_rng(6), number=number, between=(3.0, 4.0)
+        )
+    )
+    assert [one.errors.shape[1] for one in found] == [0, 0, number, number, 0]
+    for one, plain in zip(found, linear.outputs(P, steps, np.arange(1.0, 6.0)), strict=True):
+        assert np.array_equal(one.P, plain.P)
+        if one.errors.shape[1]:
+            sigma = np.sqrt(one.P.diagonal())
+            drawn, wanted = one.errors / sigma[:, None], one.P / np.outer(sigma, sigma)
+            assert np.abs(drawn @ drawn.T / number - wanted).max() < 6.0 / np.sqrt(number)

@@ -17,7 +17,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.records import Phase
 from shefex_nav.verify.bound_model import POS, PSI, VEL
 
-EVERY_S = 0.5  # between two instants that are predicted
+EVERY_S = 1.0  # between two instants that are predicted
 HISTORIES = 200
 
 
@@ -38,6 +38,13 @@ def samples(trajectory, every_s=EVERY_S):
     step = round(every_s / sample_s(trajectory.t_s))
     k = np.arange(step, len(trajectory.t_s), step)
     return k[trajectory.phase[k] == Phase.POINTING].tolist()
+
+
+def histories(t_s, rng):
+    """Arguments of `linear.outputs` for errors at some times; {} of none. (m,) s, Generator"""
+    if not len(t_s):
+        return {}
+    return {"rng": rng, "number": HISTORIES, "between": (float(t_s[0]), float(t_s[-1]))}
 
 
 def sizes(q_ib, swings, errors, rng):

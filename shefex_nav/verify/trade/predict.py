@@ -253,7 +253,7 @@ def _errors(along, growth, process, wanted, points, seed):
     looks, starred = {*wanted, *range(look, first, look)}, set(_at_stars(along).tolist())
     levels, found, in_stars, in_points, widest, largest = bound.swings(along), [], [], [], 0.0, 0.0
     rng = np.random.default_rng(seed)
-    histories = {"rng": rng, "number": pointing.HISTORIES} if points else {}
+    histories = pointing.histories(trajectory.t_s[sorted(points)], rng)
     at = np.array(sorted(looks | starred | points))
     for k, output in bound.outputs_at(along, layout, at, growth.of(along, layout), **histories):
         t_s, errors = float(trajectory.t_s[k]), bound.reported(along, levels, k, output.P)
