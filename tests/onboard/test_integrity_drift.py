@@ -214,7 +214,9 @@ def test_a_step_is_a_new_bias_and_no_drift():
 def test_refused_readings_that_go_on_moving_are_no_new_bias():
     """A step and a fast drift with it: the gate refuses all of them, and each agrees with the one before."""
     fast = [
-        one._replace(pressure=one.pressure + (3000.0 + 100.0 * (one.t_valid_s - 20.0)) * (one.t_valid_s > 20.0))
+        one._replace(
+            pressure=one.pressure + (3000.0 + 100.0 * (one.t_valid_s - 20.0)) * (one.t_valid_s > 20.0)
+        )
         for one in readings(24.0)
     ]
     nav, results = stand(fast, 24.0, aid=WATCHED)
