@@ -213,12 +213,10 @@ def test_a_step_is_a_new_bias_and_no_drift():
 
 def test_refused_readings_that_go_on_moving_are_no_new_bias():
     """A step and a fast drift with it: the gate refuses all of them, and each agrees with the one before."""
-    fast = [
-        one._replace(
-            pressure=one.pressure + (3000.0 + 100.0 * (one.t_valid_s - 20.0)) * (one.t_valid_s > 20.0)
-        )
-        for one in readings(24.0)
-    ]
+    fast = []
+    for one in readings(24.0):
+        off = 3000.0 + 100.0 * (one.t_valid_s - 20.0) if one.t_valid_s > 20.0 else 0.0
+        fast.append(one._replace(pressure=one.pressure + off))
     nav, results = stand(fast, 24.0, aid=WATCHED)
     _, without = stand(fast, 24.0, aid=AID)
     assert any(one.note == "new bias" for one in without)
