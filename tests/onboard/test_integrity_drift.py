@@ -144,7 +144,7 @@ def test_the_times_that_are_kept_reach_back_to_the_first_and_thin_out():
     assert len(starts_s) == integrity_drift.MOST == drift.B.shape[1] == len(drift.J)
     assert starts_s[0] == 0.0 and starts_s[-1] == 1990.0
     assert (np.diff(starts_s) > 0.0).all()
-    assert (np.diff(starts_s) <= 0.5 * age[:-1] + 10.0).all()  # none is far from one that is kept
+    assert (np.diff(starts_s) <= 0.1 * age[:-1] + 10.0).all()  # none is far from one that is kept
 
 
 # the filter

@@ -40,7 +40,7 @@ from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
 MOVED = 3.0  # sigmas that a refused reading may move from the first, and still be that of a new bias
-MOST = 16  # [E] times that are kept: the older, the further apart
+MOST = 64  # [E] times that are kept: the older, the further apart. With 16 a drift between two of them misled
 
 
 class Followed(NamedTuple):
