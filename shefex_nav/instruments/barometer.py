@@ -155,7 +155,7 @@ def aid(settings, use, known):
         unfit=partial(measure_barometer.unfit, model),
         renewal=Renewal("baro_bias", 1e4, release.rejections, release.duration, "new bias"),
         sees_attitude=False,
-        drift=DriftRule(use.drift.chance, use.drift.fastest, "Pa"),
+        drift=DriftRule(use.drift.chance, use.drift.fastest, "Pa", bend_of),
     )
 
 
@@ -177,6 +177,11 @@ def check(settings, use, year):
     if falls:
         words = f"{mach[falls[0]]:g} does not follow on {mach[falls[0] - 1]:g}; they must increase"
         yield ("barometer", "port", "mach", falls[0]), words
+
+
+def bend_of(reading):
+    """1/Pa, of DriftRule: where the temperature is one, p'' = p'^2 / p."""
+    return 1.0 / reading.pressure
 
 
 def at_limit(settings, pressure):

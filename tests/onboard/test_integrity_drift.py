@@ -88,7 +88,7 @@ def filtered(z_of, n=400):
         found = drift.judge(float(k), np.array([z]), H, np.array([[P + R]]))
         if found is not None:
             return drift, x, found
-        drift.learn(float(k), whole, H, np.array([[R]]), own=True)
+        drift.learn(float(k), whole, (H, np.array([[R]])), own=True)
         x, P = x + P / (P + R) * z, P * R / (P + R)
     return drift, x, None
 
@@ -105,6 +105,49 @@ def test_the_worst_that_passes_is_the_drift_that_the_test_just_misses():
     above, _, found = filtered(lambda k, x: 1.001 * worst * k - x)
     assert found is not None and f"by {1.001 * worst:.3g} Pa/s since T+0 s" in above.found
     np.testing.assert_allclose(found.done[0], 1.001 * worst * above.B[0, 0], rtol=1e-9)
+
+
+SCALE = 100.0  # m, of a pressure that falls with height
+
+
+def bent(rate, knows):
+    """A height that rests on a pressure of 1000 exp(-h/SCALE) which drifts. -> Drift, estimate, m
+
+    knows : whether the Drift is told that readings bend
+    """
+    drift = integrity_drift.Drift(
+        DriftRule(CHANCE, np.inf, "Pa", (lambda reading: 1.0 / reading) if knows else None)
+    )
+    drift.starts_s, drift.B = np.zeros(1), np.zeros((9, len(drift.sides)))
+    drift.J, drift.y = np.zeros(len(drift.sides)), np.zeros(len(drift.sides))
+    P, x, R, H = 1.0, 0.0, 50.0**2, np.zeros((1, 9))
+    for k in range(1, 301):
+        P, expected = P + 0.01, 1000.0 * np.exp(-x / SCALE)
+        z, H[0, 0], bend = 1000.0 + rate * k - expected, -expected / SCALE, drift.bend_of(expected)
+        S, whole = H[0, 0] ** 2 * P + R, np.zeros((9, 9))
+        whole[0, 0] = P
+        drift.judge(float(k), np.array([z]), H, np.array([[S]]), bend)
+        drift.learn(float(k), whole, (H, np.array([[R]])), own=True, bend=bend)
+        x, P = x + P * H[0, 0] / S * z, P * R / S
+    return drift, x
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_reading_that_bends_is_followed_to_second_order(side):
+    """At the rate that just passes: what B says of the height, against the filter itself, far off."""
+    rate = {}
+    for knows in (True, False):
+        worst = 0.2
+        for _ in range(30):
+            drift, x = bent(side * worst, knows)
+            k = int(np.argmax(drift.sides == side)) if knows else 0
+            worst = 0.5 * (worst + T / np.sqrt(drift.J[k]))
+        rate[knows] = abs(drift.B[0, k] * worst), abs(x)
+    told, true = rate[True]
+    assert 0.05 * SCALE < true < 0.5 * SCALE
+    linear, of_linear = rate[False]
+    assert abs(told - true) < 0.2 * abs(linear - of_linear)
+    assert told == pytest.approx(true, rel=0.03)
 
 
 def test_healthy_innovations_make_a_chi_square():

@@ -38,6 +38,8 @@ class DriftRule(NamedTuple):
     chance: float  # of one healthy reading being called a drift
     fastest: float  # that a drift may be, in the unit of its readings a second
     unit: str  # of its readings
+    # reading -> second derivative by what is measured, over the square of the first; None: it is linear
+    bend: Callable[[Any], float] | None = None
 
 
 class Aid(NamedTuple):

@@ -376,5 +376,6 @@ def _used(nav, now, measurement, P, prior, H, R, confirmed):
     whole = about(name) is ATTITUDE and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
     for instrument, drift in nav.watch.drifts.items():
-        drift.learn(now.t_s, prior, H, R, instrument == name)
+        own = instrument == name
+        drift.learn(now.t_s, prior, (H, R), own, drift.bend_of(fix) if own else 0.0)
     nav.watch.protection.used(nav, now, measurement, P, prior, H, R, confirmed)

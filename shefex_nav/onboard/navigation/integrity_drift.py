@@ -16,9 +16,11 @@ is its rate. Where it exceeds T^2 the instrument drifts against the solution: it
 covariance grows by what the drift has done, P + d^2 B_k B_k^T with its rate d. A drift that passes the test
 is T/sqrt(J_k) per second at most, and has moved axis j by
 
-    w_j = max over k of  T |B_k|_j / sqrt(J_k),
+    w_j = max over k of  T |B_k|_j / sqrt(J_k).
 
-which is a part of the protection level (`integrity_protection`). It grows while nothing but the instrument
+Where a reading is not linear in what it measures, the worst drift goes further than B says: with f'' of the
+reading f, and the rate d that just passes, h = s - H B + d (H B)^2 f''/(2 f'^2), a column for each sign of d.
+w is a part of the protection level (`integrity_protection`). It grows while nothing but the instrument
 says what it measures; where GPS says it as well, B stays next to nothing. Readings whose errors last count
 with the noise by which they correct the state (`aiding`), which is that of independent errors that add up to
 as much.
@@ -40,7 +42,7 @@ from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
 MOVED = 3.0  # sigmas that a refused reading may move from the first, and still be that of a new bias
-MOST = 64  # [E] times that are kept: the older, the further apart. With 16 a drift between two of them misled
+MOST = 48  # [E] times that are kept: the older, the further apart
 
 
 class Followed(NamedTuple):
@@ -70,8 +72,9 @@ class Drift:
     """Memory of one instrument, changed in place.
 
     rule : aid.DriftRule
-    starts_s : (m,) s, at which a drift may have begun
-    B : (n, m) what one of unit rate has done to the errors
+    starts_s : (k,) s, at which a drift may have begun
+    sides : signs of its rate, of a column each
+    B : (n, m) what one of unit rate has done to the errors; m columns, those of one start after each other
     J, y : (m,) sums
     refused : Refused, the first of those in a row, or None
     found : '' or words, once it has been noticed
@@ -81,6 +84,7 @@ class Drift:
     def __init__(self, rule):
         self.rule, self.limit = rule, chi_square_limit(rule.chance, 1)
         self.starts_s, self.B, self.J, self.y = np.empty(0), None, np.empty(0), np.empty(0)
+        self.sides = np.array([0.0] if rule.bend is None else [1.0, -1.0])
         self.motion, self.refused, self.found, self.is_disputed = None, None, "", False
 
     def carry(self, nav, now):
@@ -99,22 +103,33 @@ class Drift:
 
     def _begin(self, t_s):
         """A drift may begin at t_s; of the times before, the one that is closest to others goes."""
-        starts_s, J, y = np.append(self.starts_s, t_s), np.append(self.J, 0.0), np.append(self.y, 0.0)
-        B, kept = np.column_stack([self.B, np.zeros(len(self.B))]), np.ones(len(starts_s), dtype=bool)
+        starts_s, new = np.append(self.starts_s, t_s), np.zeros(len(self.sides))
+        kept = np.ones(len(starts_s), dtype=bool)
         if len(starts_s) > MOST:
             between, age = starts_s[2:] - starts_s[:-2], t_s - starts_s[1:-1]
             kept[1 + int(np.argmin(between / age))] = False
-        self.starts_s, self.J, self.y = starts_s[kept], J[kept], y[kept]
-        self.B = np.ascontiguousarray(B[:, kept])
+        columns = np.repeat(kept, len(new))
+        self.starts_s = starts_s[kept]
+        self.J, self.y = np.append(self.J, new)[columns], np.append(self.y, new)[columns]
+        B = np.column_stack([self.B, np.zeros((len(self.B), len(new)))])
+        self.B = np.ascontiguousarray(B[:, columns])
 
-    def shown(self, t_s, H, own):
-        """h (rows, m) of a measurement of t_s with H (rows, n); own: whether it is of the instrument."""
-        h = -(H @ self.B)
-        return h + (t_s - self.starts_s) if own else h
+    def shown(self, t_s, H, own, bend=0.0):
+        """h (rows, m) of a measurement of t_s with H (rows, n).
 
-    def judge(self, t_s, z, H, S):
+        own : whether it is of the instrument;  bend : of its reading, `aid.DriftRule`
+        """
+        seen = H @ self.B
+        if not own:
+            return -seen
+        h = np.repeat(t_s - self.starts_s, len(self.sides)) - seen
+        if bend:
+            h += 0.5 * bend * np.tile(self.sides, len(self.starts_s)) * self._passes() * seen**2
+        return h
+
+    def judge(self, t_s, z, H, S, bend=0.0):
         """A reading of the instrument, z and S (1,), (1, 1). -> Followed if it is found to drift, or None"""
-        h = self.shown(t_s, H, True)[0]
+        h = self.shown(t_s, H, own=True, bend=bend)[0]
         self.J += h * h / S[0, 0]
         self.y += h * (z[0] / S[0, 0])
         size = np.divide(self.y**2, self.J, out=np.zeros(len(self.J)), where=self.J > 0.0)
@@ -122,7 +137,7 @@ class Drift:
         if size[k] <= self.limit:
             return None
         rate = self.y[k] / self.J[k]
-        self._finds(rate, self.starts_s[k])
+        self._finds(rate, self.starts_s[k // len(self.sides)])
         return Followed(rate * self.B[:, k])
 
     def judge_refused(self, seen):
@@ -145,10 +160,15 @@ class Drift:
         self.found = f"drifts against the solution: by {rate:.3g} {self.rule.unit}/s since T{t_s:+.0f} s"
         self.is_disputed = True
 
-    def learn(self, t_s, P, H, R, own):
-        """A measurement has corrected the state. P : (n, n) before it;  H, R : of its rows"""
+    def learn(self, t_s, P, measured, own, bend=0.0):
+        """A measurement has corrected the state. P : (n, n) before it;  measured : H, R of its rows"""
+        H, R = measured
         PH = P @ H.T
-        self.B += PH @ np.linalg.solve(H @ PH + R, self.shown(t_s, H, own))
+        self.B += PH @ np.linalg.solve(H @ PH + R, self.shown(t_s, H, own, bend))
+
+    def bend_of(self, reading):
+        """`aid.DriftRule` of a reading of the instrument."""
+        return 0.0 if self.rule.bend is None else self.rule.bend(reading)
 
     def _passes(self):
         """Fastest drift that passes the test, of each time at which it may have begun: (m,)"""
@@ -236,7 +256,7 @@ def _judged(nav, now, innovation, measurement, verdict, drift):
     if verdict.fate == Fate.USED:
         drift.refused = None
         counted, gap_s = nav.sensors[name].counted, fix.t_valid_s - nav.history.used_s.get(name, -np.inf)
-        return drift.judge(now.t_s, z, H, S - R + counted(nav, fix, R, gap_s))
+        return drift.judge(now.t_s, z, H, S - R + counted(nav, fix, R, gap_s), drift.bend_of(fix))
     if verdict.fate not in (Fate.REJECTED, Fate.RESET):
         return None
     seen = nav.sensors[name].apart(nav, now, fix)
