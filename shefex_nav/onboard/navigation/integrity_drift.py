@@ -20,10 +20,11 @@ is T/sqrt(J_k) per second at most, and has moved axis j by
 
 Where a reading is not linear in what it measures, the worst drift goes further than B says: with f'' of the
 reading f, and the rate d that just passes, h = s - H B + d (H B)^2 f''/(2 f'^2), a column for each sign of d.
-w is a part of the protection level (`integrity_protection`). It grows while nothing but the instrument
-says what it measures; where GPS says it as well, B stays next to nothing. Readings whose errors last count
-with the noise by which they correct the state (`aiding`), which is that of independent errors that add up to
-as much.
+What is left out then is taken for LEFT_OUT of the drift: readings have so much more noise in the test, and
+pull B back by so much less. w is a part of the protection level (`integrity_protection`). It grows while
+nothing but the instrument says what it measures; where GPS says it as well, B stays next to nothing. Readings
+whose errors last count with the noise by which they correct the state (`aiding`), which is that of
+independent errors that add up to as much.
 
 Phi is that of the errors of position, velocity and attitude, to first order over the time between two
 measurements, with what the errors of the inertial sensors and of gravity do to them; all else is constant.
@@ -42,6 +43,7 @@ from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
 MOVED = 3.0  # sigmas that a refused reading may move from the first, and still be that of a new bias
+LEFT_OUT = 0.03  # [E] share of a drift that h may be wrong by: the response is not quite that of the filter
 MOST = 48  # [E] times that are kept: the older, the further apart
 
 
@@ -130,8 +132,9 @@ class Drift:
     def judge(self, t_s, z, H, S, bend=0.0):
         """A reading of the instrument, z and S (1,), (1, 1). -> Followed if it is found to drift, or None"""
         h = self.shown(t_s, H, own=True, bend=bend)[0]
-        self.J += h * h / S[0, 0]
-        self.y += h * (z[0] / S[0, 0])
+        S = S[0, 0] + (self._slack(t_s) * self._passes()) ** 2
+        self.J += h * h / S
+        self.y += h * z[0] / S
         size = np.divide(self.y**2, self.J, out=np.zeros(len(self.J)), where=self.J > 0.0)
         k = int(np.argmax(size))
         if size[k] <= self.limit:
@@ -164,7 +167,15 @@ class Drift:
         """A measurement has corrected the state. P : (n, n) before it;  measured : H, R of its rows"""
         H, R = measured
         PH = P @ H.T
-        self.B += PH @ np.linalg.solve(H @ PH + R, self.shown(t_s, H, own, bend))
+        h = self.shown(t_s, H, own, bend)
+        if own:  # back towards no error only by what is sure
+            back = h * (H[:, POS] @ PH[POS]) * (H[:, POS] @ self.B[POS]) < 0.0
+            h = np.where(back, np.sign(h) * np.maximum(np.abs(h) - self._slack(t_s), 0.0), h)
+        self.B += PH @ np.linalg.solve(H @ PH + R, h)
+
+    def _slack(self, t_s):
+        """What h may be wrong by: (m,)"""
+        return LEFT_OUT * np.repeat(t_s - self.starts_s, len(self.sides))
 
     def bend_of(self, reading):
         """`aid.DriftRule` of a reading of the instrument."""
