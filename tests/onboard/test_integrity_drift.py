@@ -93,8 +93,9 @@ def filtered(z_of, n=400):
     return drift, x, None
 
 
-def test_the_worst_that_passes_is_the_drift_that_the_test_just_misses():
+def test_the_worst_that_passes_is_the_drift_that_the_test_just_misses(monkeypatch):
     """Without noise: at T/sqrt(J) a second nothing is found, and what it has done is the level's part."""
+    monkeypatch.setattr(integrity_drift, "LEFT_OUT", 0.0)  # here B is all of the response
     quiet, _, _ = filtered(lambda k, x: 0.0)
     worst = T / np.sqrt(quiet.J[0])
     axes = np.vstack([np.eye(3), np.zeros(3)])
@@ -166,6 +167,22 @@ def test_healthy_innovations_make_a_chi_square():
         size.append(drift.y[0] ** 2 / drift.J[0])
     assert np.mean(size) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 400.0))
     assert np.mean(np.array(size) > 3.841) == pytest.approx(0.05, abs=0.04)
+
+
+def test_what_is_left_out_of_the_response_shows_nothing_and_pulls_nothing_back():
+    """Readings whose h is within the share LEFT_OUT of the drift; beyond, by what they are more."""
+    drift, _, _ = filtered(lambda k, x: 0.0, n=50)
+    slack, H = integrity_drift.LEFT_OUT * 51.0, np.zeros((1, 9))
+    H[0, 0] = 1.0
+    P, R = np.diag([1.0, *np.zeros(8)]), np.ones((1, 1))
+    for off, pulled in ((-0.5 * slack, 0.0), (-3.0 * slack, -2.0 * slack), (0.5 * slack, 0.5 * slack)):
+        drift.B[:] = 0.0
+        drift.B[0, 0] = 51.0 - off  # h = off
+        before = drift.J[0]
+        drift.judge(51.0, np.zeros(1), H, np.ones((1, 1)))
+        assert drift.J[0] - before == pytest.approx(max(abs(off) - slack, 0.0) ** 2, abs=1e-9)
+        drift.learn(51.0, P, (H, R), own=True)
+        assert drift.B[0, 0] - (51.0 - off) == pytest.approx(0.5 * pulled, abs=1e-9)
 
 
 def test_a_rate_that_is_told_bounds_what_is_covered():

@@ -20,8 +20,8 @@ is T/sqrt(J_k) per second at most, and has moved axis j by
 
 Where a reading is not linear in what it measures, the worst drift goes further than B says: with f'' of the
 reading f, and the rate d that just passes, h = s - H B + d (H B)^2 f''/(2 f'^2), a column for each sign of d.
-What is left out then is taken for LEFT_OUT of the drift: readings have so much more noise in the test, and
-pull B back by so much less. w is a part of the protection level (`integrity_protection`). It grows while
+What is left out then is taken for LEFT_OUT of the drift: h counts by what it is more than that, in the test
+and where it pulls B back. w is a part of the protection level (`integrity_protection`). It grows while
 nothing but the instrument says what it measures; where GPS says it as well, B stays next to nothing. Readings
 whose errors last count with the noise by which they correct the state (`aiding`), which is that of
 independent errors that add up to as much.
@@ -131,10 +131,9 @@ class Drift:
 
     def judge(self, t_s, z, H, S, bend=0.0):
         """A reading of the instrument, z and S (1,), (1, 1). -> Followed if it is found to drift, or None"""
-        h = self.shown(t_s, H, own=True, bend=bend)[0]
-        S = S[0, 0] + (self._slack(t_s) * self._passes()) ** 2
-        self.J += h * h / S
-        self.y += h * z[0] / S
+        h = self._sure(t_s, self.shown(t_s, H, own=True, bend=bend)[0])
+        self.J += h * h / S[0, 0]
+        self.y += h * z[0] / S[0, 0]
         size = np.divide(self.y**2, self.J, out=np.zeros(len(self.J)), where=self.J > 0.0)
         k = int(np.argmax(size))
         if size[k] <= self.limit:
@@ -170,12 +169,13 @@ class Drift:
         h = self.shown(t_s, H, own, bend)
         if own:  # back towards no error only by what is sure
             back = h * (H[:, POS] @ PH[POS]) * (H[:, POS] @ self.B[POS]) < 0.0
-            h = np.where(back, np.sign(h) * np.maximum(np.abs(h) - self._slack(t_s), 0.0), h)
+            h = np.where(back, self._sure(t_s, h), h)
         self.B += PH @ np.linalg.solve(H @ PH + R, h)
 
-    def _slack(self, t_s):
-        """What h may be wrong by: (m,)"""
-        return LEFT_OUT * np.repeat(t_s - self.starts_s, len(self.sides))
+    def _sure(self, t_s, h):
+        """The part of h (..., m) that is more than what it may be wrong by."""
+        slack = LEFT_OUT * np.repeat(t_s - self.starts_s, len(self.sides))
+        return np.sign(h) * np.maximum(np.abs(h) - slack, 0.0)
 
     def bend_of(self, reading):
         """`aid.DriftRule` of a reading of the instrument."""
