@@ -93,7 +93,7 @@ def test_which_drift_of_the_barometer_is_looked_for_and_covered():
     def rule(*told):
         more = [f"navigation.barometer.drift.{one}" for one in told]
         (aid,) = params_onboard.nav_params(load(DEFAULT, [section(), STATES, *more])).aids
-        return tuple(aid.drift)
+        return tuple(aid.drift)[:3]
 
     assert rule() == (1e-9, np.inf, "Pa")
     assert rule("fastest=0.5 hPa/s", "chance=1e-6") == (1e-6, 50.0, "Pa")
