@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.instruments import instrument
 from shefex_nav.instruments.instrument import Column, DataColumn, Drawn, Equation, Plot, StateBlock
-from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
+from shefex_nav.onboard.navigation.aid import Aid, Block, DriftRule, Renewal
 from shefex_nav.settings import Settings, number, quantity, section, switch
 
 
@@ -61,6 +61,20 @@ class Barometer(instrument.Sampled):
     day: Day = section("the air of the day against the model", {})
 
 
+class DriftWatch(Settings):
+    """How a drift is looked for that is a fault, and which one the protection levels cover."""
+
+    chance: float = number(
+        "1e-9", "that a reading of a healthy barometer is called a drift", 1e-9, at_least=1e-15,
+        at_most=1e-3,
+    )  # fmt: skip
+    fastest: float = quantity(
+        "Pa/s", "1 Pa/s", "drift of a fault. The protection levels cover it, or the fastest one that cannot "
+        "be noticed if that is slower; any: whatever cannot be noticed", "any", non_negative=True,
+        words=(("any", np.inf),),
+    )  # fmt: skip
+
+
 class BarometerUse(Settings):
     """How the filter uses the barometer."""
 
@@ -80,6 +94,7 @@ class BarometerUse(Settings):
         "s", "20 s", "for how long errors of the port keep their sign", "20 s", positive=True
     )
     lag_error: float = quantity("", "20 %", "of the lag, 1 sigma", "20 %", non_negative=True, at_most="100 %")
+    drift: DriftWatch = section("a drift that is a fault", {})
     release: instrument.Release = section(
         "when readings that contradict the filter are a new bias", {"rejections": 50, "duration": "5 s"}
     )
@@ -140,6 +155,7 @@ def aid(settings, use, known):
         unfit=partial(measure_barometer.unfit, model),
         renewal=Renewal("baro_bias", 1e4, release.rejections, release.duration, "new bias"),
         sees_attitude=False,
+        drift=DriftRule(use.drift.chance, use.drift.fastest, "Pa", bend_of),
     )
 
 
@@ -161,6 +177,11 @@ def check(settings, use, year):
     if falls:
         words = f"{mach[falls[0]]:g} does not follow on {mach[falls[0] - 1]:g}; they must increase"
         yield ("barometer", "port", "mach", falls[0]), words
+
+
+def bend_of(reading):
+    """1/Pa, of DriftRule: where the temperature is one, p'' = p'^2 / p."""
+    return 1.0 / reading.pressure
 
 
 def at_limit(settings, pressure):

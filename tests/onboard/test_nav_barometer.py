@@ -13,7 +13,7 @@ from unpacked import correct
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.instruments import state_sizes
-from shefex_nav.instruments.barometer import Barometer, BarometerReading, BarometerUse, Day, Port
+from shefex_nav.instruments.barometer import Barometer, BarometerReading, BarometerUse, Day, DriftWatch, Port
 from shefex_nav.instruments.instrument import Release
 from shefex_nav.onboard.navigation import aiding, fusion, integrity_gps, measure_barometer, measurements
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
@@ -46,6 +46,7 @@ USE = BarometerUse(
     flow_error=0.005,
     flow_memory=20.0,
     lag_error=0.2,
+    drift=DriftWatch(chance=1e-9, fastest=np.inf),
     release=Release(rejections=5, duration=0.4),
 )
 BAROMETER = measure_barometer.Model(SETTINGS, USE, measure_barometer.of_layers(SETTINGS.day))

@@ -85,3 +85,18 @@ def _said(overrides):
 def test_a_receiver_tells_what_its_section_says():
     assert load(DEFAULT).gps.fix == "full"
     assert "'height' is not known" in the_message(DEFAULT, ["gps.fix=height"])
+
+
+def test_which_drift_of_the_barometer_is_looked_for_and_covered():
+    """A rate of pressure, or any; a chance."""
+
+    def rule(*told):
+        more = [f"navigation.barometer.drift.{one}" for one in told]
+        (aid,) = params_onboard.nav_params(load(DEFAULT, [section(), STATES, *more])).aids
+        return tuple(aid.drift)[:3]
+
+    assert rule() == (1e-9, np.inf, "Pa")
+    assert rule("fastest=0.5 hPa/s", "chance=1e-6") == (1e-6, 50.0, "Pa")
+    assert rule("fastest=any") == rule()
+    for told, words in (("fastest=-1 Pa/s", "must not be negative"), ("chance=0.5", "must be at most 0.001")):
+        assert words in the_message(DEFAULT, [section(), STATES, f"navigation.barometer.drift.{told}"])

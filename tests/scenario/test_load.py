@@ -90,6 +90,8 @@ def test_what_the_default_leaves_out():
             "flow_error",
             "flow_memory",
             "lag_error",
+            "chance",
+            "fastest",
         ),
         *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
@@ -281,7 +283,7 @@ def test_schema_holds_together():
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
-        optional |= {"BarometerUse", "Computer", "Day", "MagnetometerUse", "Use"}
+        optional |= {"BarometerUse", "Computer", "Day", "DriftWatch", "MagnetometerUse", "Use"}
         optional |= {"Position", "Velocity", "Attitude"}  # of the requirements
         optional |= {one for one in blocks if one.startswith("Told")}  # in place of what is true
         assert name.endswith(".partial") is not ("required" in block) or name in optional

@@ -32,6 +32,16 @@ class Renewal(NamedTuple):
     note: str  # for the log, 'new bias'
 
 
+class DriftRule(NamedTuple):
+    """How an instrument is watched that may drift, `integrity_drift`."""
+
+    chance: float  # of one healthy reading being called a drift
+    fastest: float  # that a drift may be, in the unit of its readings a second
+    unit: str  # of its readings
+    # reading -> second derivative by what is measured, over the square of the first; None: it is linear
+    bend: Callable[[Any], float] | None = None
+
+
 class Aid(NamedTuple):
     """An instrument, as the filter uses it."""
 
@@ -44,3 +54,4 @@ class Aid(NamedTuple):
     renewal: Renewal | None = None  # None: it is never believed against the filter
     sees_attitude: bool = True  # but for errors that last
     gate_probability: float | None = None  # that a healthy reading is rejected; None: of the scenario
+    drift: DriftRule | None = None  # of readings of one number; None: it is not watched for drifts

@@ -132,13 +132,19 @@ def sensor(aid):
         reset_note="" if renewal is None else renewal.note,
         counted=partial(_counted, aid),
         unfit=partial(_unfit, aid),
+        apart=partial(_apart, aid),
         gate_probability=aid.gate_probability,
     )
 
 
+def _apart(aid, nav, now, reading):
+    """Linearised of a reading, its noise and what lasts apart."""
+    return aid.expect(Here(nav.layout, nav.earth, now.t_s, now.x), reading)
+
+
 def _linearise(aid, nav, now, reading):
     """As `sensor.Linearise`."""
-    seen = aid.expect(Here(nav.layout, nav.earth, now.t_s, now.x), reading)
+    seen = _apart(aid, nav, now, reading)
     return seen.z, seen.H, seen.R + sum(variance for variance, _ in seen.lasting)
 
 
@@ -153,6 +159,8 @@ def _counted(aid, nav, reading, R, gap_s):
 
 def _unfit(aid, nav, t_s, x, reading):
     """As `Sensor.unfit`."""
+    if aid.drift and (found := nav.watch.drifts[aid.name].found):
+        return found
     here = Here(nav.layout, nav.earth, t_s, x)
     repeats = _repeats(aid, nav, here, reading)
     reason = "" if aid.unfit is None else aid.unfit(here, reading)

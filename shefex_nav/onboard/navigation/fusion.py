@@ -198,7 +198,7 @@ def fuse(nav, arrived):
             earliest = min(earliest, index)
     if earliest <= last:
         _reprocess(nav, earliest, last, results)
-    nav.watch.protection.update(nav.earth, history)
+    nav.watch.protection.update(nav.earth, history, nav.watch.drifts.values())
     return results
 
 
@@ -375,4 +375,7 @@ def _used(nav, now, measurement, P, prior, H, R, confirmed):
     fix, name = measurement.fix, measurement.sensor
     whole = about(name) is ATTITUDE and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
+    for instrument, drift in nav.watch.drifts.items():
+        own = instrument == name
+        drift.learn(now.t_s, prior, (H, R), own, drift.bend_of(fix) if own else 0.0)
     nav.watch.protection.used(nav, now, measurement, P, prior, H, R, confirmed)

@@ -16,6 +16,7 @@ from shefex_nav.onboard.navigation import (
     adaptation,
     eskf,
     integrity,
+    integrity_drift,
     integrity_gps,
     integrity_learnt,
     integrity_watch,
@@ -68,6 +69,8 @@ def decide(nav, now, z, H, R, measurement):
     if nav.judged is not None:
         nav.judged(name, S, nis)
     verdict = _verdict(nav, now, innovation, measurement)
+    if nav.watch.drifts:
+        verdict = integrity_drift.weigh(nav, now, innovation, measurement, verdict)
     attitude = _attitude(nav, now, z, R, measurement, verdict.fate)
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
     _report(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
@@ -288,7 +291,9 @@ def forgotten(nav, P, measurement, H):
     order, x, P, cut = nav.layout, nav.history.x, P.copy(), ()
     places = order.places
     named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
-    if isinstance(admitted, Grown):
+    if isinstance(admitted, integrity_drift.Followed):
+        P += np.outer(admitted.done, admitted.done)
+    elif isinstance(admitted, Grown):
         P *= np.outer(admitted.factors, admitted.factors)
     elif admitted is not None:
         added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))

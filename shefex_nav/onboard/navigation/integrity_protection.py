@@ -32,6 +32,8 @@ however errors grow, (F e)^T (F P F^T + Q)^-1 (F e) <= e^T P^-1 e; so w of the v
 does [E: as if it were all of e], and w of the position by that of the velocity times the time. That of the
 attitude stays: gyros hold it, and the axes that it is about turn with the body.
 
+What an instrument that drifts may have done, in all of its readings, is of `integrity_drift`.
+
 Two faults at once, and one that is common to all fixes (a star camera that has moved by less than the gate
 notices), are beyond this.
 """
@@ -75,13 +77,13 @@ class Requirement(NamedTuple):
 class Level(NamedTuple):
     """Running slopes w, at an instant, along the nine axes that are followed."""
 
-    w: np.ndarray  # (2, 9) m, m/s, rad: what star fixes have done, and what other sensors have
+    w: np.ndarray  # (3, 9) m, m/s, rad: what star fixes have done, other sensors, instruments that drift
     sigma: np.ndarray  # (9,) that there was then; infinite before the first fix
     t_s: float
 
 
-STARS, OTHERS = 0, 1
-NO_FIX = Level(np.zeros((2, N_FOLLOWED)), np.full(N_FOLLOWED, np.inf), 0.0)
+STARS, OTHERS, DRIFTS = 0, 1, 2
+NO_FIX = Level(np.zeros((3, N_FOLLOWED)), np.full(N_FOLLOWED, np.inf), 0.0)
 
 
 def requirement(position, velocity, attitude, risk):
@@ -289,12 +291,15 @@ class Protection:
         """A measurement has just been used; arguments as of `of_measurement`."""
         self._used.append((now.t_s, of_measurement(nav, now, *given)))
 
-    def update(self, earth, history):
-        """Bring the level up to date with the fixes used in this tick."""
+    def update(self, earth, history, drifts=()):
+        """Bring the level up to date with the fixes used in this tick. drifts : of integrity_drift.Drift"""
         if self._used:
             now_s = history.ends_s[-1]
             axes = self.axes(earth, now_s, history.x)
             self.level = after_fixes(self.level, self._used, now_s, history.P, axes)
+            self.level.w[DRIFTS] = 0.0
+            for drift in drifts:
+                self.level.w[DRIFTS] = np.maximum(self.level.w[DRIFTS], drift.worst(axes))
             self._used.clear()
 
 
@@ -315,8 +320,8 @@ def after_fixes(level, found, now_s, P_now, axes):
 
 @inner
 def _grow(w, before, now, dt_s):
-    """What wrong fixes did, (2, 9), from an instant with sigmas (9,) to one dt_s later with others."""
-    for row in range(2):
+    """What wrong fixes did, (3, 9), from an instant with sigmas (9,) to one dt_s later with others."""
+    for row in range(w.shape[0]):
         for j in range(3):
             w[row, V_NED.start + j] *= max(now[V_NED.start + j] / before[V_NED.start + j], 1.0)
             w[row, P_NED.start + j] += w[row, V_NED.start + j] * dt_s
@@ -324,7 +329,7 @@ def _grow(w, before, now, dt_s):
 
 @kernel
 def _until(w, before, dt_s, P_now, axes):
-    """w (2, 9) dt_s after an instant with sigmas `before`, in place. -> sigmas of then"""
+    """w (3, 9) dt_s after an instant with sigmas `before`, in place. -> sigmas of then"""
     now = protected.sigmas(P_now, axes)
     _grow(w, before, now, dt_s)
     return now
@@ -332,7 +337,7 @@ def _until(w, before, dt_s, P_now, axes):
 
 @kernel
 def _after_fix(w, before, dt_s, of_stars, table):
-    """w (2, 9) after a fix, dt_s after an instant with sigmas `before`, in place."""
+    """w (3, 9) after a fix, dt_s after an instant with sigmas `before`, in place."""
     _grow(w, before, table[BEFORE], dt_s)
     fixed = STARS if of_stars else OTHERS
     for j in range(N_FOLLOWED):
@@ -351,7 +356,7 @@ def levels(w, before, dt_s, k, known, sigma, out):
     known : (9,) sigmas of the filter, which wrong fixes grow with
     sigma : (7,) those of the solution, which swings with vibration besides
     """
-    for row in range(2):
+    for row in range(w.shape[0]):
         for i in range(3):  # as `_grow`; north and east are put together
             v = V_NED.start + i
             velocity = w[row, v] * max(known[v] / before[v], 1.0)
@@ -369,7 +374,7 @@ def levels(w, before, dt_s, k, known, sigma, out):
 
 @inner(forceinline=True)
 def _level(row, j, worst, k, sigma, out):
-    """Level of an axis that is told: the larger of both kinds of sensors."""
+    """Level of an axis that is told: the largest of all kinds of faults."""
     level = k[j] * sigma[j] + worst
     if row == 0 or level > out[j] or level != level:
         out[j] = level

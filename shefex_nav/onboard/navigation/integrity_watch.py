@@ -9,6 +9,7 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import (
     integrity_constants,
+    integrity_drift,
     integrity_gps,
     integrity_gyro,
     integrity_imu,
@@ -73,6 +74,7 @@ class Watch:
         self.pushed = 0.0  # m/s, that specific force had added to the velocity before that, since a fix
         self.drift = integrity_gps.QUIET
         self.protection = integrity_protection.Protection()
+        self.drifts = {}  # name of an instrument -> integrity_drift.Drift
         self.repeated = {}  # name of an instrument -> aiding.Repeated
         self.reasons = {}  # source -> why it is not healthy
         self.pending = []  # NavHealth not handed over yet
@@ -193,7 +195,8 @@ class Watch:
         """
         if self.imu_blind if imu_blind is None else imu_blind:
             return ALL_OF[Doubt.IMU]
-        if self.constants.found or self.step is not None or "gps" in self.alarms:
+        drifted = any(one.is_disputed for one in self.drifts.values())
+        if self.constants.found or self.step is not None or "gps" in self.alarms or drifted:
             return ALL_OF[Doubt.CONTRADICTED]
         bad = contradicting(health)
         if not bad and not self.alarms and self.moved is None:
@@ -241,7 +244,9 @@ def start(params):
     relative, sensed = integrity_gyro.relative_error(params), integrity_gyro.sensed_error(params)
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
     limit = chi_square_limit(integrity_gps.DRIFT_PROBABILITY, 3)
-    return Watch(params.integrity or DEFAULT, limit, gyros)
+    watch = Watch(params.integrity or DEFAULT, limit, gyros)
+    watch.drifts = {aid.name: integrity_drift.Drift(aid.drift) for aid in params.aids if aid.drift}
+    return watch
 
 
 def is_back(step, z):

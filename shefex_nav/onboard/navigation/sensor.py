@@ -87,6 +87,7 @@ class Sensor(NamedTuple):
     counted: Callable | None = None
     # (nav, t_s, x, fix) -> why it is not to be used where packed values x are, '' if it may; None: always
     unfit: Callable | None = None
+    apart: Callable | None = None  # (nav, now, fix) -> aid.Linearised of an instrument; None: it is none
     gate_probability: float | None = None  # that a healthy one is rejected; None: of the scenario
 
 
