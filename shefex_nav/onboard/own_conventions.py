@@ -34,23 +34,24 @@ def of_attitude(q, q_known):
     return next((words for words, one in meant.items() if _angle(one, q_known) < NEAR), "")
 
 
-def of_estimate(estimate, alignment, now_s, C_ei):
-    """What an Estimate soon after the alignment has in another convention, in words; '' if nothing.
-
-    estimate : own_navigation.Estimate, of arrays;  alignment : Alignment
-    C_ei : (3, 3) inertial to Earth-fixed axes, now
-    """
-    if now_s - alignment.t_valid_s > MEANT_S:
+def of_start_attitude(q_ib, alignment):
+    """What a first attitude is of the Alignment in another convention, in words; '' if nothing. (4,)"""
+    if np.sqrt(np.trace(alignment.P_theta_b)) > KNOWN:
         return ""
-    is_known = np.sqrt(np.trace(alignment.P_theta_b)) < KNOWN
-    if is_known and (words := of_attitude(estimate.q_ib, alignment.q_ib)):
-        return f"q_ib of its Estimate is the attitude of the alignment {words}"
-    r_i = alignment.r_i + (now_s - alignment.t_valid_s) * alignment.v_i
-    for scale, words in ((1.0, "in Earth-fixed axes"), (1e-3, "in kilometres")):
-        meant = scale * (r_i if scale < 1.0 else C_ei @ r_i)
-        near, far = scale * NEAR_M, FAR_M
-        if np.linalg.norm(estimate.r_i - r_i) > far and np.linalg.norm(estimate.r_i - meant) < near:
-            return f"r_i of its Estimate is the position of the alignment {words}; it is in m, inertial axes"
+    words = of_attitude(q_ib, alignment.q_ib)
+    return words and f"q_ib is the attitude of the alignment {words}"
+
+
+def of_start_position(r_i, alignment, now_s, C_ei):
+    """The same of a first position (3,). C_ei : (3, 3) inertial to Earth-fixed axes, now"""
+    known_i = alignment.r_i + (now_s - alignment.t_valid_s) * alignment.v_i
+    if np.linalg.norm(r_i - known_i) < FAR_M:
+        return ""
+    meant = {"in Earth-fixed axes": C_ei @ known_i, "in kilometres": 1e-3 * known_i}
+    near_m = {"in Earth-fixed axes": NEAR_M, "in kilometres": 1e-3 * NEAR_M}
+    for words, one in meant.items():
+        if np.linalg.norm(r_i - one) < near_m[words]:
+            return f"r_i is the position of the alignment {words}; it is in m, inertial axes"
     return ""
 
 

@@ -209,16 +209,26 @@ class OwnNavigation:
         usable = estimate.usable
         if not isinstance(usable, tuple | list) or len(usable) != len(QUANTITIES):
             raise self._error(f"usable of its Estimate must be of {', '.join(QUANTITIES)}, got {usable!r}")
-        return self._meant(estimate._replace(**arrays))
-
-    def _meant(self, estimate):
-        """The same Estimate; the first one must not be right in another convention."""
-        if self._alignment is not None:
-            C_ei = frames.dcm_ie(self._mission.earth, self.now_s).T
-            if words := own_conventions.of_estimate(estimate, self._alignment, self.now_s, C_ei):
-                raise self._error(words)
-            self._alignment = None
+        estimate = estimate._replace(**arrays)
+        self._check_conventions(estimate, *usable)
         return estimate
+
+    def _check_conventions(self, given, position, _velocity, attitude):
+        """SoftwareError if the first solution is right in another convention.
+
+        given : Estimate or NavSolution;  position, attitude : whether the software calls them usable
+        """
+        if self._alignment is None:
+            return
+        alignment, self._alignment = self._alignment, None
+        if self.now_s - alignment.t_valid_s > own_conventions.MEANT_S:
+            return
+        C_ei = frames.dcm_ie(self._mission.earth, self.now_s).T
+        words = own_conventions.of_start_attitude(given.q_ib, alignment) if attitude else ""
+        if not words and position:
+            words = own_conventions.of_start_position(given.r_i, alignment, self.now_s, C_ei)
+        if words:
+            raise self._error(f"its first {words}")
 
     def _checked_record(self, record):
         """A whole record of the software's own: of this tick, and a NavSolution complete."""
@@ -228,6 +238,8 @@ class OwnNavigation:
             if missing := [name for name, value in record._asdict().items() if value is None]:
                 raise self._error(f"gave a NavSolution without {missing[0]}")
             self._own.quaternion(self.now_s, "q_ib of its NavSolution", record.q_ib)
+            usable = (not getattr(record, f"do_not_use_{one}") for one in QUANTITIES)
+            self._check_conventions(record, *usable)
         if isinstance(record, NavCovariance) and np.isfinite(record.P).all():  # NaN: it does not say
             if fault := covariance_fault(np.asarray(record.P)):
                 raise self._error(f"P of its NavCovariance {fault}")

@@ -120,7 +120,7 @@ def test_mistakes_of_the_software_are_told_with_the_mission_time(tmp_path, here,
     [
         (
             "self.r, self.v, self.q[[1, 2, 3, 0]]",
-            "q_ib of its Estimate is the attitude of the alignment with",
+            "its first q_ib is the attitude of the alignment with",
         ),
         ("self.r, self.v, self.q * [1, -1, -1, -1]", "the attitude of the alignment the other way round"),
         (
@@ -129,7 +129,7 @@ def test_mistakes_of_the_software_are_told_with_the_mission_time(tmp_path, here,
         ),
         (
             "self.r / 1e3, self.v, self.q",
-            "r_i of its Estimate is the position of the alignment in kilometres",
+            "its first r_i is the position of the alignment in kilometres",
         ),
         ("C_ie.T @ self.r, self.v, self.q", "the position of the alignment in Earth-fixed axes"),
     ],
@@ -142,9 +142,30 @@ def test_what_is_right_in_another_convention_is_told_at_once(tmp_path, given, wo
     assert re.search(r"Reckoning, T-\d\.\d\d s: ", str(told.value))
 
 
-def test_an_attitude_that_is_nowhere_near_is_the_softwares_own(tmp_path):
-    path = reckoning(tmp_path, "return Estimate(self.r, self.v, (0.5, 0.5, 0.5, 0.5))")
+@pytest.mark.parametrize(
+    "given",
+    [
+        "self.r, self.v, (0.5, 0.5, 0.5, 0.5)",
+        "self.r, self.v, self.q[[1, 2, 3, 0]], usable=(True, True, False)",
+        "self.r / 1e3, self.v, self.q, usable=(False, True, True)",
+    ],
+)
+def test_what_is_nowhere_near_or_not_to_be_used_is_the_softwares_own(tmp_path, given):
+    path = reckoning(tmp_path, f"return Estimate({given})")
     assert flown("rexus_like", f"navigation.software={path}:Reckoning", until_s=-9.0)
+
+
+def test_a_first_solution_in_another_convention_is_told(tmp_path):
+    given = (
+        "from shefex_nav.onboard.own_navigation import solution; import numpy as np; "
+        "e = Estimate(self.r, self.v, self.q[[1, 2, 3, 0]]); "
+        "return [solution(e, imu.t_valid_s, np.zeros(3), self.mission.earth)]"
+    )
+    path = reckoning(tmp_path, given)
+    with pytest.raises(
+        SoftwareError, match="its first q_ib is the attitude of the alignment with the scalar"
+    ):
+        flown("rexus_like", f"navigation.software={path}:Reckoning", until_s=-9.0)
 
 
 INDEFINITE = "import numpy as np; P = np.eye(9); P[0, 4] = P[4, 0] = 2.0; P *= 1e-6"

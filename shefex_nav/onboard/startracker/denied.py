@@ -3,6 +3,9 @@
 A lens that is not as it is told has its stars elsewhere in every frame. Nearly all such frames are refused
 for their residuals, a right one is once in a thousand; but now and then a few stars fit each other, and make
 an attitude whose covariance knows nothing of the rest. While most frames are refused, it is not given out.
+
+The memory is of frames, not of time: a lens does not get better while none are taken. After a disturbance
+that made residuals and is over, up to 14 good frames are withheld.
 """
 
 from shefex_nav.records import Reason

@@ -251,7 +251,8 @@ def _given(tracker, misfits, frame, context, seen, result):
         ideal = undistorted.ideal(params.camera, seen.detections)
         found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
     reason = reason if reason == Reason.NONE else explain(params, reason, seen.statistics.mean_dn, context)
-    after = denied.after(misfits, reason)
+    shows_lens = seen.at_instant and not is_fast  # else residuals are those of motion that nobody knows
+    after = denied.after(misfits, reason) if shows_lens else misfits
     if denied.is_denied(misfits):
         stars = NO_STARS
         if reason == Reason.NONE:
