@@ -59,7 +59,7 @@ def part_of(model, keys=None):
         annotation, metadata = bare(field.annotation, tuple(field.metadata))
         if is_model(annotation) and type(None) not in get_args(field.annotation):
             annotation = part_of(annotation, None if keys is None else keys[key])
-        words = field.description or getattr(annotation, "__doc__", None)
+        words = field.description or (annotation.__doc__ if is_model(annotation) else None)
         full = Annotated[annotation, *metadata] if metadata else annotation
         fields[name] = (full | None, Field(default=None, alias=field.alias, description=words))
     return create_model(f"Told{model.__name__}", __base__=Block, __doc__=model.__doc__, **fields)
