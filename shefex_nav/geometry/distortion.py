@@ -18,6 +18,7 @@ from shefex_nav.compiled import inner, kernel
 
 BEHIND = 0.1  # Z of a unit vector that is no longer before the camera
 UNDISTORT_STEPS = 20
+GRID = 41  # points along each side of the detector, from border to border
 
 
 @inner
@@ -115,6 +116,34 @@ def corners_px(pinhole):
     """Outermost points of the detector: (4, 2) px."""
     right, bottom = pinhole.width_px - 0.5, pinhole.height_px - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
+
+
+def grid_px(pinhole):
+    """Points over the detector and on its border: (GRID^2, 2) px"""
+    (left, top), (right, bottom) = corners_px(pinhole)[[0, 3]]
+    x, y = np.linspace(left, right, GRID), np.linspace(top, bottom, GRID)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def displaced_px(pinhole, distortion):
+    """Largest distance by which a distortion moves stars on the detector from their ideal places, px.
+
+    Pinhole, (5,) or None of a pinhole -> float
+    """
+    if distortion is None:
+        return 0.0
+    seen_px = grid_px(pinhole)
+    return float(np.hypot(*(undistort(pinhole, distortion, seen_px) - seen_px).T).max())
+
+
+def farthest_px(pinhole, distortion=None):
+    """Distance from the axis of the ideal place of what the farthest corner of the detector sees, px.
+
+    Pinhole, (5,) or None -> float
+    """
+    seen_px = corners_px(pinhole)
+    ideal_px = seen_px if distortion is None else undistort(pinhole, distortion, seen_px)
+    return float(np.hypot(*(ideal_px - np.array([pinhole.cx_px, pinhole.cy_px])).T).max())
 
 
 def border(pinhole, distortion=(), along=8):

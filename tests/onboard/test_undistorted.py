@@ -9,6 +9,7 @@ from star_fields import CAMERA, MODEL, TRACKER, YEAR, all_stars, random_attitude
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry import rotation
+from shefex_nav.geometry.distortion import displaced_px
 from shefex_nav.geometry.pinhole import pixels, turn_slopes
 from shefex_nav.geometry.shutter import row_start_s, row_times
 from shefex_nav.onboard.startracker import objects, tracker, undistorted
@@ -32,7 +33,7 @@ def shown(k, xy_px):
 
 
 def camera(k):
-    return MODEL._replace(distortion=k, displaced_px=undistorted.displaced_px(CAMERA, k))
+    return MODEL._replace(distortion=k, displaced_px=displaced_px(CAMERA, k))
 
 
 def places(n=50, seed=4):
@@ -69,7 +70,7 @@ def test_without_a_distortion_nothing_is_done():
         detections.xy_px,
         detections.P_px,
     )
-    assert undistorted.displaced_px(CAMERA, None) == 0.0
+    assert displaced_px(CAMERA, None) == 0.0
 
 
 OMEGA = np.array([0.09, -0.06, 0.30])
@@ -192,6 +193,24 @@ def test_right_calibration_gives_as_good_attitudes_as_a_pinhole(method, k):
     assert np.sqrt((found**2).mean(axis=0)) == pytest.approx(np.sqrt((plain**2).mean(axis=0)), rel=0.25)
     spread = 4.0 * np.sqrt(6.0 / len(found))
     assert abs(nees.mean() - 3.0) < spread and abs(plain_nees.mean() - 3.0) < spread
+
+
+CORNER2 = ((329.5**2 + 246.5**2) ** 0.5 / F) ** 2
+
+
+def barrel(px):
+    """Radial barrel that moves the corners by about so many pixels."""
+    return np.array([-px / (F * CORNER2**1.5), 0.0, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("px", [8.0, 16.0, 32.0])
+@pytest.mark.parametrize("method", ["bayes", "pyramid"])
+def test_strong_barrels_told_rightly_lose_no_frame(method, px):
+    """Stars of the corners are far outside the pinhole's detector; `pyramid` once lost half at 32 px."""
+    ways = {"identification__method": method, "centroid_floor": 0.0}
+    plain = len(attitudes(tracker_of(MODEL, **ways), np.zeros(5), 60, 0.1)[0])
+    found = len(attitudes(tracker_of(camera(barrel(px)), **ways), barrel(px), 60, 0.1)[0])
+    assert plain > 55 and found >= plain - 1
 
 
 def test_wrong_calibration_turns_the_attitude_as_least_squares_of_the_displacements():

@@ -35,7 +35,7 @@ def test_on_board_is_told_the_true_lens_unless_it_is_told_another():
     np.testing.assert_array_equal(camera.distortion, [-0.376, 0, 0, 0, 0])
     assert (camera.pinhole.cx_px, camera.pinhole.cy_px) == (330.0, 240.0)
     r2 = ((329.5**2 + 246.5**2) ** 0.5 / FOCAL_PX) ** 2
-    assert camera.displaced_px == pytest.approx(0.376 * r2 * 329.5, rel=0.1)  # along x, to first order
+    assert camera.displaced_px == pytest.approx(0.376 * r2 * 411.49, rel=0.1)  # to first order
     told = load(NAME, [TRUE, f"{TOLD}=[0, 0, 0, 0, 0]"])
     assert on_board(settled(told)).distortion is None
     assert told.star_camera.optics.distortion == (-0.376, 0, 0, 0, 0)
