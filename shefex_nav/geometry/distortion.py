@@ -11,6 +11,7 @@ and the pixel is cx + f x', cy + f y'. Ideal are the places of the pinhole, dist
 """
 
 from itertools import pairwise
+from math import atan
 
 import numpy as np
 
@@ -132,18 +133,25 @@ def displaced_px(pinhole, distortion):
     """
     if distortion is None:
         return 0.0
-    seen_px = grid_px(pinhole)
-    return float(np.hypot(*(undistort(pinhole, distortion, seen_px) - seen_px).T).max())
+    xy_px = grid_px(pinhole)
+    return float(np.hypot(*(undistort(pinhole, distortion, xy_px) - xy_px).T).max())
+
+
+def corner_radii_px(pinhole, distortion=None):
+    """Distances from the axis of the ideal places of what corners see. Pinhole, (5,) or None -> (4,) px"""
+    corners = corners_px(pinhole)
+    ideal_px = corners if distortion is None else undistort(pinhole, distortion, corners)
+    return np.hypot(*(ideal_px - np.array([pinhole.cx_px, pinhole.cy_px])).T)
 
 
 def farthest_px(pinhole, distortion=None):
-    """Distance from the axis of the ideal place of what the farthest corner of the detector sees, px.
+    """The largest of `corner_radii_px`: float."""
+    return float(corner_radii_px(pinhole, distortion).max())
 
-    Pinhole, (5,) or None -> float
-    """
-    seen_px = corners_px(pinhole)
-    ideal_px = seen_px if distortion is None else undistort(pinhole, distortion, seen_px)
-    return float(np.hypot(*(ideal_px - np.array([pinhole.cx_px, pinhole.cy_px])).T).max())
+
+def corner_angles(pinhole, distortion=None):
+    """Angles from the axis to what the corners see, as `corners_px` has them. -> (4,) rad"""
+    return np.array([atan(r) for r in corner_radii_px(pinhole, distortion) / pinhole.focal_length_px])
 
 
 def border(pinhole, distortion=(), along=8):
