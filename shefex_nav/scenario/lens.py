@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 INVERSE_PX = 0.01  # to which the distortion must be undone
+LEAST_PX = 1e-3  # less is not said: a hundredth of what a centroid is known to
+LEAST_ARCSEC = 1e-3
 TOO_STRONG = "is too strong: what parts of the detector see cannot be told; use smaller coefficients"
 
 
@@ -64,12 +66,19 @@ def displaced_px(star_camera):
     return distortion.displaced_px(pinhole_of(star_camera), distortion_of(star_camera))
 
 
+def _same(true, told):
+    """Whether two sections mean one lens, in whatever words: a middle that is written is the middle."""
+    k, other = distortion_of(true), distortion_of(told)
+    if k is None or other is None:
+        alike = k is other
+    else:
+        alike = np.array_equal(k, other)
+    return alike and pinhole_of(true) == pinhole_of(told)
+
+
 def left(true, told):
     """Left of two sections star_camera of one detector; None where both have the same lens."""
-    if all(
-        getattr(true.optics, name) == getattr(told.optics, name)
-        for name in ("focal_length", "principal_point", "distortion")
-    ):
+    if _same(true, told):
         return None
     from shefex_nav.geometry.distortion import grid_px
     from shefex_nav.geometry.pinhole import turn_slopes
@@ -93,14 +102,20 @@ def left(true, told):
 def words(true, told):
     """What is said of lens and calibration: list of lines."""
     said = []
-    if largest := displaced_px(true):
+    if (largest := displaced_px(true)) >= LEAST_PX:
         said.append(f"star_camera.optics.distortion: displaces stars by up to {largest:.3g} pixels")
-    if (found := left(true, told)) is not None:
+    if (found := left(true, told)) is not None and found.largest_px >= LEAST_PX:
         angle = math.degrees(math.hypot(*found.turn)) * 3600.0
+        rest = f"{found.rest_px:.2g} pixels rms of it, {found.worst_px:.2g} at most"
+        if angle < LEAST_ARCSEC:
+            fit = "no attitude fits them better, which leaves " + rest
+        elif found.worst_px < LEAST_PX:
+            fit = f"an attitude off by {angle:.3g} arcsec leaves nothing of it"
+        else:
+            fit = f"an attitude off by {angle:.3g} arcsec leaves {rest}"
         said.append(
             f"navigation.told.star_camera.optics: stars are up to {found.largest_px:.3g} pixels from where "
-            f"they are expected; an attitude off by {angle:.3g} arcsec leaves {found.rest_px:.2g} "
-            f"pixels rms of it, {found.worst_px:.2g} at most"
+            f"they are expected; {fit}"
         )
     return said
 

@@ -155,7 +155,8 @@ def tracker_of(model, **values):
 def field(stars, k, q_ic, rng, noise_px, hole=CAMERA):
     """Detections of the catalogue stars that a lens puts on the detector, brightest first."""
     u_c = aberrate(stars.u_i, V_I) @ rotation.dcm_from_quat(q_ic)
-    ahead = np.flatnonzero(u_c[:, 2] > 0.9)
+    reach = 0.3 if k is None else 0.22  # f, of the axis: further out these polynomials fold
+    ahead = np.flatnonzero(u_c[:, 2] > np.cos(np.arctan(reach)))
     xy_px = pixels(hole, np.ascontiguousarray(u_c[ahead]))
     xy_px = shown(k, xy_px) if k is not None else xy_px
     on = ((xy_px > -0.5) & (xy_px < [658.5, 492.5])).all(axis=1)
@@ -212,6 +213,22 @@ def test_strong_barrels_told_rightly_lose_no_frame(method, px):
     plain = len(attitudes(tracker_of(MODEL, **ways), np.zeros(5), 60, 0.1)[0])
     found = len(attitudes(tracker_of(camera(barrel(px)), **ways), barrel(px), 60, 0.1)[0])
     assert plain > 55 and found >= plain - 1
+
+
+@pytest.mark.parametrize("method", ["bayes", "pyramid"])
+def test_stars_that_a_barrel_adds_outside_the_pinholes_detector_are_named(method):
+    model = camera(barrel(32.0))
+    ready = tracker_of(model, identification__method=method, centroid_floor=0.0)
+    outside, named = 0, 0
+    for number in range(50):
+        rng = np.random.default_rng([11, number])
+        detections = field(ready.pairs.stars, barrel(32.0), random_attitude(rng), rng, 0.1)
+        ideal = undistorted.ideal(model, detections)
+        found, reason, _ = tracker.attitude(ready, ideal, tracker.NO_CONTEXT._replace(velocity_i=V_I))
+        if reason == Reason.NONE:
+            out = ((ideal.xy_px < -3.0) | (ideal.xy_px > [661.0, 495.0])).any(axis=1)
+            outside, named = outside + out.sum(), named + (out & (found.star >= 0)).sum()
+    assert outside > 30 and named > 0.95 * outside
 
 
 ASIDE = CAMERA._replace(cx_px=20.0, cy_px=20.0)  # the axis near a corner
