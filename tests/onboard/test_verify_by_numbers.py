@@ -92,7 +92,7 @@ def extended(star, seen=None, stars=None, fewest=3, gate_px=2.0):
     seen, stars = INNER if seen is None else seen, INNER if stars is None else stars
     u_i = rays(stars) @ C_IC.T
     return plain(verify._extend_kernel)(
-        CAMERA, u_i, np.zeros(len(u_i)), rays(seen), np.array(star), gate_px, 0.5, fewest, 0.0
+        CAMERA, u_i, np.zeros(len(u_i)), rays(seen), np.array(star), (gate_px, 0.0), 0.5, fewest
     )
 
 

@@ -61,10 +61,9 @@ def verify(settings, camera, stars, u_c, flux, star):
         stars.vmag,
         u_c,
         star,
-        settings.gate_sigma * error,
+        (float(settings.gate_sigma * error), float(camera.displaced_px)),
         settings.magnitude_margin,
         settings.fewest_stars,
-        float(camera.displaced_px),
     )
     if n_missing < 0:
         return nothing(len(star), Reason.RESIDUALS)
@@ -142,17 +141,17 @@ def brightness_odds(magnitude_error, vmag, flux, star):
 
 
 @kernel
-def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, fewest_stars, displaced_px):
+def _extend_kernel(camera, u_i, vmag, u_c, star, within_px, magnitude_margin, fewest_stars):
     """Attitude and matches in turn, from a wide gate to the final one.
 
-    displaced_px : by which the lens moves stars from their places behind the pinhole `camera`, at most
+    within_px : gate, and by how much the lens moves stars from their places behind the pinhole `camera`
 
     Returns
     -------
     star, distance2, n_missing : as `_match_kernel`; n_missing is -1 when the field does not hold what it
         began with
     """
-    xy_px = pixels(camera, u_c)
+    xy_px, (gate_px, displaced_px) = pixels(camera, u_c), within_px
     matched, distance2, n_missing = star, np.empty(0), 0
     for widening in (FIRST_GATE, 1.0, 1.0):
         known = np.flatnonzero(matched >= 0)
