@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from shefex_nav.geometry.distortion import displaced_px
 from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.tracker import TrackerParams
-from shefex_nav.onboard.startracker.undistorted import displaced_px
 from shefex_nav.scenario import checks_tracker, kind, layers, lens, load
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.mission import Epoch

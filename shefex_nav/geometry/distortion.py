@@ -11,6 +11,7 @@ and the pixel is cx + f x', cy + f y'. Ideal are the places of the pinhole, dist
 """
 
 from itertools import pairwise
+from math import atan
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from shefex_nav.compiled import inner, kernel
 
 BEHIND = 0.1  # Z of a unit vector that is no longer before the camera
 UNDISTORT_STEPS = 20
+GRID = 41  # points along each side of the detector, from border to border
 
 
 @inner
@@ -115,6 +117,41 @@ def corners_px(pinhole):
     """Outermost points of the detector: (4, 2) px."""
     right, bottom = pinhole.width_px - 0.5, pinhole.height_px - 0.5
     return np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
+
+
+def grid_px(pinhole):
+    """Points over the detector and on its border: (GRID^2, 2) px"""
+    (left, top), (right, bottom) = corners_px(pinhole)[[0, 3]]
+    x, y = np.linspace(left, right, GRID), np.linspace(top, bottom, GRID)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def displaced_px(pinhole, distortion):
+    """Largest distance by which a distortion moves stars on the detector from their ideal places, px.
+
+    Pinhole, (5,) or None of a pinhole -> float
+    """
+    if distortion is None:
+        return 0.0
+    xy_px = grid_px(pinhole)
+    return float(np.hypot(*(undistort(pinhole, distortion, xy_px) - xy_px).T).max())
+
+
+def corner_radii_px(pinhole, distortion=None):
+    """Distances from the axis of the ideal places of what corners see. Pinhole, (5,) or None -> (4,) px"""
+    corners = corners_px(pinhole)
+    ideal_px = corners if distortion is None else undistort(pinhole, distortion, corners)
+    return np.hypot(*(ideal_px - np.array([pinhole.cx_px, pinhole.cy_px])).T)
+
+
+def farthest_px(pinhole, distortion=None):
+    """The largest of `corner_radii_px`: float."""
+    return float(corner_radii_px(pinhole, distortion).max())
+
+
+def corner_angles(pinhole, distortion=None):
+    """Angles from the axis to what the corners see, as `corners_px` has them. -> (4,) rad"""
+    return np.array([atan(r) for r in corner_radii_px(pinhole, distortion) / pinhole.focal_length_px])
 
 
 def border(pinhole, distortion=(), along=8):

@@ -1,7 +1,8 @@
 """What a lens does at the edges of a picture: whether it is one there, and how far it sees. Compiled.
 
 In: focal length [px], distortion (5,) of `distortion`, (width, height) of the picture as floats. The axis is
-in the middle of the picture.
+in the middle of the picture. Of one elsewhere, the picture is told that is as wide to either side as to the
+farther one: the detector and its mirror image about the axis.
 """
 
 import numpy as np

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-GRID = 41  # points along each side of the detector, from border to border
-INVERSE_PX = 0.01  # to which the distortion must be undone in the corners
-TOO_STRONG = "is too strong: what a corner of the detector sees cannot be told; use smaller coefficients"
+INVERSE_PX = 0.01  # to which the distortion must be undone
+LEAST_PX = 1e-3  # less is not said: a hundredth of what a centroid is known to
+LEAST_ARCSEC = 1e-3
+TOO_STRONG = "is too strong: what parts of the detector see cannot be told; use smaller coefficients"
 
 
 class Left(NamedTuple):
@@ -38,13 +39,6 @@ def distortion_of(star_camera):
     return None if k is None or not any(k) else np.array(k, dtype=float)
 
 
-def places(hole):
-    """Points over a detector. Pinhole -> (n, 2) px"""
-    x = np.linspace(-0.5, hole.width_px - 0.5, GRID)
-    y = np.linspace(-0.5, hole.height_px - 0.5, GRID)
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
 def ideal(star_camera, xy_px):
     """X/Z, Y/Z of places on the detector of a section star_camera. (n, 2) px -> (n, 2)"""
     from shefex_nav.geometry import distortion
@@ -67,27 +61,30 @@ def field_deg(star_camera):
 
 def displaced_px(star_camera):
     """Largest displacement by the distortion, from where a pinhole puts a star, of a section star_camera."""
-    if distortion_of(star_camera) is None:
-        return 0.0
-    from shefex_nav.geometry.distortion import ideal_of
+    from shefex_nav.geometry import distortion
 
-    hole = pinhole_of(star_camera)
-    xy_px = places(hole)
-    off = ideal_of(hole, xy_px) - ideal(star_camera, xy_px)
-    return float(hole.focal_length_px * np.hypot(*off.T).max())
+    return distortion.displaced_px(pinhole_of(star_camera), distortion_of(star_camera))
+
+
+def _same(true, told):
+    """Whether two sections mean one lens, in whatever words: a middle that is written is the middle."""
+    k, other = distortion_of(true), distortion_of(told)
+    if k is None or other is None:
+        alike = k is other
+    else:
+        alike = np.array_equal(k, other)
+    return alike and pinhole_of(true) == pinhole_of(told)
 
 
 def left(true, told):
     """Left of two sections star_camera of one detector; None where both have the same lens."""
-    if all(
-        getattr(true.optics, name) == getattr(told.optics, name)
-        for name in ("focal_length", "principal_point", "distortion")
-    ):
+    if _same(true, told):
         return None
+    from shefex_nav.geometry.distortion import grid_px
     from shefex_nav.geometry.pinhole import turn_slopes
 
     focal_px = pinhole_of(told).focal_length_px
-    xy_px = places(pinhole_of(true))
+    xy_px = grid_px(pinhole_of(true))
     is_at = ideal(true, xy_px)
     off_px = focal_px * (ideal(told, xy_px) - is_at)
     G = focal_px * np.stack([np.stack(by, axis=-1) for by in turn_slopes(*is_at.T)], axis=1)  # (n, 2, 3)
@@ -105,14 +102,20 @@ def left(true, told):
 def words(true, told):
     """What is said of lens and calibration: list of lines."""
     said = []
-    if largest := displaced_px(true):
+    if (largest := displaced_px(true)) >= LEAST_PX:
         said.append(f"star_camera.optics.distortion: displaces stars by up to {largest:.3g} pixels")
-    if (found := left(true, told)) is not None:
+    if (found := left(true, told)) is not None and found.largest_px >= LEAST_PX:
         angle = math.degrees(math.hypot(*found.turn)) * 3600.0
+        rest = f"{found.rest_px:.2g} pixels rms of it, {found.worst_px:.2g} at most"
+        if angle < LEAST_ARCSEC:
+            fit = "no attitude fits them better, which leaves " + rest
+        elif found.worst_px < LEAST_PX:
+            fit = f"an attitude off by {angle:.3g} arcsec leaves nothing of it"
+        else:
+            fit = f"an attitude off by {angle:.3g} arcsec leaves {rest}"
         said.append(
             f"navigation.told.star_camera.optics: stars are up to {found.largest_px:.3g} pixels from where "
-            f"they are expected; an attitude off by {angle:.3g} arcsec leaves {found.rest_px:.2g} "
-            f"pixels rms of it, {found.worst_px:.2g} at most"
+            f"they are expected; {fit}"
         )
     return said
 
@@ -138,8 +141,9 @@ def fault(star_camera):
                 "pixels away. Use smaller coefficients"
             )
         return TOO_STRONG
-    again = distortion.distort(hole, k, distortion.undistort(hole, k, corners))
-    if not np.abs(again - corners).max() < INVERSE_PX:
+    seen_px = distortion.grid_px(hole)
+    again = distortion.distort(hole, k, distortion.undistort(hole, k, seen_px))
+    if not np.abs(again - seen_px).max() < INVERSE_PX:
         return TOO_STRONG
     return None
 

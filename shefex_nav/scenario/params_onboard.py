@@ -27,8 +27,8 @@ def nominal_camera(scenario):
 
 def camera_model(scenario, bad_pixels):
     """CameraModel of a scenario; bad_pixels : (n, 2) row, column of the pixels found bad before flight."""
+    from shefex_nav.geometry.distortion import displaced_px
     from shefex_nav.onboard.startracker.camera import CameraModel
-    from shefex_nav.onboard.startracker.undistorted import displaced_px
 
     optics, stray_light = scenario.star_camera.optics, scenario.star_camera.stray_light
     hole, distortion = nominal_camera(scenario), distortion_of(scenario.star_camera)

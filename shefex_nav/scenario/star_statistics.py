@@ -196,8 +196,9 @@ def _miscalibrated(scenario):
     gate_px = identification.gate_sigma * identification.centroid_error
     if left is not None and left.worst_px > gate_px:
         words = (
-            f"leaves stars {left.worst_px:.2g} pixels from where an attitude puts them, beyond their gate of "
-            f"{gate_px:.2g} pixels; statistics do not know what is identified then: fly with frames: rendered"
+            f"(focal_length, principal_point, distortion together) leaves stars {left.worst_px:.2g} pixels "
+            f"from where an attitude puts them, beyond their gate of {gate_px:.2g} pixels; statistics do not "
+            "know what is identified then: fly with frames: rendered"
         )
         yield ("navigation", "told", "star_camera", "optics"), words
 

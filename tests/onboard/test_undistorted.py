@@ -9,6 +9,7 @@ from star_fields import CAMERA, MODEL, TRACKER, YEAR, all_stars, random_attitude
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry import rotation
+from shefex_nav.geometry.distortion import displaced_px
 from shefex_nav.geometry.pinhole import pixels, turn_slopes
 from shefex_nav.geometry.shutter import row_start_s, row_times
 from shefex_nav.onboard.startracker import objects, tracker, undistorted
@@ -32,7 +33,7 @@ def shown(k, xy_px):
 
 
 def camera(k):
-    return MODEL._replace(distortion=k, displaced_px=undistorted.displaced_px(CAMERA, k))
+    return MODEL._replace(distortion=k, displaced_px=displaced_px(CAMERA, k))
 
 
 def places(n=50, seed=4):
@@ -69,7 +70,7 @@ def test_without_a_distortion_nothing_is_done():
         detections.xy_px,
         detections.P_px,
     )
-    assert undistorted.displaced_px(CAMERA, None) == 0.0
+    assert displaced_px(CAMERA, None) == 0.0
 
 
 OMEGA = np.array([0.09, -0.06, 0.30])
@@ -151,11 +152,13 @@ def tracker_of(model, **values):
     return tracker.init(tracker_with(TRACKER, **values)._replace(camera=model), all_stars(), YEAR)
 
 
-def field(stars, k, q_ic, rng, noise_px):
+def field(stars, k, q_ic, rng, noise_px, hole=CAMERA):
     """Detections of the catalogue stars that a lens puts on the detector, brightest first."""
     u_c = aberrate(stars.u_i, V_I) @ rotation.dcm_from_quat(q_ic)
-    ahead = np.flatnonzero(u_c[:, 2] > 0.9)
-    xy_px = shown(k, pixels(CAMERA, np.ascontiguousarray(u_c[ahead])))
+    reach = 0.3 if k is None else 0.22  # f, of the axis: further out these polynomials fold
+    ahead = np.flatnonzero(u_c[:, 2] > np.cos(np.arctan(reach)))
+    xy_px = pixels(hole, np.ascontiguousarray(u_c[ahead]))
+    xy_px = shown(k, xy_px) if k is not None else xy_px
     on = ((xy_px > -0.5) & (xy_px < [658.5, 492.5])).all(axis=1)
     order = np.argsort(stars.vmag[ahead[on]])
     xy_px = xy_px[on][order] + noise_px * rng.standard_normal((on.sum(), 2))
@@ -192,6 +195,79 @@ def test_right_calibration_gives_as_good_attitudes_as_a_pinhole(method, k):
     assert np.sqrt((found**2).mean(axis=0)) == pytest.approx(np.sqrt((plain**2).mean(axis=0)), rel=0.25)
     spread = 4.0 * np.sqrt(6.0 / len(found))
     assert abs(nees.mean() - 3.0) < spread and abs(plain_nees.mean() - 3.0) < spread
+
+
+CORNER2 = ((329.5**2 + 246.5**2) ** 0.5 / F) ** 2
+
+
+def barrel(px):
+    """Radial barrel that moves the corners by about so many pixels."""
+    return np.array([-px / (F * CORNER2**1.5), 0.0, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("px", [8.0, 16.0, 32.0])
+@pytest.mark.parametrize("method", ["bayes", "pyramid"])
+def test_strong_barrels_told_rightly_lose_no_frame(method, px):
+    """Stars of the corners are far outside the pinhole's detector; `pyramid` once lost half at 32 px."""
+    ways = {"identification__method": method, "centroid_floor": 0.0}
+    plain = len(attitudes(tracker_of(MODEL, **ways), np.zeros(5), 60, 0.1)[0])
+    found = len(attitudes(tracker_of(camera(barrel(px)), **ways), barrel(px), 60, 0.1)[0])
+    assert plain > 55 and found >= plain - 1
+
+
+@pytest.mark.parametrize("method", ["bayes", "pyramid"])
+def test_stars_that_a_barrel_adds_outside_the_pinholes_detector_are_named(method):
+    model = camera(barrel(32.0))
+    ready = tracker_of(model, identification__method=method, centroid_floor=0.0)
+    outside, named = 0, 0
+    for number in range(50):
+        rng = np.random.default_rng([11, number])
+        detections = field(ready.pairs.stars, barrel(32.0), random_attitude(rng), rng, 0.1)
+        ideal = undistorted.ideal(model, detections)
+        found, reason, _ = tracker.attitude(ready, ideal, tracker.NO_CONTEXT._replace(velocity_i=V_I))
+        if reason == Reason.NONE:
+            out = ((ideal.xy_px < -3.0) | (ideal.xy_px > [661.0, 495.0])).any(axis=1)
+            outside, named = outside + out.sum(), named + (out & (found.star >= 0)).sum()
+    assert outside > 30 and named > 0.95 * outside
+
+
+ASIDE = CAMERA._replace(cx_px=20.0, cy_px=20.0)  # the axis near a corner
+
+
+def test_stars_are_predicted_over_the_whole_detector_wherever_the_axis_is():
+    rng, q_ic = np.random.default_rng(1), random_attitude(np.random.default_rng(8))
+    u_i = rng.standard_normal((20_000, 3))
+    stars = SimpleNamespace(u_i=u_i / np.linalg.norm(u_i, axis=1)[:, None])
+    context = tracker.NO_CONTEXT._replace(q_ic=q_ic, P_c=1e-10 * np.eye(3), velocity_i=V_I)
+    params = TRACKER._replace(camera=MODEL._replace(pinhole=ASIDE))
+    xy_px, _ = objects.predicted(params, stars, context)
+    u_c = aberrate(stars.u_i, V_I) @ rotation.dcm_from_quat(q_ic)
+    every = pixels(ASIDE, np.ascontiguousarray(u_c[u_c[:, 2] > 0.5]))
+
+    def on(xy_px):
+        return xy_px[((xy_px > -0.5) & (xy_px < [658.5, 492.5])).all(axis=1)]
+
+    assert len(on(every)) > 40 and (np.hypot(*(on(every) - 20.0).T) > 420.0).sum() > 10
+    np.testing.assert_allclose(on(xy_px), on(every), atol=1e-8)
+
+
+@pytest.mark.parametrize("method", ["bayes", "pyramid"])
+def test_a_field_is_identified_wherever_the_axis_is(method):
+    """Lost in space, with all that is named: the list of stars around the axis reaches the far corner."""
+    ready = tracker_of(MODEL._replace(pinhole=ASIDE), identification__method=method, centroid_floor=0.0)
+    solved, named, seen = 0, 0, 0
+    for number in range(40):
+        rng = np.random.default_rng([3, number])
+        q_ic = random_attitude(rng)
+        detections = field(ready.pairs.stars, None, q_ic, rng, 0.1, ASIDE)
+        context = tracker.NO_CONTEXT._replace(velocity_i=V_I)
+        found, reason, (q, _, _) = tracker.attitude(ready, detections, context)
+        if reason == Reason.NONE:
+            solved, named = solved + 1, named + (found.star >= 0).sum()
+            seen += len(detections.xy_px)
+            assert np.linalg.norm(rotation.rotvec_between(q, q_ic)) < 3e-3
+    assert solved >= 38
+    assert named > 0.97 * seen
 
 
 def test_wrong_calibration_turns_the_attitude_as_least_squares_of_the_displacements():

@@ -29,7 +29,9 @@ def test_match_against_brute_force():
         rows, xy_px = stars_in_frame(stars, q_ic)
         detected = xy_px[rng.random(len(rows)) < 0.7] + rng.normal(0.0, 0.4, (1, 2))
         detected = np.vstack([detected, rng.uniform(0.0, 490.0, (10, 2))])
-        star, distance2, n_missing = _match_kernel(CAMERA, q_ic, stars.u_i, stars.vmag, detected, 1.2, 0.3)
+        star, distance2, n_missing = _match_kernel(
+            CAMERA, q_ic, stars.u_i, stars.vmag, detected, 1.2, 0.3, 0.0
+        )
         d = np.linalg.norm(detected[:, None] - xy_px[None], axis=2)
         mutual = (d == d.min(axis=0)[None]) & (d == d.min(axis=1)[:, None]) & (d < 1.2)
         expected = np.where(mutual.any(axis=1), rows[mutual.argmax(axis=1)], -1)

@@ -22,11 +22,11 @@ def rays(xy_px):
     return u / np.linalg.norm(u, axis=1)[:, None]
 
 
-def matched(stars_px, seen_px, vmag=None, gate_px=3.0, margin=0.5, u_i=None):
+def matched(stars_px, seen_px, vmag=None, gate_px=3.0, margin=0.5, u_i=None, displaced_px=0.0):
     u_i = rays(stars_px) @ C_IC.T if u_i is None else u_i
     vmag = np.zeros(len(u_i)) if vmag is None else np.array(vmag)
     return plain(verify._match_kernel)(
-        CAMERA, Q_IC, u_i, vmag, np.array(seen_px, dtype=float), gate_px, margin
+        CAMERA, Q_IC, u_i, vmag, np.array(seen_px, dtype=float), gate_px, margin, displaced_px
     )
 
 
@@ -78,11 +78,21 @@ def test_bright_stars_well_inside_should_be_seen(place, missing):
     assert matched(INNER, [(90.0, 140.0)], vmag=[0.0] * 4)[2] == 0  # nothing matched: nothing is said
 
 
+def test_behind_a_lens_that_displaces_stars_are_looked_for_outside_and_may_be_missing_inside():
+    """By 20 pixels: a star 25 from the border need not be seen, one 20 beyond the corner is matched."""
+    out = (-14.0, -14.0)  # 19.8 px from the corner pixel
+    assert matched([out], [out])[0].tolist() == [-1]
+    assert matched([out], [out], displaced_px=20.0)[0].tolist() == [0]
+    for place, missing in (((24.9, 75.0), 0), ((25.1, 75.0), 1), ((100.0, 124.9), 1), ((100.0, 125.1), 0)):
+        vmag = [2.0, 4.0, 1.0, 3.0, 1.0]
+        assert matched([*INNER, place], INNER, vmag=vmag, displaced_px=20.0)[2] == missing
+
+
 def extended(star, seen=None, stars=None, fewest=3, gate_px=2.0):
     seen, stars = INNER if seen is None else seen, INNER if stars is None else stars
     u_i = rays(stars) @ C_IC.T
     return plain(verify._extend_kernel)(
-        CAMERA, u_i, np.zeros(len(u_i)), rays(seen), np.array(star), gate_px, 0.5, fewest
+        CAMERA, u_i, np.zeros(len(u_i)), rays(seen), np.array(star), (gate_px, 0.0), 0.5, fewest
     )
 
 

@@ -35,7 +35,7 @@ def test_on_board_is_told_the_true_lens_unless_it_is_told_another():
     np.testing.assert_array_equal(camera.distortion, [-0.376, 0, 0, 0, 0])
     assert (camera.pinhole.cx_px, camera.pinhole.cy_px) == (330.0, 240.0)
     r2 = ((329.5**2 + 246.5**2) ** 0.5 / FOCAL_PX) ** 2
-    assert camera.displaced_px == pytest.approx(0.376 * r2 * 329.5, rel=0.1)  # along x, to first order
+    assert camera.displaced_px == pytest.approx(0.376 * r2 * 411.49, rel=0.1)  # to first order
     told = load(NAME, [TRUE, f"{TOLD}=[0, 0, 0, 0, 0]"])
     assert on_board(settled(told)).distortion is None
     assert told.star_camera.optics.distortion == (-0.376, 0, 0, 0, 0)
@@ -64,6 +64,52 @@ def test_what_displaces_and_what_is_left():
     assert found.rest_px == pytest.approx(np.sqrt((rest**2).mean()), rel=0.12)
     assert found.largest_px == pytest.approx(np.hypot(*off.T).max(), rel=0.06)
     assert found.rest_px < found.worst_px < found.largest_px
+
+
+def test_nothing_is_left_of_the_same_lens_in_other_words():
+    """The middle written or left out, zeros or nothing; differences that no picture shows are not said."""
+    middle = "navigation.told.star_camera.optics.principal_point=[329 pix, 246 pix]"
+    for ways in (
+        [TRUE, f"{TOLD}={K}", middle],
+        ["star_camera.optics.distortion=[0, 0, 0, 0, 0]", middle],
+        [TRUE, f"{TOLD}=[-0.376000001, 0, 0, 0, 0]"],
+    ):
+        scenario = load(NAME, ways)
+        told = as_told(scenario).star_camera
+        assert not [line for line in lens.words(scenario.star_camera, told) if "told" in line]
+    assert lens.left(load(NAME, [TRUE]).star_camera, as_told(load(NAME, [TRUE, middle])).star_camera) is None
+
+
+def test_what_is_left_of_a_barrel_about_the_middle_is_no_turn():
+    told = load(NAME, [TRUE, f"{TOLD}=[-0.326, 0, 0, 0, 0]"])
+    said = lens.words(told.star_camera, as_told(told).star_camera)[-1]
+    assert "no attitude fits them better, which leaves 0." in said and "arcsec" not in said
+
+
+def test_distortion_must_be_undone_all_over_the_detector(monkeypatch):
+    """Not in the corners alone: of a made-up inverse that is off in the middle of an edge, words."""
+    from shefex_nav.geometry import distortion
+
+    right = distortion.undistort
+
+    def off(hole, k, xy_px):
+        out = right(hole, k, xy_px)
+        out[np.abs(xy_px - [329.0, -0.5]).max(axis=1) < 20.0] += 0.02
+        return out
+
+    camera = load(NAME, [TRUE]).star_camera
+    assert lens.fault(camera) is None
+    monkeypatch.setattr(distortion, "undistort", off)
+    assert lens.fault(camera) == lens.TOO_STRONG
+
+
+def test_displacement_is_the_largest_over_the_detector():
+    """A radial term and its opposite, none in the corners: r^3 - r^5/R^2 is largest at r^2 = 0.6 R^2."""
+    R2 = (329.5**2 + 246.5**2) / FOCAL_PX**2
+    k1 = 1.0
+    camera = load(NAME, [f"star_camera.optics.distortion=[{k1}, {-k1 / R2}, 0, 0, 0]"]).star_camera
+    most = FOCAL_PX * k1 * (0.6 * R2) ** 1.5 * 0.4
+    assert lens.displaced_px(camera) == pytest.approx(most, rel=0.02)
 
 
 def test_field_of_view_is_that_of_the_lens():

@@ -21,4 +21,4 @@ class CameraModel(NamedTuple):
     sun_exclusion: float = 0.0  # rad, boresight to the Sun
     earth_exclusion: float = -np.inf  # rad, boresight to the Earth's limb
     distortion: np.ndarray | None = None  # (5,) of `geometry.distortion`; None: a lens without
-    displaced_px: float = 0.0  # by the distortion, at most, along an axis
+    displaced_px: float = 0.0  # by the distortion, at most

@@ -199,8 +199,11 @@ def _spread_kernel(u_i, n_keep, n_stars, cos_separation):
     return taken, n
 
 
-def pair_table(stars, max_angle):
-    """All pairs of stars not further apart than max_angle [rad]. OnboardCatalogue -> StarPairs."""
+def pair_table(stars, max_angle, radius=None):
+    """All pairs of stars not further apart than max_angle [rad]. OnboardCatalogue -> StarPairs.
+
+    radius : rad, from the axis to the farthest corner; None: the axis is in the middle of the field
+    """
     cosine, first, second = _pairs_kernel(stars.u_i, np.cos(max_angle))
     order = np.argsort(cosine, kind="stable")
     cosine, first, second = cosine[order], first[order], second[order]
@@ -212,7 +215,8 @@ def pair_table(stars, max_angle):
         )
         raise CatalogueError(words, ("star_camera", "optics", "focal_length"))
     index = kvector.build(cosine)
-    quick = tables.build(stars, max_angle, cosine, first, second, index)
+    radius = 0.5 * max_angle if radius is None else radius
+    quick = tables.build(stars, radius, cosine, first, second, index)
     return StarPairs(stars, cosine, first, second, index, quick, stars.vmag[first], stars.vmag[second])
 
 

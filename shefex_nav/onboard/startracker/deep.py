@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.distortion import farthest_px
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.geometry.streak import turn_jacobians
@@ -104,7 +105,7 @@ def names(params, deep, star, solution, detections, velocity_i, rate=None):
     known = np.flatnonzero(star >= 0)
     if len(free) == 0:
         return star, 1.0
-    rows, xy_px = _in_field(camera, deep, solution[0], velocity_i)
+    rows, xy_px = _in_field(params.camera, deep, solution[0], velocity_i)
     rows, xy_px = _without(rows, xy_px, star[known])
     if len(rows) == 0:
         return star, 1.0
@@ -150,10 +151,10 @@ def _scatter(params, off_px, xy_px, S):
     return ratio if ratio > 1.0 + DOUBT / (math.log(2.0) * math.sqrt(n)) else 1.0
 
 
-def _in_field(camera, deep, q_ic, velocity_i):
-    """Rows and places [px] of the stars on the detector, by an attitude."""
-    C_ic = dcm_from_quat(q_ic)
-    half = math.atan(0.5 * math.hypot(camera.width_px, camera.height_px) / camera.focal_length_px)
+def _in_field(model, deep, q_ic, velocity_i):
+    """Rows and places [px] of the stars on the pinhole's detector, by an attitude. CameraModel"""
+    C_ic, camera = dcm_from_quat(q_ic), model.pinhole
+    half = math.atan(farthest_px(camera, model.distortion) / camera.focal_length_px)
     near = np.flatnonzero(deep.stars.u_i @ C_ic[:, 2] > math.cos(1.02 * half + 1e-3))
     seen_i = aberrate(np.ascontiguousarray(deep.stars.u_i[near]), velocity_i)
     xy_px = pixels(camera, np.ascontiguousarray(seen_i @ C_ic))

@@ -26,6 +26,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry import unsteady
+from shefex_nav.geometry.distortion import farthest_px
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
@@ -286,9 +287,9 @@ def predicted(params, stars, context):
     """
     camera = params.camera.pinhole
     C_ci = dcm_from_quat(context.q_ic).T
-    half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
     outside_px = OUTSIDE_PX + params.camera.displaced_px
-    cosine = math.cos(math.atan((half_diagonal_px + outside_px) / camera.focal_length_px))
+    seen_px = farthest_px(camera, params.camera.distortion) + outside_px
+    cosine = math.cos(math.atan(seen_px / camera.focal_length_px))
     ahead_i = stars.u_i[stars.u_i @ C_ci[2] > cosine]
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     u_c = np.ascontiguousarray(aberrate(ahead_i, velocity_i) @ C_ci.T)

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.distortion import farthest_px
 from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
@@ -105,7 +106,7 @@ def _ahead(params, stars, context):
     """Stars of the catalogue around the predicted field: rows (m,), apparent directions, places [px]."""
     camera = params.camera.pinhole
     C_ci = dcm_from_quat(context.q_ic).T
-    half_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
+    half_px = farthest_px(camera, params.camera.distortion)
     angle = 1.5 * math.atan(half_px / camera.focal_length_px)  # beyond the border, for a wide prior
     rows = np.flatnonzero(stars.u_i @ C_ci[2] > math.cos(angle))
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i

@@ -33,17 +33,17 @@ class Pairs(NamedTuple):
     intercept: float
 
 
-def build(stars, max_angle, cosine, first, second, index):
+def build(stars, radius, cosine, first, second, index):
     """(Stars, Pairs) of an OnboardCatalogue.
 
     Parameters
     ----------
     stars : OnboardCatalogue
-    max_angle : float [rad], of a pair; half of it is the radius within which a direction finds its stars
+    radius : float [rad], within which the direction of the axis finds its stars
     cosine, first, second : (m,) as in StarPairs
     index : KVector of cosine
     """
-    grid = skygrid.build(stars.u_i, stars.vmag, 0.5 * max_angle)
+    grid = skygrid.build(stars.u_i, stars.vmag, radius)
     return (
         Stars(stars.u_i, stars.vmag, grid.log_density, grid.start, grid.row),
         Pairs(

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry.distortion import corner_angles
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.onboard.startracker import best_attitude, denied, objects, single, undistorted
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
@@ -110,9 +111,9 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"star identification: {words[1]}")
     if scan not in (known := ways(SCAN)):
         raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
-    half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px) + params.camera.displaced_px
-    field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
-    pairs = _pairs(settings.catalogue, _Same(catalogue), julian_year, field)
+    angles = corner_angles(camera, params.camera.distortion)
+    field = float(max(angles[0] + angles[3], angles[1] + angles[2]))  # no two stars are further apart
+    pairs = _pairs(settings.catalogue, _Same(catalogue), julian_year, field, float(angles.max()))
     deep = None
     if settings.identification.deepest is not None:
         deep = deep_matching.build(settings, pairs.stars, catalogue, julian_year)
@@ -133,9 +134,10 @@ class _Same:
 
 
 @lru_cache(maxsize=4)  # a campaign asks for the same ones every time, a study for those of several missions
-def _pairs(settings, same, julian_year, field):
-    """StarPairs of settings.Catalogue, the _Same of a catalogue, year and field of view [rad]."""
-    return onboard_catalogue.pair_table(onboard_catalogue.build(settings, same.catalogue, julian_year), field)
+def _pairs(settings, same, julian_year, field, radius):
+    """StarPairs of settings.Catalogue, the _Same of a catalogue, year; `pair_table` has the angles."""
+    stars = onboard_catalogue.build(settings, same.catalogue, julian_year)
+    return onboard_catalogue.pair_table(stars, field, radius)
 
 
 def start(tracker, t_s):

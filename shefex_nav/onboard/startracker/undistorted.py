@@ -8,16 +8,8 @@ displaces may be missing.
 
 import numpy as np
 
-from shefex_nav.geometry.distortion import corners_px, distort, slopes_at, undistort
+from shefex_nav.geometry.distortion import distort, slopes_at, undistort
 from shefex_nav.geometry.streak import turn_jacobians
-
-
-def displaced_px(hole, distortion):
-    """By how much the distortion moves the corners of the detector, the larger axis. Pinhole, (5,) or None"""
-    if distortion is None:
-        return 0.0
-    seen_px = corners_px(hole)
-    return float(np.abs(undistort(hole, distortion, seen_px) - seen_px).max())
 
 
 def ideal(camera, detections):

@@ -5,7 +5,7 @@ places on the detector. A polynomial folds somewhere; what lies beyond that, or 
 imaged nowhere (NaN).
 """
 
-from math import atan, hypot
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +13,12 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.distortion import (
     bent_one,
-    corners_px,
+    corner_angles,
     distort,
+    farthest_px,
     ideal_of,
     slopes,
     slopes_one,
-    undistort,
 )
 from shefex_nav.geometry.pinhole import Pinhole
 
@@ -39,7 +39,7 @@ def lens_of(hole, distortion):
     if distortion is None or not any(distortion):
         return None
     k = np.array(distortion, dtype=float)
-    farthest = _farthest(hole, k)
+    farthest = farthest_px(hole, k) / hole.focal_length_px
     angle = 2.0 * np.pi * np.arange(AROUND) / AROUND
     r = BEYOND * farthest * np.arange(1, ALONG + 1) / ALONG
     rays = r[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)  # (ALONG, AROUND, 2)
@@ -53,14 +53,7 @@ def lens_of(hole, distortion):
 
 def corner_angle(hole, lens=None):
     """Angle from the axis to what the farthest corner of the detector sees [rad]. Pinhole, Lens or None"""
-    return atan(_farthest(hole, None if lens is None else lens.k))
-
-
-def _farthest(hole, k):
-    """Distance X/Z, Y/Z of what the farthest corner sees from the axis."""
-    seen_px = corners_px(hole)
-    ideal_px = seen_px if k is None else undistort(hole, k, seen_px)
-    return float(np.hypot(*ideal_of(hole, ideal_px).T).max())
+    return float(corner_angles(hole, None if lens is None else lens.k).max())
 
 
 def step_px(hole, lens, step):
@@ -68,7 +61,10 @@ def step_px(hole, lens, step):
 
     `motion.fastest` is of a corner as far from the axis as half the diagonal.
     """
-    half, far = 0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px, _farthest(hole, None)
+    half, far = (
+        0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px,
+        farthest_px(hole) / hole.focal_length_px,
+    )
     further = max(1.0, (1.0 + far * far) / (1.0 + half * half), far / half)
     return step / further if lens is None else step / (further * lens.stretch)
 
@@ -139,5 +135,5 @@ def around(hole, lens):
     -> Pinhole, (2,) px: a place on the larger one minus that on the smaller
     """
     f = hole.focal_length_px
-    half = int(np.ceil(f * _farthest(hole, None if lens is None else lens.k))) + 1
+    half = int(np.ceil(farthest_px(hole, None if lens is None else lens.k))) + 1
     return Pinhole(2 * half + 1, 2 * half + 1, f, half, half), half - np.array([hole.cx_px, hole.cy_px])

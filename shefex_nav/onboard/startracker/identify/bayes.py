@@ -23,6 +23,7 @@ from shefex_nav.onboard.startracker.identify.doubts import (
 )
 from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of
 from shefex_nav.onboard.startracker.identify.evidence import (
+    BORDER_PX,
     WIDE_GATE,
     Prior,
     Scene,
@@ -48,7 +49,6 @@ NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wid
 BUDGET = 80_000  # stars looked at, before giving up
 PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
-BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
 
 TOO_FEW_STARS, NO_MATCH = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH)
 AMBIGUOUS, RESIDUALS = int(Reason.AMBIGUOUS), int(Reason.RESIDUALS)

@@ -18,6 +18,7 @@ from shefex_nav.onboard.startracker.skygrid import cell_of
 
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
 OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
+BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
 WIDE_GATE = 14.0  # centroid errors, for the first adjustment; holds the largest of NOISE_SCALES
 GATE = 4.5  # of the noise seen in the frame
 SETTLED = 0.2  # of the noise: a smaller step is the last
@@ -42,7 +43,7 @@ class Scene(NamedTuple):
     focal_px: float  # nominal
     cx_px: float
     cy_px: float
-    border_px: float  # a predicted star nearer to the border may be missing
+    border_px: float  # within it a predicted star may be missing: BORDER_PX + what the lens displaces
     centroid_error: float  # px, of an ordinary centroid, per axis
     magnitude_error: float
     ellipses: Ellipses | None  # of the detections; None: all round
@@ -100,6 +101,7 @@ def new_view():
 def predict(stars, scene, C, focal_px, view):
     """Fill `view` with the stars that the attitude C = C_ci puts into the frame; how many."""
     n = 0
+    outside_px = OUTSIDE_PX + (scene.border_px - BORDER_PX)
     cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
     for e in range(stars.start[cell], stars.start[cell + 1]):
         s = stars.row[e]
@@ -109,9 +111,9 @@ def predict(stars, scene, C, focal_px, view):
             continue
         x = scene.cx_px + focal_px * (C[0, 0] * a + C[0, 1] * b + C[0, 2] * c) / Z
         y = scene.cy_px + focal_px * (C[1, 0] * a + C[1, 1] * b + C[1, 2] * c) / Z
-        if x < -OUTSIDE_PX or y < -OUTSIDE_PX or n == MAX_STARS:
+        if x < -outside_px or y < -outside_px or n == MAX_STARS:
             continue
-        if x > scene.width_px - 1.0 + OUTSIDE_PX or y > scene.height_px - 1.0 + OUTSIDE_PX:
+        if x > scene.width_px - 1.0 + outside_px or y > scene.height_px - 1.0 + outside_px:
             continue
         view.row[n], view.xy_px[n, 0], view.xy_px[n, 1] = s, x, y
         n += 1

@@ -54,14 +54,14 @@ def verify(settings, camera, stars, u_c, flux, star):
     -------
     Identification
     """
-    hole, error = _well_inside(camera), settings.centroid_error
+    hole, error = camera.pinhole, settings.centroid_error
     matched, distance2, n_missing = _extend_kernel(
         hole,
         stars.u_i,
         stars.vmag,
         u_c,
         star,
-        settings.gate_sigma * error,
+        (float(settings.gate_sigma * error), float(camera.displaced_px)),
         settings.magnitude_margin,
         settings.fewest_stars,
     )
@@ -71,22 +71,6 @@ def verify(settings, camera, stars, u_c, flux, star):
     odds += brightness_odds(settings.magnitude_error, stars.vmag, flux, matched)
     reason = Reason.NONE if odds > -math.log(settings.false_alarm) else Reason.AMBIGUOUS
     return Identification(matched, int(reason), float(odds))
-
-
-def _well_inside(camera):
-    """Pinhole of the part of the detector in which a lens that displaces leaves no star out.
-
-    camera : CameraModel; places are relative to its first pixel
-    """
-    hole, rim = camera.pinhole, int(np.ceil(camera.displaced_px))
-    if rim == 0:
-        return hole
-    return hole._replace(
-        width_px=hole.width_px - 2 * rim,
-        height_px=hole.height_px - 2 * rim,
-        cx_px=hole.cx_px - rim,
-        cy_px=hole.cy_px - rim,
-    )
 
 
 @kernel
@@ -157,15 +141,17 @@ def brightness_odds(magnitude_error, vmag, flux, star):
 
 
 @kernel
-def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, fewest_stars):
+def _extend_kernel(camera, u_i, vmag, u_c, star, within_px, magnitude_margin, fewest_stars):
     """Attitude and matches in turn, from a wide gate to the final one.
+
+    within_px : gate, and by how much the lens moves stars from their places behind the pinhole `camera`
 
     Returns
     -------
     star, distance2, n_missing : as `_match_kernel`; n_missing is -1 when the field does not hold what it
         began with
     """
-    xy_px = pixels(camera, u_c)
+    xy_px, (gate_px, displaced_px) = pixels(camera, u_c), within_px
     matched, distance2, n_missing = star, np.empty(0), 0
     for widening in (FIRST_GATE, 1.0, 1.0):
         known = np.flatnonzero(matched >= 0)
@@ -173,7 +159,7 @@ def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, fewe
             return matched, distance2, -1
         q_ic = esoq2(u_c[known], u_i[matched[known]], np.ones(len(known)))
         matched, distance2, n_missing = _match_kernel(
-            camera, q_ic, u_i, vmag, xy_px, widening * gate_px, magnitude_margin
+            camera, q_ic, u_i, vmag, xy_px, widening * gate_px, magnitude_margin, displaced_px
         )
     n_known = 0
     for k in range(len(star)):
@@ -184,8 +170,11 @@ def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, fewe
 
 
 @inner
-def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin):
+def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin, displaced_px):
     """Nearest detection within the gate of each predicted star; each detection keeps its nearest star.
+
+    Detections may lie outside the pinhole's detector by displaced_px, and stars that near to its border may
+    be missing.
 
     Returns
     -------
@@ -200,7 +189,8 @@ def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin):
     f, cx, cy = camera.focal_length_px, camera.cx_px, camera.cy_px
     half_x, half_y = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     rim = np.hypot(half_x + abs(cx - half_x), half_y + abs(cy - half_y))
-    cos_rim = f / np.hypot(f, rim + gate_px)
+    cos_rim = f / np.hypot(f, rim + gate_px + displaced_px)
+    border_px = BORDER_PX + displaced_px
     inside = np.empty(u_i.shape[0], dtype=np.int64)
     n_inside = 0
     for s in range(u_i.shape[0]):
@@ -209,7 +199,7 @@ def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin):
             continue
         x = cx + f * (C[0, 0] * u_i[s, 0] + C[1, 0] * u_i[s, 1] + C[2, 0] * u_i[s, 2]) / Z
         y = cy + f * (C[0, 1] * u_i[s, 0] + C[1, 1] * u_i[s, 1] + C[2, 1] * u_i[s, 2]) / Z
-        if abs(x - half_x) < half_x - BORDER_PX and abs(y - half_y) < half_y - BORDER_PX:
+        if abs(x - half_x) < half_x - border_px and abs(y - half_y) < half_y - border_px:
             inside[n_inside] = s
             n_inside += 1
         nearest, d2 = -1, gate_px * gate_px
