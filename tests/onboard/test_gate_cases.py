@@ -35,7 +35,7 @@ def watch(**values):
         return lambda *given: said.append((name, *given))
 
     told = SimpleNamespace(
-        pending=said, unread=False, moved=None, disputed=0.0, drift=integrity_gps.QUIET, drift_limit=30.0,
+        pending=said, unread=False, moved=None, disputed=0.0, gps_drift=integrity_gps.QUIET, drift_limit=30.0,
         far=False, replaced=False, accept_velocity=note("velocity"), accept_position=note("position"),
         attitude_was_wrong=note("attitude"), accept=note("accept"), report=note("report"),
         learnt=SimpleNamespace(pushed=lambda t_s, x: 7.0, confirmed=note("confirmed")),
@@ -282,7 +282,7 @@ def test_a_sensor_that_drifts_is_doubted_and_once_something_is_admitted():
     first = next(k for k, (fate, _) in enumerate(fates) if fate == Fate.DOUBTED)
     assert fates[first][1] > 4.0 and all(one == (Fate.DOUBTED, 0.0) for one in fates[first + 1 :])
     assert followed(nav, 4.0 * X, Fate.REJECTED) == (Fate.REJECTED, None)
-    assert nav.watch.drift is integrity_gps.QUIET
+    assert nav.watch.gps_drift is integrity_gps.QUIET
 
 
 @pytest.mark.parametrize("counted", [True, False])

@@ -10,7 +10,13 @@ from test_nav_barometer import BAROMETER, EARTH, SETTINGS, SITE, aid_of, here, l
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.instruments.barometer import Day
-from shefex_nav.onboard.navigation import integrity_drift, measure_barometer, protected, solution
+from shefex_nav.onboard.navigation import (
+    integrity_drift,
+    integrity_watch,
+    measure_barometer,
+    protected,
+    solution,
+)
 from shefex_nav.onboard.navigation.aid import DriftRule
 from shefex_nav.onboard.navigation.integrity import HEALTHY, chi_square_limit
 from shefex_nav.records import Doubt, GpsFix
@@ -77,8 +83,8 @@ def filtered(z_of, n=400):
     z_of : (step, estimate) -> innovation
     """
     drift, P, x = integrity_drift.Drift(DriftRule(CHANCE, np.inf, "Pa")), 1.0, 0.0
-    drift.starts_s, drift.B = np.zeros(1), np.zeros((9, 1))
-    drift.J, drift.y = np.zeros(1), np.zeros(1)
+    drift.B = np.zeros((9, 0))
+    drift._begin(0.0)
     H, R = np.zeros((1, 9)), 4.0
     H[0, 0] = 1.0
     for k in range(1, n + 1):
@@ -108,6 +114,17 @@ def test_the_worst_that_passes_is_the_drift_that_the_test_just_misses(monkeypatc
     np.testing.assert_allclose(found.done[0], 1.001 * worst * above.B[0, 0], rtol=1e-9)
 
 
+@pytest.mark.parametrize("times", [1.2, -2.0, 5.0])
+def test_the_rate_that_is_told_is_that_of_the_drift_with_what_is_left_out(times):
+    """Without noise, as shipped: the readings show all of h. What the drift has done is not counted short."""
+    quiet, _, _ = filtered(lambda k, x: 0.0)
+    rate = times * T / np.sqrt(quiet.J[0])
+    drift, x, found = filtered(lambda k, x: rate * k - x)
+    assert integrity_drift.LEFT_OUT > 0.0
+    assert f"by {rate:.3g} Pa/s since T+0 s" in drift.found
+    assert 1.0 < found.done[0] / x < 1.5
+
+
 SCALE = 100.0  # m, of a pressure that falls with height
 
 
@@ -119,8 +136,8 @@ def bent(rate, knows):
     drift = integrity_drift.Drift(
         DriftRule(CHANCE, np.inf, "Pa", (lambda reading: 1.0 / reading) if knows else None)
     )
-    drift.starts_s, drift.B = np.zeros(1), np.zeros((9, len(drift.sides)))
-    drift.J, drift.y = np.zeros(len(drift.sides)), np.zeros(len(drift.sides))
+    drift.B = np.zeros((9, 0))
+    drift._begin(0.0)
     P, x, R, H = 1.0, 0.0, 50.0**2, np.zeros((1, 9))
     for k in range(1, 301):
         P, expected = P + 0.01, 1000.0 * np.exp(-x / SCALE)
@@ -128,6 +145,7 @@ def bent(rate, knows):
         S, whole = H[0, 0] ** 2 * P + R, np.zeros((9, 9))
         whole[0, 0] = P
         drift.judge(float(k), np.array([z]), H, np.array([[S]]), bend)
+        drift.found = ""  # at the rate that only just passes: followed to the end
         drift.learn(float(k), whole, (H, np.array([[R]])), own=True, bend=bend)
         x, P = x + P * H[0, 0] / S * z, P * R / S
     return drift, x
@@ -205,6 +223,67 @@ def test_the_times_that_are_kept_reach_back_to_the_first_and_thin_out():
     assert starts_s[0] == 0.0 and starts_s[-1] == 1990.0
     assert (np.diff(starts_s) > 0.0).all()
     assert (np.diff(starts_s) <= 0.1 * age[:-1] + 10.0).all()  # none is far from one that is kept
+
+
+AXES = np.vstack([np.eye(3), np.zeros(3)])
+
+
+@pytest.mark.parametrize(("fastest", "bend"), [(np.inf, False), (np.inf, True), (0.5, False)])
+def test_a_drift_that_has_done_something_and_was_never_judged_has_no_bound(fastest, bend):
+    """Readings used and not judged: J = 0, and what the filter follows is all of it."""
+    drift = integrity_drift.Drift(DriftRule(CHANCE, fastest, "Pa", (lambda reading: 1e-3) if bend else None))
+    drift.B = np.zeros((9, 0))
+    drift._begin(0.0)
+    P, R, H = np.diag([100.0, *np.zeros(8)]), np.ones((1, 1)), np.zeros((1, 9))
+    H[0, 0] = 1.0
+    assert not drift.worst(AXES).any()  # one that has just begun has done nothing
+    for k in range(1, 41):
+        drift.learn(float(k), P, (H, R), own=True, bend=drift.bend_of(None))
+    assert not drift.J.any() and drift.B[0] == pytest.approx(40.0, rel=0.01)
+    north = drift.worst(AXES)[protected.P_NED.start]
+    assert north == np.inf if fastest == np.inf else north == pytest.approx(fastest * 40.0, rel=0.01)
+    assert (np.delete(drift.worst(AXES), protected.P_NED.start) == 0.0).all()
+    drift.learn(40.0, P, (H, 1e-6 * R), own=False)  # others that measure it bring it back
+    for k in range(41, 44):
+        drift.judge(float(k), np.zeros(1), H, P[:1, :1] + R, bend=drift.bend_of(None))
+    assert 0.0 < drift.worst(AXES)[protected.P_NED.start] < 1e-3
+
+
+def test_readings_that_are_not_judged_have_passed_the_gate():
+    """The drift whose largest innovation is just at the gate, with what is left out the bound is wider."""
+    drift, gate = integrity_drift.Drift(DriftRule(CHANCE, np.inf, "Pa")), 10.8
+    drift.B, H = np.zeros((9, 0)), np.zeros((1, 9))
+    drift._begin(0.0)
+    H[0, 0] = 1.0
+    P, S, x, largest = np.diag([1.0, *np.zeros(8)]), np.full((1, 1), 5.0), 0.0, 0.0
+    for k in range(1, 31):
+        drift.passes_gate(float(k), H, S, gate)
+        drift.learn(float(k), P, (H, S - 1.0), own=True)
+        largest, x = max(largest, k - x), x + 0.2 * (k - x)
+    fastest = np.sqrt(gate * 5.0) / largest
+    assert fastest < drift.gated[0] < 1.3 * fastest
+    assert drift.worst(AXES)[0] == pytest.approx(drift.gated[0] * x) and not drift.J.any()
+
+
+@pytest.mark.parametrize("rate", [1.0, -3.0])
+def test_what_is_followed_while_the_imu_is_blind_is_within_the_level(monkeypatch, rate):
+    monkeypatch.setattr(integrity_watch.Watch, "imu_blind", property(lambda watch: True))
+    nav, results = stand(readings(25.0, rate), 25.0, aid=WATCHED)
+    assert all(one.accepted for one in results)
+    drift, told = drift_of(nav), solution.solution(nav)
+    assert not drift.J.any() and not drift.found
+    worst = drift.worst(protected.level_axes(EARTH, 25.0, nav.history.x))[2]
+    assert abs(up(nav)) < worst < told.protection_position[1] < np.inf
+
+
+def test_once_found_nothing_is_followed_any_more():
+    early, late = (
+        drift_of(stand(readings(seconds, 20.0), seconds, aid=WATCHED)[0]) for seconds in (25.0, 35.0)
+    )
+    assert early.found and early.found == late.found
+    np.testing.assert_array_equal(early.B, late.B)
+    np.testing.assert_array_equal(early.starts_s, late.starts_s)
+    assert late.motion.t_s < 25.0
 
 
 # the filter

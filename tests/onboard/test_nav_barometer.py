@@ -329,7 +329,7 @@ def test_fixes_without_height_leave_the_height_to_others():
     fixes = [level_fix(float(k), *np.random.default_rng(k).normal(0.0, 2.0, 2)) for k in range(1, 20)]
     nav, results = stand([], 19.5, fixes)
     assert {(result.sensor, result.dof, result.accepted) for result in results} == {("gps_position", 2, True)}
-    assert not nav.watch.drift.suspected
+    assert not nav.watch.gps_drift.suspected
     C_in = frames.dcm_ie(EARTH, 19.5) @ wgs84.dcm_en(*SITE)
     P_n = C_in.T @ nav.history.P[:3, :3] @ C_in
     assert np.sqrt(P_n[0, 0]) < 1.5 < 2.9 < np.sqrt(P_n[2, 2])

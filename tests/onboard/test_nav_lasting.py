@@ -155,7 +155,7 @@ def test_what_makes_a_sensor_doubted_is_recorded():
     """P grows without an update, and the intervals before and after it fit together."""
     kept = []
     nav = fusion.start(PARAMS, alignment(STATES[0]), EARTH, recorder=kept.append)
-    nav.watch.drift = integrity_gps.Drift(np.full((2, 3), 5.0), np.full(2, 0.05), False)
+    nav.watch.gps_drift = integrity_gps.Drift(np.full((2, 3), 5.0), np.full(2, 0.05), False)
     for n, block in enumerate(BLOCKS[:300], 1):
         fusion.advance(nav, block)
         if n == 100:

@@ -249,13 +249,13 @@ def _drifts(nav, fate, z, S, admitted):
     """Fate of a measurement that passed, if its sensor drifts; what is admitted when that is noticed."""
     watch = nav.watch
     if fate != Fate.USED:
-        watch.drift = integrity_gps.QUIET
+        watch.gps_drift = integrity_gps.QUIET
         return fate, admitted
-    before = watch.drift.suspected
-    watch.drift = integrity_gps.follow(watch.drift, z, S, watch.drift_limit, nav.params.lasting_share)
-    if not watch.drift.suspected:
+    before = watch.gps_drift.suspected
+    watch.gps_drift = integrity_gps.follow(watch.gps_drift, z, S, watch.drift_limit, nav.params.lasting_share)
+    if not watch.gps_drift.suspected:
         return fate, admitted
-    return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.drift, S)
+    return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.gps_drift, S)
 
 
 def _passed(nav, S, z, size):

@@ -11,20 +11,28 @@ Innovations of a healthy instrument are white with covariance S, so that over it
 
     J_k = sum h_k^2/S,    y_k = sum h_k z/S,    y_k^2/J_k ~ chi-square, one degree of freedom,
 
-a generalised likelihood ratio test for the onset of a drift (Willsky and Jones, IEEE TAC 21, 1976); y_k/J_k
-is its rate. Where it exceeds T^2 the instrument drifts against the solution: it is not used any more, and the
+a generalised likelihood ratio test for the onset of a drift (Willsky and Jones, IEEE TAC 21, 1976); its rate
+is y_k/J_k. Where it exceeds T^2 the instrument drifts against the solution: it is not used any more, and the
 covariance grows by what the drift has done, P + d^2 B_k B_k^T with its rate d. A drift that passes the test
 is T/sqrt(J_k) per second at most, and has moved axis j by
 
     w_j = max over k of  T |B_k|_j / sqrt(J_k).
 
+Readings that are used while the IMU is blind are not judged, for their innovations are not white. The gate G
+they passed, each of them alone, so that a drift begun then is G sqrt(S)/h per second at most; where none was
+judged or gated, it has no bound.
+
 Where a reading is not linear in what it measures, the worst drift goes further than B says: with f'' of the
 reading f, and the rate d that just passes, h = s - H B + d (H B)^2 f''/(2 f'^2), a column for each sign of d.
-What is left out then is taken for LEFT_OUT of the drift: h counts by what it is more than that, in the test
-and where it pulls B back. w is a part of the protection level (`integrity_protection`). It grows while
-nothing but the instrument says what it measures; where GPS says it as well, B stays next to nothing. Readings
-whose errors last count with the noise by which they correct the state (`aiding`), which is that of
-independent errors that add up to as much.
+Of H B only the part by position bends; the whole counts, which is what was flown. The response may still be
+wrong by LEFT_OUT of the drift. So h* counts, by what h is more than that, in J and y and where it pulls B
+back. Readings show all of h: the rate that is told is y / sum(h h*/S), and what the drift has done is counted
+at y/J, which is larger.
+
+w is a part of the protection level (`integrity_protection`). It grows while nothing but the instrument says
+what it measures; where GPS says it as well, B stays next to nothing. Readings whose errors last count with
+the noise by which they correct the state (`aiding`), which is that of independent errors that add up to as
+much.
 
 Phi is that of the errors of position, velocity and attitude, to first order over the time between two
 measurements, with what the errors of the inertial sensors and of gravity do to them; all else is constant.
@@ -77,20 +85,24 @@ class Drift:
     starts_s : (k,) s, at which a drift may have begun
     sides : signs of its rate, of a column each
     B : (n, m) what one of unit rate has done to the errors; m columns, those of one start after each other
-    J, y : (m,) sums
+    J, y, J_told : (m,) sums, the last of h h*/S
+    gated : (m,) per second, fastest drift that the gate lets through, of readings that were not judged
     refused : Refused, the first of those in a row, or None
-    found : '' or words, once it has been noticed
+    found : '' or words, once it has been noticed: then nothing is followed any more
     is_disputed : whether nothing but the inertial sensors speaks against it since
     """
 
     def __init__(self, rule):
         self.rule, self.limit = rule, chi_square_limit(rule.chance, 1)
-        self.starts_s, self.B, self.J, self.y = np.empty(0), None, np.empty(0), np.empty(0)
+        self.starts_s, self.B = np.empty(0), None
+        self.J, self.y, self.J_told, self.gated = (np.empty(0) for _ in range(4))
         self.sides = np.array([0.0] if rule.bend is None else [1.0, -1.0])
         self.motion, self.refused, self.found, self.is_disputed = None, None, "", False
 
     def carry(self, nav, now):
         """On to the instant of a measurement, and a new time at which a drift may begin."""
+        if self.found:
+            return
         if self.B is None:
             self.B = np.zeros((nav.layout.n, 0))
         x, motion = now.x, self.motion
@@ -112,7 +124,9 @@ class Drift:
             kept[1 + int(np.argmin(between / age))] = False
         columns = np.repeat(kept, len(new))
         self.starts_s = starts_s[kept]
-        self.J, self.y = np.append(self.J, new)[columns], np.append(self.y, new)[columns]
+        sums = self.J, self.y, self.J_told
+        self.J, self.y, self.J_told = (np.append(one, new)[columns] for one in sums)
+        self.gated = np.append(self.gated, np.full(len(new), np.inf))[columns]
         B = np.column_stack([self.B, np.zeros((len(self.B), len(new)))])
         self.B = np.ascontiguousarray(B[:, columns])
 
@@ -126,21 +140,30 @@ class Drift:
             return -seen
         h = np.repeat(t_s - self.starts_s, len(self.sides)) - seen
         if bend:
-            h += 0.5 * bend * np.tile(self.sides, len(self.starts_s)) * self._passes() * seen**2
+            rate = self._passes()
+            rate = np.where(np.isfinite(rate), rate, 0.0)  # where any passes: to first order
+            h += 0.5 * bend * np.tile(self.sides, len(self.starts_s)) * rate * seen**2
         return h
 
     def judge(self, t_s, z, H, S, bend=0.0):
         """A reading of the instrument, z and S (1,), (1, 1). -> Followed if it is found to drift, or None"""
-        h = self._sure(t_s, self.shown(t_s, H, own=True, bend=bend)[0])
+        whole = self.shown(t_s, H, own=True, bend=bend)[0]
+        h = self._sure(t_s, whole)
         self.J += h * h / S[0, 0]
+        self.J_told += whole * h / S[0, 0]
         self.y += h * z[0] / S[0, 0]
         size = np.divide(self.y**2, self.J, out=np.zeros(len(self.J)), where=self.J > 0.0)
         k = int(np.argmax(size))
         if size[k] <= self.limit:
             return None
-        rate = self.y[k] / self.J[k]
-        self._finds(rate, self.starts_s[k // len(self.sides)])
-        return Followed(rate * self.B[:, k])
+        self._finds(self.y[k] / self.J_told[k], self.starts_s[k // len(self.sides)])
+        return Followed(self.y[k] / self.J[k] * self.B[:, k])
+
+    def passes_gate(self, t_s, H, S, limit, bend=0.0):
+        """A reading that is used but not judged. H (1, n), S (1, 1);  limit : of the gate, chi-square"""
+        h = np.abs(self._sure(t_s, self.shown(t_s, H, own=True, bend=bend)[0]))
+        rate = np.divide(np.sqrt(limit * S[0, 0]), h, out=np.full(len(h), np.inf), where=h > 0.0)
+        self.gated = np.minimum(self.gated, rate)
 
     def judge_refused(self, seen):
         """Readings that the gate refuses, of which one would be believed: whether they go on moving.
@@ -164,6 +187,8 @@ class Drift:
 
     def learn(self, t_s, P, measured, own, bend=0.0):
         """A measurement has corrected the state. P : (n, n) before it;  measured : H, R of its rows"""
+        if self.found:
+            return
         H, R = measured
         PH = P @ H.T
         h = self.shown(t_s, H, own, bend)
@@ -182,15 +207,16 @@ class Drift:
         return 0.0 if self.rule.bend is None else self.rule.bend(reading)
 
     def _passes(self):
-        """Fastest drift that passes the test, of each time at which it may have begun: (m,)"""
-        ones = np.sqrt(np.divide(self.limit, self.J, out=np.zeros(len(self.J)), where=self.J > 0.0))
-        return np.minimum(ones, self.rule.fastest)
+        """Fastest drift that passes, of each time at which it may have begun: (m,), perhaps infinite"""
+        squares = np.divide(self.limit, self.J, out=np.full(len(self.J), np.inf), where=self.J > 0.0)
+        return np.minimum(np.minimum(np.sqrt(squares), self.gated), self.rule.fastest)
 
     def worst(self, axes):
-        """What a drift that passes may have done along the nine axes of `protected`: (9,)."""
+        """What a drift that passes may have done along the nine axes of `protected`: (9,), or infinite."""
         if self.found or self.B is None or not self.B.any():
             return np.zeros(protected.N_FOLLOWED)  # of one that was found the covariance says it
-        return (np.abs(_along(self.B, axes)) * self._passes()).max(axis=1)
+        along = np.abs(_along(self.B, axes))
+        return np.multiply(along, self._passes(), out=np.zeros(along.shape), where=along != 0.0).max(axis=1)
 
 
 @kernel
@@ -245,7 +271,15 @@ def weigh(nav, now, innovation, measurement, verdict):
         if drift.is_disputed and _says_all(name, innovation.z) and verdict.fate == Fate.USED:
             drift.is_disputed = False  # two of three agree
     drift = watch.drifts.get(name)
-    if drift is None or watch.imu_blind:
+    if drift is None or drift.found:
+        return verdict
+    if len(innovation.z) != 1:
+        words = f"{name}: a drift is looked for in readings of one number, not of {len(innovation.z)}"
+        raise ValueError(words)
+    if watch.imu_blind:
+        if verdict.fate == Fate.USED:
+            _, H, _, S, _, limit = innovation
+            drift.passes_gate(now.t_s, H, S, limit, drift.bend_of(measurement.fix))
         return verdict
     followed = _judged(nav, now, innovation, measurement, verdict, drift)
     if followed is None:
@@ -262,8 +296,6 @@ def _says_all(name, z):
 def _judged(nav, now, innovation, measurement, verdict, drift):
     """Followed if a reading shows a Drift of its instrument, or None; the other arguments as of `weigh`."""
     name, fix, (z, H, R, S, _, _) = measurement.sensor, measurement.fix, innovation
-    if len(z) != 1:
-        raise ValueError(f"{name}: a drift is looked for in readings of one number, not of {len(z)}")
     if verdict.fate == Fate.USED:
         drift.refused = None
         counted, gap_s = nav.sensors[name].counted, fix.t_valid_s - nav.history.used_s.get(name, -np.inf)

@@ -72,7 +72,7 @@ class Watch:
         self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
         self.moved = None  # (3,) m, by which a GPS position was believed against the filter
         self.pushed = 0.0  # m/s, that specific force had added to the velocity before that, since a fix
-        self.drift = integrity_gps.QUIET
+        self.gps_drift = integrity_gps.QUIET
         self.protection = integrity_protection.Protection()
         self.drifts = {}  # name of an instrument -> integrity_drift.Drift
         self.repeated = {}  # name of an instrument -> aiding.Repeated
