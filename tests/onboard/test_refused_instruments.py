@@ -50,7 +50,7 @@ def test_a_reading_that_is_used_ends_it():
 
 def test_the_filter_cannot_know_which_of_the_two_is_right():
     watch = SimpleNamespace(
-        constants=SimpleNamespace(found=""), step=None, alarms=set(), moved=None, reasons={}
+        constants=SimpleNamespace(found=""), step=None, alarms=set(), moved=None, reasons={}, drifts={}
     )
     doubt = partial(integrity_watch.Watch.graver_doubts, watch, imu_blind=False)
     assert doubt(refused(2)).tolist() == [Doubt.NONE] * 3
