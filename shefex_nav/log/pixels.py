@@ -4,13 +4,14 @@ A log holds a frame as read out (`/star_tracker/image_full`), with the backgroun
 (`/star_tracker/image`), both, or neither: the scenario says which (`log.frames`).
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.log.mcap_file import ends_well
-from shefex_nav.log.reader import cut_errors
+from shefex_nav.log.reader import cut_errors, readable
 
 FULL, THRESHOLDED = "/star_tracker/image_full", "/star_tracker/image"
 
@@ -33,7 +34,7 @@ def between(path, begin_ns=None, end_ns=None):
     """Pixels of the frames from begin_ns to before end_ns in the order of the log.
 
     Of a log whose writer was killed, those it has. A frame that was kept both ways comes twice.
-    All frames without the two times.
+    All frames without the two times. Raises LogError where the log is damaged.
     """
     from mcap.reader import NonSeekingReader, SeekingReader
 
@@ -43,12 +44,10 @@ def between(path, begin_ns=None, end_ns=None):
         reader = (SeekingReader if ends_well(file) else NonSeekingReader)(file)
         wanted = {"starting_at": begin_ns, "ending_before": end_ns, "log_time_order": False}
         messages = reader.iter_messages([FULL, THRESHOLDED], **wanted)
-        try:
+        with readable(path, "a picture"), suppress(*cut_errors()):
             for schema, channel, message in messages:
                 image = _message(decoders, schema).FromString(message.data)
                 yield Pixels(message.log_time, _grey_values(image), channel.topic == FULL)
-        except cut_errors():
-            return
 
 
 def _message(decoders, schema):

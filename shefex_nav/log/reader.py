@@ -44,7 +44,7 @@ def read(path):
     raw, is_complete = _read_file(Path(path))
     arrays, lists, single, steady = {}, {}, {}, kept_as_arrays()
     for topic in _stored_topics(path, raw):
-        with _readable(path, f"a message of {topic.topic}"):
+        with readable(path, f"a message of {topic.topic}"):
             decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
         if topic.record in steady:
             arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
@@ -56,20 +56,20 @@ def read(path):
         raise LogError(f"{path}: the log ends before its first record")
     mission = _mission(single[Mission], raw)
     data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
-    with _readable(path, "another solution"):
+    with readable(path, "another solution"):
         others = other_solutions.read(raw)
     # a flight that was interrupted, or failed, closes its file, but has no last record
     return data._replace(others=others, ended_early=data.ended_early or data.summary is None)
 
 
 @contextmanager
-def _readable(path, what):
+def readable(path, what):
     """LogError where `what` of a log cannot be decoded."""
     from google.protobuf.message import DecodeError
 
     try:
         yield
-    except (DecodeError, ValueError, LookupError, struct.error) as error:
+    except (DecodeError, LookupError, OverflowError, TypeError, struct.error, *_damage_errors()) as error:
         raise LogError(f"{path}: damaged: {what} cannot be read: {error}") from error
 
 
@@ -84,7 +84,7 @@ def _stored_topics(path, raw):
     for channel in raw.channels.values():
         if channel.topic not in stored:
             continue
-        with _readable(path, f"the description of {channel.topic}"):
+        with readable(path, f"the description of {channel.topic}"):
             schema = raw.schemas[channel.schema_id]
             stored[channel.topic] = wire.as_stored(schema.data, stored[channel.topic])
         if stored[channel.topic] is None:
