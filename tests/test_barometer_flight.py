@@ -62,6 +62,7 @@ def test_height_stays_inside_its_sigma_and_readings_are_used_where_they_may_be(f
     assert {gate.dof for gate in data.gates if gate.sensor == "gps_position"} == {0, 2}
 
 
+@pytest.mark.slow
 def test_a_log_with_a_barometer_gives_the_same_solution_again(flown, tmp_path):
     mission, records = flown
     path = tmp_path / "flight.mcap"

@@ -267,7 +267,7 @@ def killed(default_scenario, tmp_path_factory):
     return left
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [pytest.param(SIZES[0], marks=pytest.mark.slow), SIZES[1]])
 def test_killed_run_is_readable_to_its_last_second(size, killed, default_data, command, process, tmp_path):
     """No gap before its end, and every command can read it."""
     out = killed[size]

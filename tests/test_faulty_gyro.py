@@ -70,6 +70,7 @@ def test_a_scale_factor_that_jumps_does_nothing_until_the_vehicle_turns():
     assert not misleading(flown)[flown.during(384.0, 406.0)].any()
 
 
+@pytest.mark.slow
 def test_a_roll_bias_before_the_stars_teaches_no_scale_factor():
     """It ends before the first star fix; the spin for the entry would show what was learnt from it."""
     flown = fly("shefex2_andoya", gyro("gyro_bias", "x", "-0.46 deg/s", 113, 213), until_s=455.0)

@@ -99,6 +99,7 @@ def test_log_is_small_and_every_message_decodes(default_run):
     } <= counts.keys()
 
 
+@pytest.mark.slow
 def test_same_seed_same_records(default_data, default_scenario):
     """Every record but the measured durations, to the last bit, in another process than the first run's."""
     scenario = load.load(default_scenario)

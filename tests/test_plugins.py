@@ -346,6 +346,7 @@ def test_a_name_at_a_key_of_the_scenario_is_taken_whatever_step_has_it(step, nam
     assert f"'{name}': there is a way of {step} of that name already, of the program" in said
 
 
+@pytest.mark.slow
 def test_an_instrument_of_a_file_can_fail_like_any_other(tmp_path):
     """And in ways of its own."""
     own = (

@@ -262,6 +262,7 @@ def test_night_sky_stands_still_and_looks_up():
     assert limb == pytest.approx(80.0, abs=0.5)  # 80 deg up, from 50 m
 
 
+@pytest.mark.slow
 def test_night_sky_through_the_air():
     """The paper solved more than 90 % on the ground; stars are 30 % fainter than in space."""
     default = load.load(SCENARIOS / "shefex2_andoya.yaml").star_camera.optics.zero_magnitude_flux

@@ -192,6 +192,7 @@ def test_a_slow_flight_is_written_once_a_second_of_the_wall_clock(tmp_path, monk
     assert 1 < most[0] <= 5
 
 
+@pytest.mark.slow
 def test_an_event_is_written_at_once(tmp_path):
     """With the truth of all ticks before it."""
     seen = []

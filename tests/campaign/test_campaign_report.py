@@ -135,6 +135,7 @@ def test_bad_input_is_one_message(tmp_path, folder, kind):
     )
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_of_all_that_there_is(folder, tmp_path):
     result = CliRunner().invoke(app, ["report", str(folder), "--json", "--figures", str(tmp_path / "f")])
     assert result.exit_code == 0, result.output

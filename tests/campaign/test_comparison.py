@@ -275,6 +275,7 @@ def test_a_log_without_the_seed_of_a_run_is_told_before_anything_flies(tmp_path,
 # ---- software --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_software_is_flown_compared_and_not_flown_again(tmp_path, command):
     own, page = standing(tmp_path), tmp_path / "page.html"
     words = ("compare", "built-in", own, "--scenario", str(short(tmp_path)), "--runs", str(SIX), "--trust")

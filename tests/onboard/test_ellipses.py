@@ -145,6 +145,7 @@ def test_matches_are_the_likeliest_detections():
     assert compared > 300
 
 
+@pytest.mark.slow
 def test_adjusted_attitude_is_that_of_largest_likelihood():
     """Gauss-Newton on all stars with their covariances, another implementation; no outliers here."""
     stars = ready_tracker().pairs.quick[0]

@@ -29,6 +29,7 @@ def flight():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_ideal_increments_give_back_the_flight(flight):
     truth, earth, gravity = flight
     state = NavState(truth.t_s[0], truth.r_i[0], truth.v_i[0], truth.q_ib[0], *[np.zeros(3)] * 4)

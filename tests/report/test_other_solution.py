@@ -243,6 +243,7 @@ def test_it_is_exported_and_compared(sky, mine, tmp_path, command):
     assert bad.code == 2 and "the log has no solution 'yours'; it has: mine" in bad.err
 
 
+@pytest.mark.slow
 def test_a_table_of_another_filter_is_compared_with_the_log(sky, tmp_path, command):
     """The columns are those of the table `nav` of `export`: the log's own comes back without difference."""
     assert command("export", str(sky.log), "--csv", str(tmp_path / "csv")).code == 0

@@ -195,6 +195,7 @@ def told(result):
     return " ".join(result.output.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_page_and_refuses_to_lose_one(tmp_path):
     from typer.testing import CliRunner
 

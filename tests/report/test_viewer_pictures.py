@@ -50,6 +50,7 @@ def test_no_view_reports_an_error(policy, pages, tmp_path):
 
 
 @NO_VULKAN
+@pytest.mark.slow
 def test_all_marks_of_a_long_lens_are_over_its_picture(tmp_path):
     """35 mm behind 1024 pixels of 5.5 um: squares of both kinds are seen, the picture does not hide them."""
     from matplotlib.image import imread

@@ -108,7 +108,7 @@ def test_a_camera_that_is_not_commanded_takes_no_picture(folder):
     assert not of(records, Frame) and len(of(records, NavSolution)) == 150
 
 
-@pytest.mark.parametrize("section", ["computer", "star_tracker"])
+@pytest.mark.parametrize("section", ["computer", pytest.param("star_tracker", marks=pytest.mark.slow)])
 def test_a_program_gives_what_the_class_gives(folder, section):
     module, name = {"computer": ("both", "Both"), "star_tracker": ("my_tracker", "MyTracker")}[section]
     both(folder)

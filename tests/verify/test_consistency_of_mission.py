@@ -61,6 +61,7 @@ def test_innovations_are_as_large_as_the_filter_says(runs):
     assert all(sum(run.rejected.values()) <= 3 for run in runs[1.0])
 
 
+@pytest.mark.slow
 def test_errors_at_the_ends_of_the_phases_are_within_three_sigma(runs):
     """15 errors at the ends of 4 phases in 2 runs: 120, of which 0.3 are expected outside; 99.9 %: 3."""
     outside = 0
@@ -71,6 +72,7 @@ def test_errors_at_the_ends_of_the_phases_are_within_three_sigma(runs):
     assert outside <= 3
 
 
+@pytest.mark.slow
 def test_half_the_star_noise_in_the_filter_is_noticed(runs):
     """The same statistic, far outside of the same interval."""
     (star,) = [one for one in consistency.judge_nis(runs[0.5]) if one.what == "NIS star_tracker"]
