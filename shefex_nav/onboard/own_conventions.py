@@ -47,10 +47,12 @@ def of_start_position(r_i, alignment, now_s, C_ei):
     known_i = alignment.r_i + (now_s - alignment.t_valid_s) * alignment.v_i
     if np.linalg.norm(r_i - known_i) < FAR_M:
         return ""
-    meant = {"in Earth-fixed axes": C_ei @ known_i, "in kilometres": 1e-3 * known_i}
-    near_m = {"in Earth-fixed axes": NEAR_M, "in kilometres": 1e-3 * NEAR_M}
-    for words, one in meant.items():
-        if np.linalg.norm(r_i - one) < near_m[words]:
+    meant = (
+        ("in Earth-fixed axes", C_ei @ known_i, NEAR_M),
+        ("in kilometres", 1e-3 * known_i, 1e-3 * NEAR_M),
+    )
+    for words, one, near in meant:
+        if np.linalg.norm(r_i - one) < near:
             return f"r_i is the position of the alignment {words}; it is in m, inertial axes"
     return ""
 

@@ -11,7 +11,7 @@ Definitions
   camera without a frame counts in it if both neighbours do.
 - `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
   rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is that of
-  the principal point.
+  the principal point and of a lens that is told otherwise.
 - Errors of star fixes are in the camera's own axes and have no part of its mounting: `mounting_error_deg` is
   the rotation from the nominal to the true mounting, which an attitude of the body has.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.

@@ -1,5 +1,4 @@
-"""What no mission has: parts outside the vehicle, grains too wide, propellant that weighs or gives too
-little, an axis of the lens far from the middle of the detector.
+"""What no rocket has: parts outside the vehicle, grains too wide, propellant that weighs or gives too little.
 
 Each value is possible by itself, so none is an error: a slipped unit or decimal point shows only beside the
 others. In: a scenario. Stations are distances behind the nose tip; the vehicle ends at its last nozzle exit.
@@ -18,13 +17,11 @@ LARGEST_MARGIN = 15.0  # calibres; slender rockets with large fins come near ten
 SLENDEREST = 60.0  # lengths over diameters; sounding rockets are below 40
 BEYOND = 0.25  # vehicle lengths: so far outside a small normal force may put its centre of pressure
 SLACK = 1.02  # of lengths and diameters, for rounded values
-OFF_AXIS = 0.1  # of the detector's size; lenses sit within a few hundredths
 AREAS = 0.1, 10.0  # reference area over that of a circle of the reference diameter
 
 
 def found(scenario):
-    """(path in the scenario, text) of each; of a given trajectory the camera's alone."""
-    yield from _axis(scenario.star_camera)
+    """(path in the scenario, text) of each; nothing of a vehicle that follows a given trajectory."""
     if scenario.trajectory is not None:
         return
     vehicle = scenario.vehicle
@@ -44,21 +41,6 @@ def found(scenario):
     yield from _inertia(("vehicle", "payload"), vehicle.payload, end, width)
     yield from _sensors(scenario, end, width)
     yield from _margins(vehicle, end)
-
-
-def _axis(camera):
-    """A principal point of another resolution, or with column and row the other way round."""
-    detector, point = camera.detector, camera.optics.principal_point
-    if point is None:
-        return
-    size = detector.columns, detector.rows
-    off = [at - 0.5 * (n - 1) for at, n in zip(point, size, strict=True)]
-    if max(abs(one) / n for one, n in zip(off, size, strict=True)) > OFF_AXIS:
-        words = (
-            f"the axis of the lens is {off[0]:+.0f} columns and {off[1]:+.0f} rows from the middle of the "
-        )
-        meant = "is it [column, row], and of this resolution?"
-        yield ("star_camera", "optics", "principal_point"), f"{words}{size[0]} x {size[1]} detector; {meant}"
 
 
 def _aerodynamics(vehicle):

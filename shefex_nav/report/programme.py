@@ -14,6 +14,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight
 from shefex_nav.report.pairing import pointing_error
+from shefex_nav.scenario import lens
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
 LOOKS = "the star camera looks into the air, which the frames here do not show"
@@ -133,6 +134,8 @@ def warnings(scenario, flown):
 def _by_itself(scenario):
     """What is odd whatever the flight: list of Warned."""
     found = _of_epoch(scenario.mission.epoch) + _of_acceptance(scenario.star_tracker)
+    if words := lens.off_axis(scenario.star_camera):
+        found.append(Warned(("star_camera", "optics", "principal_point"), words))
     return found + of_parts(scenario)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 INVERSE_PX = 0.01  # to which the distortion must be undone
 LEAST_PX = 1e-3  # less is not said: a hundredth of what a centroid is known to
 LEAST_ARCSEC = 1e-3
+OFF_AXIS = 0.1  # of the detector's size; lenses sit within a few hundredths
 TOO_STRONG = "is too strong: what parts of the detector see cannot be told; use smaller coefficients"
 
 
@@ -118,6 +119,19 @@ def words(true, told):
             f"they are expected; {fit}"
         )
     return said
+
+
+def off_axis(star_camera):
+    """Words for a principal point of another resolution, or with column and row exchanged; None of others."""
+    hole = pinhole_of(star_camera)
+    size = hole.width_px, hole.height_px
+    off = [at - 0.5 * (n - 1) for at, n in zip((hole.cx_px, hole.cy_px), size, strict=True)]
+    if max(abs(one) / n for one, n in zip(off, size, strict=True)) <= OFF_AXIS:
+        return None
+    return (
+        f"the axis of the lens is {off[0]:+.0f} columns and {off[1]:+.0f} rows from the middle of the "
+        f"{size[0]} x {size[1]} detector; is it [column, row], and of this resolution?"
+    )
 
 
 def fault(star_camera):

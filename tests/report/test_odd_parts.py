@@ -150,13 +150,3 @@ def test_motors_and_apogee_are_in_the_figures_of_a_vehicle():
     assert 0.9 * motor["total_impulse_n_s"] < in_air < motor["total_impulse_n_s"]  # less the air's pressure
     assert found["apogee_km"] == pytest.approx(looked.profile.height.max() / 1e3, abs=0.01)
     assert found["apogee_s"] == pytest.approx(t_s[looked.profile.height.argmax()], abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("point", "is_told"),
-    [("[246 pix, 329 pix]", True), ("[164 pix, 123 pix]", True), ("[340 pix, 240 pix]", False)],
-)
-def test_an_axis_far_from_the_middle_is_told(point, is_told):
-    """Column and row the other way round; of half the resolution; as lenses are."""
-    found = dict(odd_parts.found(load.load("night_sky", [f"star_camera.optics.principal_point={point}"])))
-    assert (("star_camera", "optics", "principal_point") in found) is is_told

@@ -8,6 +8,7 @@ import pytest
 from shefex_nav.frames import camera_file
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.prepare import settled
+from shefex_nav.report import programme
 from shefex_nav.scenario import field_of_view, lens, params_onboard
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.load import load
@@ -186,3 +187,14 @@ def test_check_says_how_far_stars_are_displaced(command):
     assert "folds the picture over" in json.loads(said.out)["errors"][0]["text"]
     said = json.loads(command("check", NAME, "--set", TRUE, "--json").out)
     assert said["lens"] == ["star_camera.optics.distortion: displaces stars by up to 4.25 pixels"]
+
+
+@pytest.mark.parametrize(
+    ("point", "is_told"),
+    [("[246 pix, 329 pix]", True), ("[164 pix, 123 pix]", True), ("[340 pix, 240 pix]", False)],
+)
+def test_an_axis_far_from_the_middle_is_told(point, is_told):
+    """Column and row exchanged; of half the resolution; as lenses are."""
+    scenario = settled(load(NAME, [f"star_camera.optics.principal_point={point}"]))
+    found = {one.field for one in programme.foreseen(scenario)}
+    assert (("star_camera", "optics", "principal_point") in found) is is_told
