@@ -105,7 +105,7 @@ def init(settings, catalogue, bodies, earth, rng):
 def _projection(optics, hole):
     """corner, step_px and lens of a Camera. camera_settings.Optics, true Pinhole"""
     lens, step_px = lenses.lens_of(hole, optics.distortion), render.gaussian_psf(optics.psf_sigma).step_px
-    if lens is None and optics.principal_point is None:  # what tolerances move the axis by is in the margins
+    if lens is None and optics.principal_point is None:  # its error of some pixels is within the margins
         return {"corner": _corner_angle(hole), "step_px": step_px}
     corner, step_px = lenses.corner_angle(hole, lens), lenses.step_px(hole, lens, step_px)
     return {"corner": corner, "step_px": step_px, "lens": lens}
