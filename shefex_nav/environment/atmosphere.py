@@ -223,5 +223,5 @@ def pressure_height(pressure):
     levels = np.arange(-2e3, Z_86, 25.0)  # log-linear in between: to a millimetre
     told = np.array([math.log(us76(level)[1]) for level in levels])
     with np.errstate(divide="ignore", invalid="ignore"):
-        wanted = np.log(np.asarray(pressure, dtype=float))
+        wanted = log(np.asarray(pressure, dtype=float))
     return np.interp(-wanted, -told, levels, left=np.nan, right=np.nan)

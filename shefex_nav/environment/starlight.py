@@ -20,6 +20,8 @@ from functools import cache
 
 import numpy as np
 
+from shefex_nav.geometry.elementary import exp, log
+
 PLANCK = 6.62607015e-34  # J s, exact: SI
 JANSKY = 1e-26  # W/m^2/Hz
 WAVELENGTHS = np.array([440e-9, 550e-9, 640e-9, 790e-9, 1260e-9])  # m, of B, V, R, I, J
@@ -36,10 +38,10 @@ STEP = 1e-9  # m, of the integral
 
 def photons(wavelength):
     """Photons of the star in a second, square metre and metre of wavelength. (n,) m -> (n,)"""
-    x, known = np.log(wavelength), np.log(WAVELENGTHS)
+    x, known = log(wavelength), log(WAVELENGTHS)
     k = np.clip(np.searchsorted(known, x) - 1, 0, len(known) - 2)
-    slope = np.diff(np.log(FLUXES)) / np.diff(known)
-    flux = np.exp(np.log(FLUXES)[k] + slope[k] * (x - known[k]))
+    slope = np.diff(log(FLUXES)) / np.diff(known)
+    flux = exp(log(FLUXES)[k] + slope[k] * (x - known[k]))
     return flux / (PLANCK * wavelength)
 
 

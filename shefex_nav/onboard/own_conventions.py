@@ -8,6 +8,7 @@ convention. By chance that happens in less than one of 100 000 attitudes.
 import numpy as np
 
 from shefex_nav.geometry import rotation
+from shefex_nav.geometry.elementary import arccos
 
 FAR = np.radians(10.0)  # from what is known,
 NEAR = np.radians(2.0)  # in another convention
@@ -59,4 +60,4 @@ def of_start_position(r_i, alignment, now_s, C_ei):
 
 def _angle(q_ab, q_known):
     """Angle between two attitudes [rad]."""
-    return 2.0 * np.arccos(min(1.0, abs(float(q_ab @ q_known))))
+    return 2.0 * arccos(min(1.0, abs(float(q_ab @ q_known))))

@@ -11,6 +11,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
+from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.unsteady import STEADY
 from shefex_nav.onboard import own_conventions
 from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
@@ -148,7 +149,7 @@ class OwnNavigation:
         boresight_i = np.ascontiguousarray(C_ic[:, 2])
         return context._replace(
             velocity_i=near.v_i + sky.earth_velocity_i,
-            sun_angle=float(np.arccos(np.clip(boresight_i @ sky.sun_i, -1.0, 1.0))),
+            sun_angle=float(arccos(np.clip(boresight_i @ sky.sun_i, -1.0, 1.0))),
             limb_angle=float(wgs84.limb_angle(C_ei @ near.r_i, C_ei @ boresight_i)),
         )
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry.elementary import exp
 from shefex_nav.settings import changed
 from shefex_nav.world import imu
 
@@ -26,7 +27,7 @@ def deviation(triad, tau_s):
     triad : settings.Gyro or settings.Accelerometer;  tau_s : (n,) s -> (n,)
     """
     x = tau_s / triad.in_run_bias_time
-    bracket = 1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * x)
+    bracket = 1.0 - (3.0 - 4.0 * exp(-x) + exp(-2.0 * x)) / (2.0 * x)
     bracket = np.where(x < 1e-3, x * x / 3.0, bracket)  # where its digits cancel
     wander = 2.0 * triad.in_run_bias**2 / x * bracket
     return np.sqrt(triad.random_walk**2 / tau_s + wander + 0.25 * (triad.quantum / tau_s) ** 2)

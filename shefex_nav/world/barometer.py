@@ -24,6 +24,7 @@ from shefex_nav.clock import IMU_HZ
 from shefex_nav.compiled import kernel
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.geometry.elementary import exp
 from shefex_nav.world.noise import gauss_markov
 
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
@@ -72,7 +73,7 @@ def measure(settings, truth, k, rng):
     sensed = lagged(port, settings.lag, dt_s)
     white = rng.standard_normal((len(k), 2))
     every = k[0] if len(k) else 1
-    wander = gauss_markov(np.exp(-every * dt_s / settings.drift_time), white[:, :1])[:, 0]
+    wander = gauss_markov(exp(-every * dt_s / settings.drift_time), white[:, :1])[:, 0]
     return Pressures(sensed[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1], errors)
 
 
@@ -80,7 +81,7 @@ def draw_errors(settings, rng):
     """What is constant in a run. -> Errors"""
     bias, port, level = rng.standard_normal(3)
     white, day = rng.standard_normal((round(DAY_TOP / DAY_STEP), 1)), settings.day
-    warmth = gauss_markov(np.exp(-DAY_STEP / day.depth), white)[:, 0]
+    warmth = gauss_markov(exp(-DAY_STEP / day.depth), white)[:, 0]
     metres, share = _scatter(day)
     return Errors(settings.bias * bias, _of_port(settings) * port, metres * level, share * warmth)
 
@@ -115,7 +116,7 @@ def modes_of_warmth(day):
     """
     m = round(DAY_TOP / DAY_STEP)
     apart = np.abs(np.arange(m)[:, None] - np.arange(m))
-    covariance = _scatter(day)[1] ** 2 * np.exp(-apart * DAY_STEP / day.depth)
+    covariance = _scatter(day)[1] ** 2 * exp(-apart * DAY_STEP / day.depth)
     summed = np.cumsum(np.cumsum(covariance, axis=0), axis=1)
     values, vectors = np.linalg.eigh(summed)
     strongest = vectors[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(values[: -MODES - 1 : -1], 0.0))
@@ -195,7 +196,7 @@ def _pressures(heights, air):
     """
     if not len(air):
         return _standard(heights)
-    return np.where(heights > air[-1, 0], 0.0, np.exp(np.interp(heights, air[:, 0], air[:, 2])))
+    return np.where(heights > air[-1, 0], 0.0, exp(np.interp(heights, air[:, 0], air[:, 2])))
 
 
 @kernel

@@ -1,6 +1,8 @@
 """Elementary functions against Python's `math`, to the last bit, in all shapes."""
 
+import ast
 import math
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -50,3 +52,31 @@ def test_shapes_and_single_numbers():
 def test_outside_the_domain_is_no_number():
     assert elementary.log(0.0) == -math.inf and elementary.exp(1e4) == math.inf
     assert math.isnan(elementary.arccos(1.5)) and math.isnan(elementary.log(-1.0))
+
+
+def _is_kernel(node):
+    decorators = getattr(node, "decorator_list", ())
+    return any(ast.unparse(one).startswith(("kernel", "inner")) for one in decorators)
+
+
+def _outside_kernels(tree):
+    """Nodes of a module that run as Python: those of functions that are not compiled."""
+    nodes = [tree]
+    while nodes:
+        node = nodes.pop()
+        yield node
+        nodes += [child for child in ast.iter_child_nodes(node) if not _is_kernel(child)]
+
+
+@pytest.mark.parametrize("room", ["environment", "instruments", "onboard", "world"])
+def test_records_use_no_function_that_numpy_has_for_one_processor(room):
+    chosen = {
+        f"np.{name}" for name in (*ONE, *TWO, "expm1", "log1p", "log2", "arctan", "tan", "tanh", "cbrt")
+    }
+    for path in sorted((Path(elementary.__file__).parent.parent / room).rglob("*.py")):
+        found = {
+            ast.unparse(node)
+            for node in _outside_kernels(ast.parse(path.read_text()))
+            if isinstance(node, ast.Attribute)
+        }
+        assert not chosen & found, path  # `elementary` has them, or Python's `math`

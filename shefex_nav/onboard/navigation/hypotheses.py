@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import rotation
+from shefex_nav.geometry.elementary import exp, log
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.state import ATT, BG, POS, VEL, X_BG, X_Q, X_R, X_V
 from shefex_nav.records import Alignment
@@ -69,7 +70,7 @@ def split(alignment):
     else:
         most = min(int(np.ceil(3.0 * sigma / step)), MEMBERS // 2 - 1)
         places = np.arange(-most, most + 1) * step
-        weights = np.exp(-0.5 * (places / sigma) ** 2)
+        weights = exp(-0.5 * (places / sigma) ** 2)
     own = WIDER * step / np.sqrt(12.0)
     P = alignment.P_theta_b + (own**2 - variances[2]) * np.outer(u, u)
     return [
@@ -94,7 +95,7 @@ class Bank:
 
     def __init__(self, params, alignment, earth):
         parts, blind = split(alignment), {aid.name for aid in params.aids if not aid.sees_attitude}
-        self.logs = np.log([part.weight for part in parts])
+        self.logs = log([part.weight for part in parts])
         self.members = [
             Member(fusion.start(params, part.alignment, earth, judged=self._judge(k, blind)), k)
             for k, part in enumerate(parts)
@@ -111,7 +112,7 @@ class Bank:
     def weights(self):
         """(m,) of the members, their sum is one."""
         logs = self.logs[[member.number for member in self.members]]
-        weights = np.exp(logs - logs.max())
+        weights = exp(logs - logs.max())
         return weights / weights.sum()
 
     @property

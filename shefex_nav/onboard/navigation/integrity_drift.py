@@ -44,6 +44,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import calibration, protected
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, chi_square_limit
 from shefex_nav.onboard.navigation.quantity import POSITION, about
@@ -311,7 +312,7 @@ def _judged(nav, now, innovation, measurement, verdict, drift):
         rule = nav.sensors[name].trial(nav, now, z, R, fix).rule
         if dt_s < rule.duration or nav.health[name].in_a_row < rule.rejections:
             return None
-    lasting = sum(2.0 * v[0, 0] * (1.0 - np.exp(-dt_s / lasts_s)) for v, lasts_s in seen.lasting)
+    lasting = sum(2.0 * v[0, 0] * (1.0 - exp(-dt_s / lasts_s)) for v, lasts_s in seen.lasting)
     moving = dt_s**2 * float(H[0, POS] @ now.P[VEL, VEL] @ H[0, POS])
     followed = drift.judge_refused((one, one.R + drift.refused.R + lasting + moving))
     drift.refused = None if verdict.fate == Fate.RESET else drift.refused

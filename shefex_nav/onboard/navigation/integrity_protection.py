@@ -43,6 +43,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry.elementary import log
 from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import protected, quantity
 from shefex_nav.onboard.navigation.grown import Grown
@@ -93,7 +94,7 @@ def requirement(position, velocity, attitude, risk):
         share = min(risk / INDEPENDENT_PER_HOUR / (axes.stop - axes.start), 1.0)
         k[axes] = -special().ndtri(0.5 * share)
         if axes is not ATTITUDE:
-            k[axes.start] = np.sqrt(-2.0 * np.log(share))
+            k[axes.start] = np.sqrt(-2.0 * log(share))
     return Requirement(np.array([position, velocity, attitude]), k)
 
 

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.environment import atmosphere
+from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation.aid import Linearised
 
 LAYERS = np.array([0.0, 1.5e3, 3.5e3, 6e3, 9e3, 12e3, 16e3, 21e3])  # m, base of each; the last has no top
@@ -59,11 +60,11 @@ def of_layers(day):
     """
     edges = np.array([*LAYERS, LAST_TOP]) / day.depth
     x, s2 = np.diff(edges), (day.temperature / SURFACE_TEMPERATURE) ** 2
-    P = np.diag(2.0 * s2 * (x - 1.0 + np.exp(-x)) / x**2)
+    P = np.diag(2.0 * s2 * (x - 1.0 + exp(-x)) / x**2)
     for j in range(1, len(x)):
         for i in range(j):
             a, b, c, d = edges[i], edges[i + 1], edges[j], edges[j + 1]
-            both = np.exp(b - c) - np.exp(a - c) - np.exp(b - d) + np.exp(a - d)
+            both = exp(b - c) - exp(a - c) - exp(b - d) + exp(a - d)
             P[i, j] = P[j, i] = s2 * both / (x[i] * x[j])
     return P
 

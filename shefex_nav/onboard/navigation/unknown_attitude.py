@@ -52,6 +52,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry import triples as t3
+from shefex_nav.geometry.elementary import arctan2, exp
 from shefex_nav.onboard.navigation import eskf
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL
 
@@ -163,7 +164,7 @@ def second_order(P, z, H, R, q_ib):
     is_long, first, second, across, along = _second_order(P, z, H, R, q_ib)
     if not is_long:
         return None
-    angle = np.arctan2(across, along)
+    angle = arctan2(across, along)
     return (np.sin(angle) - angle) * first + (np.cos(angle) - 1.0) * second
 
 
@@ -242,7 +243,7 @@ def _by_the_sine(before, after):
     """
     gain = np.clip(1.0 - after / before, 1e-12, 1.0)
     noise2 = before * (1.0 / gain - 1.0)
-    sine2, tie = 0.5 * (1.0 - np.exp(-2.0 * before)), before * np.exp(-0.5 * before)
+    sine2, tie = 0.5 * (1.0 - exp(-2.0 * before)), before * exp(-0.5 * before)
     taken = np.minimum(gain, tie / (sine2 + noise2))
     return taken / gain, before + taken**2 * (sine2 + noise2) - 2.0 * taken * tie
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.distortion import farthest_px
+from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.geometry.streak import turn_jacobians
@@ -110,7 +111,7 @@ def names(params, deep, star, solution, detections, velocity_i, rate=None):
     if len(rows) == 0:
         return star, 1.0
     S = _covariance(params, solution[1], detections, rate)[free]
-    magnitude = -2.5 * np.log10(np.maximum(detections.flux_dn, 1e-9))
+    magnitude = -2.5 * log10(np.maximum(detections.flux_dn, 1e-9))
     zero = np.median(deep.stars.vmag[star[known]] - magnitude[known])
     off = magnitude[free, None] + zero - deep.stars.vmag[rows]
     alike = np.abs(off) < MAGNITUDE_SIGMA * settings.magnitude_error

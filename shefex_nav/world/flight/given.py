@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 from shefex_nav.environment.atmosphere import us76
 from shefex_nav.environment.gravity import gravity_e
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.geometry.elementary import arctan2, exp
 from shefex_nav.records import Phase, Trajectory
 from shefex_nav.world.flight import events
 from shefex_nav.world.flight.fly import Flight
@@ -141,7 +142,7 @@ def _in_the_air(air, height, speed):
     """Mach number and dynamic pressure (N,) Pa in air at rest."""
     if len(air.table):
         rows = [np.interp(height, air.table[:, 0], column) for column in air.table[:, 1:].T]
-        density, sound = np.exp(rows[0]), rows[2]
+        density, sound = exp(rows[0]), rows[2]
     else:
         grid = np.arange(height.min() - AIR_M, height.max() + 2.0 * AIR_M, AIR_M)
         standard = np.array([us76(float(one)) for one in grid])
@@ -157,7 +158,7 @@ def _along_the_air(earth, t_s, columns, v_e):
     v_b = v_i + 2.0 * np.cross(q, w * v_i + np.cross(q, v_i))
     moves = speed > MOVES
     push = np.where(moves, np.einsum("ki,ki->k", columns["f_b"], v_b) / np.maximum(speed, MOVES), 0.0)
-    return push, np.where(moves, np.arctan2(np.linalg.norm(v_b[:, 1:], axis=1), v_b[:, 0]), 0.0)
+    return push, np.where(moves, arctan2(np.linalg.norm(v_b[:, 1:], axis=1), v_b[:, 0]), 0.0)
 
 
 def _start(height, v_e):

@@ -17,6 +17,7 @@ from scipy.linalg import solve_banded
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from shefex_nav.geometry import frames
+from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.rotation import xyzw
 
 NOISE_BY_POSITION = 1e-3  # m/s^2, of the rest of the positions, by their rounding
@@ -146,7 +147,7 @@ class Turning:
 def turns(q):
     """Angles between attitudes and the next ones: (N, 4) -> (N - 1,) rad."""
     cosine = np.abs(np.einsum("ki,ki->k", q[1:], q[:-1]))
-    return 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0))
+    return 2.0 * arccos(np.clip(cosine, 0.0, 1.0))
 
 
 class Given:
