@@ -59,6 +59,7 @@ def check(
 def _checked(scenario, overrides, against):
     """Checked of the scenario with this name."""
     from shefex_nav.scenario import aboard, lens, load, surroundings, told
+    from shefex_nav.scenario.document import dotted
 
     loaded, differences = load.load(scenario, overrides), []
     if against is not None:
@@ -73,7 +74,10 @@ def _checked(scenario, overrides, against):
         surroundings.check(loaded)
         loaded, effects = prepare.settled_with_effects(loaded)
         found = programme.foreseen(loaded)
-    seen = lens.words(loaded.star_camera, told.as_told(loaded).star_camera)
+    seen = [lens.displaces(loaded.star_camera)]
+    if left := lens.words(loaded.star_camera, told.as_told(loaded).star_camera):
+        seen.append(f"{dotted(left[0])}: {left[1]}")
+    seen = [line for line in seen if line is not None]
     return Checked(loaded, list(found), list(told.lines(loaded)), effects, list(differences), seen)
 
 

@@ -56,6 +56,8 @@ from shefex_nav.report.nees import nees
 from shefex_nav.report.pairing import pointing_error, same_times
 from shefex_nav.report.sizes import largest, rms
 from shefex_nav.report.track import earth_fixed
+from shefex_nav.scenario import lens, told
+from shefex_nav.scenario.document import dotted
 
 ENTRY_HEIGHT = 100e3  # m
 NEES_DOF = 9  # position, velocity, attitude
@@ -116,6 +118,7 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
         "attitude_control": _attitude_control(data),
         "star_tracker": star_metrics.summarise(data, known),
         "navigation": _navigation(data, track.height, entry, known),
+        "told_otherwise": _told_otherwise(known.scenario),
         "warnings": _warnings(data, known.scenario),
     }
     if from_s is not None or local_level.is_replay(data):
@@ -132,6 +135,14 @@ def _warnings(data, scenario):
         return None
     found = programme.warnings(scenario, programme.of_data(data))
     return [{"field": ".".join(one.field), "text": one.text} for one in found]
+
+
+def _told_otherwise(scenario):
+    """What the computer on board takes the sensors for and is not true: list of field and text."""
+    if scenario is None:
+        return None
+    found = [*told.words(scenario), lens.words(scenario.star_camera, told.as_told(scenario).star_camera)]
+    return [{"field": dotted(one[0]), "text": one[1]} for one in found if one is not None]
 
 
 def entry_index(t_s, height):

@@ -49,7 +49,8 @@ def summary(run, found):
     """Verdict, figures, requirements, what went wrong."""
     judged, source = judge(run)
     is_part = run.summary["ended_early"] or run.summary["until_s"] is not None
-    parts = [_verdict(judged, is_part), *_warnings(run.summary["warnings"] or ()), _tiles(run)]
+    parts = [_verdict(judged, is_part), *_warnings(run.summary["warnings"] or ())]
+    parts += [*_told(run.summary.get("told_otherwise") or ()), _tiles(run)]
     if judged:
         rows = [
             (
@@ -69,9 +70,21 @@ def summary(run, found):
 def _warnings(found):
     """What the scenario gets wrong of the flight."""
     if found:
-        items = [element("li", element("code", one["field"]), f": {one['text']}") for one in found]
         words = element("strong", "The scenario does not fit the flight:")
-        yield element("div", words, element("ul", *items), class_="verdict bad")
+        yield element("div", words, _fields(found), class_="verdict bad")
+
+
+def _told(found):
+    """What the computer on board is told of its sensors and is not true."""
+    if found:
+        words = element("strong", "The computer on board is told otherwise than the sensors are:")
+        yield element("div", words, _fields(found), class_="verdict open")
+
+
+def _fields(found):
+    """A list of fields and texts."""
+    items = [element("li", element("code", one["field"]), f": {one['text']}") for one in found]
+    return element("ul", *items)
 
 
 def judge(run):

@@ -49,6 +49,9 @@ def rows(summary, judged=()):
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
         yield "requirements", _requirement_rows(judged, is_part)
+    if told := summary.get("told_otherwise"):
+        lines = [(one["field"].removeprefix("navigation.told."), one["text"]) for one in told]
+        yield "told otherwise", lines
     if summary["warnings"]:
         yield (
             "warnings",

@@ -100,25 +100,27 @@ def left(true, told):
     )
 
 
+def displaces(true):
+    """What the distortion of a section star_camera does, as a line; None of none."""
+    if (largest := displaced_px(true)) < LEAST_PX:
+        return None
+    return f"star_camera.optics.distortion: displaces stars by up to {largest:.3g} pixels"
+
+
 def words(true, told):
-    """What is said of lens and calibration: list of lines."""
-    said = []
-    if (largest := displaced_px(true)) >= LEAST_PX:
-        said.append(f"star_camera.optics.distortion: displaces stars by up to {largest:.3g} pixels")
-    if (found := left(true, told)) is not None and found.largest_px >= LEAST_PX:
-        angle = math.degrees(math.hypot(*found.turn)) * 3600.0
-        rest = f"{found.rest_px:.2g} pixels rms of it, {found.worst_px:.2g} at most"
-        if angle < LEAST_ARCSEC:
-            fit = "no attitude fits them better, which leaves " + rest
-        elif found.worst_px < LEAST_PX:
-            fit = f"an attitude off by {angle:.3g} arcsec leaves nothing of it"
-        else:
-            fit = f"an attitude off by {angle:.3g} arcsec leaves {rest}"
-        said.append(
-            f"navigation.told.star_camera.optics: stars are up to {found.largest_px:.3g} pixels from where "
-            f"they are expected; {fit}"
-        )
-    return said
+    """What a calibration leaves of a lens: (path of the section, text); None of a right one."""
+    if (found := left(true, told)) is None or found.largest_px < LEAST_PX:
+        return None
+    angle = math.degrees(math.hypot(*found.turn)) * 3600.0
+    rest = f"{found.rest_px:.2g} pixels rms of it, {found.worst_px:.2g} at most"
+    if angle < LEAST_ARCSEC:
+        fit = "no attitude fits them better, which leaves " + rest
+    elif found.worst_px < LEAST_PX:
+        fit = f"an attitude off by {angle:.3g} arcsec leaves nothing of it"
+    else:
+        fit = f"an attitude off by {angle:.3g} arcsec leaves {rest}"
+    said = f"stars are up to {found.largest_px:.3g} pixels from where they are expected; {fit}"
+    return ("navigation", "told", "star_camera", "optics"), said
 
 
 def off_axis(star_camera):

@@ -102,11 +102,16 @@ def over(section, given):
 
 def lines(scenario):
     """`FILE:LINE:COL: navigation.told.imu.gyro.bias: 3 deg/h, the truth is 1 deg/h` of each that differs."""
+    for field, text in words(scenario):
+        yield placed(scenario.place(field), f"{dotted(field)}: {text}")
+
+
+def words(scenario):
+    """(path of the field, `3 deg/h, the truth is 1 deg/h`) of each that differs."""
     for path, true, value in differences(scenario):
         annotation, metadata = field_at(type(scenario), path)
         told, is_so = (_written(annotation, metadata, one) for one in (value, true))
-        field = ("navigation", "told", *path)
-        yield placed(scenario.place(field), f"{dotted(field)}: {told}, the truth is {is_so}")
+        yield ("navigation", "told", *path), f"{told}, the truth is {is_so}"
 
 
 def _written(annotation, metadata, value):

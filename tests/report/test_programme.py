@@ -286,9 +286,26 @@ def test_result_table_and_page_tell(flat, data):
     assert "The scenario does not fit the flight" in text and "programme.entry_slew.at" in text
 
 
+def test_table_and_page_name_what_the_computer_is_told_otherwise(flat, data):
+    """Of a run as `check` does of a scenario: figures, and what a wrong calibration does to stars."""
+    assert metrics.summarise(data)["told_otherwise"] == []
+    told = {"imu.gyro.bias": "3 deg/h", "star_camera.optics.focal_length": "25.2 mm"}
+    scenario = load.load("shefex2_andoya", [f"navigation.told.{key}={value}" for key, value in told.items()])
+    summary = metrics.summarise(data, scenario=scenario)
+    assert [one["field"] for one in summary["told_otherwise"]] == [
+        *(f"navigation.told.{key}" for key in told),
+        "navigation.told.star_camera.optics",
+    ]
+    (bias, _), (_, length), (_, stars) = dict(table.rows(summary))["told otherwise"]
+    assert bias == "imu.gyro.bias" and length == "25.2 mm, the truth is 24.95 mm"
+    corner_px = math.hypot(658, 493) / 2 * (25.2 / 24.95 - 1)
+    assert stars.startswith(f"stars are up to {corner_px:.2f} pixels from where they are expected")
+
+
 def test_a_log_whose_scenario_cannot_be_read_is_not_judged(data):
     text = data._replace(mission=data.mission._replace(scenario_text="mission: {name: x}"))
-    assert metrics.summarise(text)["warnings"] is None
+    summary = metrics.summarise(text)
+    assert summary["warnings"] is None and summary["told_otherwise"] is None
 
 
 def test_check_names_file_and_line(command, tmp_path):

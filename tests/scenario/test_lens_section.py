@@ -77,13 +77,13 @@ def test_nothing_is_left_of_the_same_lens_in_other_words():
     ):
         scenario = load(NAME, ways)
         told = as_told(scenario).star_camera
-        assert not [line for line in lens.words(scenario.star_camera, told) if "told" in line]
+        assert lens.words(scenario.star_camera, told) is None
     assert lens.left(load(NAME, [TRUE]).star_camera, as_told(load(NAME, [TRUE, middle])).star_camera) is None
 
 
 def test_what_is_left_of_a_barrel_about_the_middle_is_no_turn():
     told = load(NAME, [TRUE, f"{TOLD}=[-0.326, 0, 0, 0, 0]"])
-    said = lens.words(told.star_camera, as_told(told).star_camera)[-1]
+    _, said = lens.words(told.star_camera, as_told(told).star_camera)
     assert "no attitude fits them better, which leaves 0." in said and "arcsec" not in said
 
 
