@@ -46,6 +46,21 @@ def test_which_sensor_makes_what_doubtful():
     assert doubts(gps_position=BAD, barometer=BAD) == "CCC"
 
 
+def test_without_specific_force_the_attitude_is_what_gyros_and_stars_say():
+    """Position and velocity run away; whether the attitude may be used says its level, or a sensor."""
+    assert [integrity_watch.blind(np.eye(7, 6, dtype=int)[k]) for k in range(7)] == [1, 1, 1, 2, 2, 2, 0]
+    assert integrity_watch.blind(np.ones(6, dtype=int)) == integrity_watch.Blind.TO_RATE
+    assert doubts(blind=integrity_watch.Blind.TO_FORCE) == "II-"
+    assert doubts(blind=integrity_watch.Blind.TO_FORCE, star_tracker=BAD) == "IIC"
+    assert doubts(blind=integrity_watch.Blind.TO_FORCE, gps_velocity=BAD) == "IIC"
+    assert doubts(blind=integrity_watch.Blind.TO_RATE, star_tracker=BAD) == "III"
+    one = watch()
+    one.unread = integrity_watch.Blind.TO_FORCE
+    assert doubts(one, blind=None) == "II-"
+    one.distrusted = True
+    assert doubts(one, blind=None) == "III"
+
+
 @pytest.mark.parametrize(
     "values, expected",
     [

@@ -3,6 +3,7 @@
 `fusion` asks it at each IMU block and each measurement; `computer` hands what it says to the log.
 """
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,17 @@ ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, v
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
 BACK = 0.3  # [E] share of a step, to within which one back ends it
+OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
 ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
 MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
+
+
+class Blind(IntEnum):
+    """Of what the IMU does not say what it is at the moment."""
+
+    NOT = 0
+    TO_RATE = 1  # and perhaps to specific force
+    TO_FORCE = 2
 
 
 class IntegrityParams(NamedTuple):
@@ -61,7 +71,7 @@ class Watch:
         self.params, self.drift_limit, self.gyros = params, drift_limit, gyros
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
         self.learnt = integrity_learnt.Learnt()
-        self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
+        self.unread = Blind.NOT  # by readings of an axis that are replaced, or are at the end of its range
         self.replaced = False  # whether some have been replaced: axes that are silent or stuck
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
@@ -117,14 +127,16 @@ class Watch:
     def _changed(self, changes):
         """The state of axes of the unit has changed."""
         self.pending += changes
-        self.unread = bool(self.imu.state.any())
+        self.unread = blind(self.imu.state)
         self.replaced = integrity_imu.replaced(self.imu.state)
         self.gyros.forget()
 
     @property
     def imu_blind(self):
-        """Whether rate or specific force of the moment are not measured on an axis, or cannot be trusted."""
-        return self.unread or self.distrusted or self.disputed > 0.0
+        """Blind: what of the moment is not measured on an axis, or cannot be trusted."""
+        if self.distrusted or self.disputed > 0.0:
+            return Blind.TO_RATE
+        return self.unread
 
     def gyros_wrong(self, now_s, found):
         """An integrity_gyro.Finding of this tick."""
@@ -186,15 +198,22 @@ class Watch:
     def graver_doubts(self, health, imu_blind=None):
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
 
-        {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the IMU does not measure
-        all three run away. A star tracker that contradicts says that the attitude is wrong, or itself;
+        {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the gyros do not measure
+        all three run away, without specific force position and velocity alone: the attitude is what gyros
+        and stars say. A star tracker that contradicts says that the attitude is wrong, or itself;
         position and velocity are checked by GPS, where there is any. A GPS velocity contradicts an attitude
         as well, by the direction of the thrust: any other sensor makes all three doubtful. A GPS position
         whose velocity goes on contradicts the position alone: most likely it has jumped, but the filter may
         have followed it before. So does one that was believed in the end.
         """
-        if self.imu_blind if imu_blind is None else imu_blind:
+        imu_blind = self.imu_blind if imu_blind is None else imu_blind
+        if imu_blind == Blind.TO_RATE:
             return ALL_OF[Doubt.IMU]
+        found = self._contradicted(health)
+        return np.where(OF_FORCE, Doubt.IMU, found) if imu_blind else found
+
+    def _contradicted(self, health):
+        """The same of what sensors say against each other."""
         drifted = any(one.is_disputed for one in self.drifts.values())
         if self.constants.found or self.step is not None or "gps" in self.alarms or drifted:
             return ALL_OF[Doubt.CONTRADICTED]
@@ -237,6 +256,13 @@ class Watch:
         """The list of NavHealth since the last call."""
         changes, self.pending = self.pending, []
         return changes
+
+
+def blind(state):
+    """Blind, of the states (6,) of the axes of gyros and accelerometers."""
+    if state[:3].any():
+        return Blind.TO_RATE
+    return Blind.TO_FORCE if state[3:].any() else Blind.NOT
 
 
 def start(params):
