@@ -22,9 +22,8 @@ UNDISTORT_STEPS = 20
 GRID = 41  # points along each side of the detector, from border to border
 
 
-@inner
-def bent_one(k, x, y):
-    """Distorted x, y of an ideal place. k : (5,)"""
+def _bent(k, x, y):
+    """Distorted x, y of ideal places, numbers or arrays. k : (5,)"""
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
     dx = 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x)
@@ -32,9 +31,8 @@ def bent_one(k, x, y):
     return radial * x + dx, radial * y + dy
 
 
-@inner
-def slopes_one(k, x, y):
-    """d distorted / d ideal at an ideal place: xx, xy, yy of a symmetric matrix. k : (5,)"""
+def _slopes(k, x, y):
+    """d distorted / d ideal at ideal places, numbers or arrays: xx, xy, yy of a symmetric matrix. k : (5,)"""
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
     growth = 2.0 * (k[0] + r2 * (2.0 * k[1] + 3.0 * k[4] * r2))
@@ -42,6 +40,9 @@ def slopes_one(k, x, y):
     xy = growth * x * y + 2.0 * k[2] * x + 2.0 * k[3] * y
     yy = radial + growth * y * y + 6.0 * k[2] * y + 2.0 * k[3] * x
     return xx, xy, yy
+
+
+bent_one, slopes_one = inner(_bent), inner(_slopes)  # of one place, in kernels
 
 
 @inner
@@ -90,27 +91,13 @@ def ideal_of(pinhole, xy_px):
 
 def bent(k, ideal):
     """Distorted x, y of ideal ones: (n, 2) -> (n, 2)."""
-    k1, k2, p1, p2, k3 = k
-    x, y = ideal.T
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return np.column_stack([radial * x + dx, radial * y + dy])
+    return np.column_stack(_bent(k, *ideal.T))
 
 
 def slopes(k, ideal):
     """d distorted / d ideal: (n, 2, 2)."""
-    k1, k2, p1, p2, k3 = k
-    x, y = ideal.T
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2))  # d radial / d r2, twice
-    J = np.empty((len(x), 2, 2))
-    J[:, 0, 0] = radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-    J[:, 0, 1] = J[:, 1, 0] = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-    J[:, 1, 1] = radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x
-    return J
+    xx, xy, yy = _slopes(k, *ideal.T)
+    return np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
 
 
 def corners_px(pinhole):
