@@ -45,6 +45,10 @@ def export(
     source: Source,
     csv: Annotated[Path | None, typer.Option(help="Folder for tables as CSV, one a topic.")] = None,
     parquet: Annotated[Path | None, typer.Option(help="Folder for the same tables as Parquet.")] = None,
+    replay: Annotated[
+        Path | None,
+        typer.Option(help="Folder for what IMU, GPS and others measured, as `replay` and loggers have it."),
+    ] = None,
     kml: Annotated[Path | None, typer.Option(help="File for the ground track and the events as KML.")] = None,
     geojson: Annotated[Path | None, typer.Option(help="File for the same as GeoJSON.")] = None,
     frames: Annotated[
@@ -69,12 +73,13 @@ def export(
     A log keeps most pictures without their background: its flight is flown again for them. A scenario is
     flown for its frames alone.
     """
-    folders = {kind: path for kind, path in (("csv", csv), ("parquet", parquet)) if path is not None}
+    folders = {"csv": csv, "parquet": parquet, "replay": replay}
+    folders = {kind: path for kind, path in folders.items() if path is not None}
     maps = {kind: path for kind, path in (("kml", kml), ("geojson", geojson)) if path is not None}
     if not folders and not maps and frames is None:
         raise typer.BadParameter(
-            "nothing to write: name at least one of --csv DIR, --parquet DIR, --kml FILE, --geojson FILE, "
-            "--frames DIR"
+            "nothing to write: name at least one of --csv DIR, --parquet DIR, --replay DIR, --kml FILE, "
+            "--geojson FILE, --frames DIR"
         )
     for kind, path in (*folders.items(), *([("frames", frames)] if frames else ())):
         _check_folder(path, f"--{kind}", force=force)
@@ -100,6 +105,8 @@ def _write_tables(log, folders, maps):
     from shefex_nav.report import export as tables
     from shefex_nav.report import geography
 
+    if "replay" in folders:
+        _write_replay(log, data, folders.pop("replay"))
     for kind, path in folders.items():
         path.mkdir(exist_ok=True)
         written = tables.write(data, path, kind)
@@ -107,6 +114,17 @@ def _write_tables(log, folders, maps):
     for kind, path in maps.items():
         put(path, getattr(geography, kind)(data))
         say(f"wrote {path}")
+
+
+def _write_replay(log, data, folder):
+    """Write what the instruments of a flight measured, and the file by which `replay` reads it."""
+    from shefex_nav.replay import written
+
+    try:
+        names = written.write(data, folder)
+    except written.NoDataError as error:
+        raise written.NoDataError(f"{log}: {error}") from None
+    say(f"wrote {', '.join(names)} into {folder}; shefex-nav replay {folder / names[-1]}")
 
 
 def _check_folder(path, option, *, force):

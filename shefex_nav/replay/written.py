@@ -1,0 +1,212 @@
+"""What the instruments of a flight measured, as a folder of CSVs with a replay file that reads them.
+
+One row an IMU sample, a fix, a reading, as loggers of others write them: for software of others, and as an
+example of what `replay` takes. Star fixes are left out, since replays have none.
+
+The assumptions of the replay file are those of the mission: data sheets of the instruments, lever arm,
+latency, states. It starts from the truth, as well as the mission knew it; in orbit to ALIGNED.
+"""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import yaml
+
+from shefex_nav.errors import UserError
+from shefex_nav.files import put, whole
+from shefex_nav.geometry import euler, frames, rotation, wgs84
+from shefex_nav.instruments import BUILT_IN
+from shefex_nav.replay import schema
+from shefex_nav.report.track import earth_fixed
+
+REPLAY = "replay.yaml"
+ALIGNED = {"level": "0.05 deg", "azimuth": "0.5 deg", "position": "5 m", "velocity": "0.1 m/s"}  # [E]
+LONGEST_GAP_S = 0.1  # that a replay bridges unless it is told of a longer one
+TIME_AND_PLACE = "t_s", "latitude_deg", "longitude_deg", "height_m"
+VELOCITY = "vn_m_s", "ve_m_s", "vd_m_s"
+ATTITUDE = "roll_deg", "pitch_deg", "heading_deg"
+SIGMAS = *(f"sigma_{axis}_m" for axis in "ned"), *(f"sigma_v{axis}_m_s" for axis in "ned")
+LEFT_OUT = "told", "software", "stars", "gps"  # of `navigation`: what a replay decides by itself
+
+
+class NoDataError(UserError):
+    """A log whose measurements cannot be written as a replay reads them."""
+
+
+def write(data, folder):
+    """Write the CSVs and the replay file of a RunData into a folder. -> names of the files"""
+    if not len(data.truth.t_s):
+        raise NoDataError("is of a replay without truth, whose data are in files already")
+    if not any(fix.valid for fix in data.gps):
+        raise NoDataError("has no GPS fix")
+    imu, gap_s = _imu(data.imu)
+    files = {"imu.csv": imu, "gnss.csv": _gnss(data.gps), "truth.csv": _truth(data)}
+    read = [one for one in BUILT_IN.values() if one.data and len(data.readings[one.name].t_valid_s)]
+    files |= {f"{one.name}.csv": _readings(one, data.readings[one.name]) for one in read}
+    folder.mkdir(exist_ok=True)
+    for name, columns in files.items():
+        _put_csv(folder / name, columns)
+    described = _described(data, read, imu["t_s"], gap_s)
+    text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, default_flow_style=None, width=100)
+    put(folder / REPLAY, f"# shefex-nav replay {REPLAY}\n\n{text}")
+    return [*files, REPLAY]
+
+
+def _put_csv(path, columns):
+    import pyarrow as pa
+    from pyarrow import csv
+
+    with whole(path) as part:
+        csv.write_csv(pa.table(columns), part)
+
+
+def _axes(name, values):
+    return {f"{name}_{axis}": column for axis, column in zip("xyz", values.T, strict=True)}
+
+
+def _imu(blocks):
+    """Columns of the samples that there are, and the longest time between two of them, s."""
+    samples = blocks.dtheta_b.shape[1]
+    step_s = np.diff(blocks.t_valid_s)
+    if len(step_s) and np.median(step_s) > 1.5 * samples * np.median(blocks.dt_s):
+        raise NoDataError("does not hold every sample of the IMU; fly it with log.rate: 100 Hz")
+    ends_s = blocks.t_valid_s[:, None] - np.arange(samples - 1, -1, -1) * np.reshape(blocks.dt_s, (-1, 1))
+    kept = np.repeat(np.asarray(blocks.valid, dtype=bool), samples)
+    t_s = ends_s.ravel()[kept]
+    turn, gain = blocks.dtheta_b.reshape(-1, 3)[kept], blocks.dv_b.reshape(-1, 3)[kept]
+    return {"t_s": t_s} | _axes("dtheta_rad", turn) | _axes("dv_m_s", gain), float(np.diff(t_s).max())
+
+
+def _gnss(fixes):
+    """Columns of place, velocity and sigmas in level axes; 0 where there is no fix."""
+    rows = np.zeros((len(fixes), 14))
+    for row, fix in zip(rows, fixes, strict=True):
+        row[0], row[13] = fix.t_valid_s, fix.valid
+        if fix.valid:
+            latitude, longitude, height = wgs84.geodetic_from_ecef(fix.r_ea_e)
+            C_ne = wgs84.dcm_en(latitude, longitude).T
+            row[1:4] = np.degrees(latitude), np.degrees(longitude), height
+            row[4:7] = C_ne @ fix.v_ea_e
+            variances = [np.diag(C_ne @ R @ C_ne.T) for R in (fix.R_r_e, fix.R_v_e)]
+            row[7:13] = np.sqrt(np.maximum(np.ravel(variances), 0.0))
+    return dict(zip((*TIME_AND_PLACE, *VELOCITY, *SIGMAS, "valid"), rows.T, strict=True))
+
+
+def _of_fixes(data):
+    """What the replay file says of the fixes: without height, and without velocity, where they have none."""
+    fixes = [fix for fix in data.gps if fix.valid]
+    said = {"file": "gnss.csv", "time": "t_s", "position": list(TIME_AND_PLACE[1:]), "valid": "valid"}
+    said["position_sigma"] = list(SIGMAS[:3])
+    if fixes[0].horizontal:
+        said |= {"position": said["position"][:2], "position_sigma": said["position_sigma"][:2]}
+        said["height"] = f"{data.mission.launch_height:.6g} m"
+    if np.isfinite(fixes[0].v_ea_e).all():
+        said |= {"velocity": [*VELOCITY], "velocity_sigma": list(SIGMAS[3:])}
+    return said
+
+
+def _truth(data):
+    """Columns of place, velocity and attitude in level axes."""
+    truth, earth = data.truth, data.mission.earth
+    track = earth_fixed(earth, truth)
+    rows = np.empty((len(truth.t_s), 10))
+    rows[:, 0], rows[:, 3] = truth.t_s, track.height
+    rows[:, 1], rows[:, 2] = np.degrees(track.latitude), np.degrees(track.longitude)
+    for k, (row, C_ie) in enumerate(zip(rows, frames.dcms_ie(earth, truth.t_s), strict=True)):
+        C_ne = wgs84.dcm_en(track.latitude[k], track.longitude[k]).T
+        row[4:7] = C_ne @ track.v_e[k]
+        row[7:] = np.degrees(euler.euler_from_dcm(C_ne @ C_ie.T @ rotation.dcm_from_quat(truth.q_ib[k])))
+    return dict(zip((*TIME_AND_PLACE, *VELOCITY, *ATTITUDE), rows.T, strict=True))
+
+
+def _column(instrument):
+    """The first DataColumn of an instrument, in which readings are given as they are."""
+    return next(one for one in instrument.data if one.convert is None)
+
+
+def _readings(instrument, records):
+    """Columns of the readings of an instrument, in SI."""
+    column = _column(instrument)
+    values = getattr(records, column.field)
+    return {"t_s": records.t_valid_s} | (_axes(column.key, values) if column.vector else {column.key: values})
+
+
+def _of_readings(instrument):
+    """What the replay file says of them."""
+    column = _column(instrument)
+    names = list(_axes(column.key, np.eye(3))) if column.vector else column.key
+    unit = {f"{column.key}_unit": column.si}
+    return {"file": f"{instrument.name}.csv", "time": "t_s", column.key: names, **unit}
+
+
+def _of_mission(said, read):
+    """Sections of a replay file that a scenario has as well, of what the computer on board is told of it.
+
+    said : a scenario as YAML has it;  read : instruments of which there are readings
+    """
+    told = said.get("navigation", {}).get("told") or {}
+    imu = {
+        name: _over(said["imu"][name], told.get("imu", {}).get(name)) for name in ("gyro", "accelerometer")
+    }
+    gps = _over(said["gps"], told.get("gps"))
+    filtered = {
+        key: value
+        for key, value in said.get("navigation", {}).items()
+        if key in schema.ReplayNavigation.keys() and key not in LEFT_OUT
+    }
+    known = {*schema.OF_DATA, *(block.name for one in read for block in one.states)}
+    filtered["states"] = [name for name in filtered.get("states", ()) if name in known]
+    return {
+        "earth": _only(said.get("earth", {}), schema.ReplayEarth),
+        "gnss": {"lever_arm": gps["antenna"]["lever_arm"], "latency": gps["latency"]},
+        "alignment": {"method": "reference", **said.get("pad_alignment", ALIGNED)},
+        "imu": {
+            name: _only(one, schema.ReplayImu.model_fields[name].annotation) for name, one in imu.items()
+        },
+        **{one.name: _over(said[one.name], told.get(one.name)) for one in read},
+        "navigation": filtered,
+        "requirements": {
+            key: {"limit": one["limit"]} if isinstance(one, dict) else one
+            for key, one in _only(said.get("requirements", {}), schema.ReplayRequirements).items()
+        },
+    }
+
+
+def _over(section, told):
+    """A section with the values that are told in their place."""
+    if not isinstance(told, dict):
+        return section if told is None else told
+    return section | {key: _over(section.get(key), value) for key, value in told.items()}
+
+
+def _only(section, model):
+    """What of a section a replay file has too."""
+    return {key: value for key, value in section.items() if key in model.keys()}
+
+
+def _described(data, read, t_s, gap_s):
+    """The replay file, as YAML has it.
+
+    read : instruments of which there are readings;  t_s : (N,) of the IMU samples;  gap_s : the longest
+    """
+    gnss = _of_fixes(data)
+    imu = {"file": "imu.csv", "rate": f"{1.0 / np.median(np.diff(t_s)):.6g} Hz", "time": "t_s"}
+    imu |= {"gyro": list(_axes("dtheta_rad", np.eye(3))), "gyro_unit": "rad"}
+    imu |= {"accelerometer": list(_axes("dv_m_s", np.eye(3))), "accelerometer_unit": "m/s"}
+    truth = {"file": "truth.csv", "time": "t_s", "position": list(TIME_AND_PLACE[1:])}
+    truth |= {"velocity": [*VELOCITY], "attitude": [*ATTITUDE]}
+    others = {one.name: _of_readings(one) for one in read}
+    bridged = {"longest_gap": f"{1.01 * gap_s:.3g} s"} if gap_s > LONGEST_GAP_S else {}
+    begins = datetime.fromisoformat(data.mission.epoch_utc).replace(tzinfo=UTC) + timedelta(
+        seconds=float(t_s[0])
+    )
+    return {
+        "mission": {
+            "name": data.mission.scenario,
+            "description": f"Measurements of seed {data.mission.seed}, without star fixes",
+            "epoch": begins.isoformat().replace("+00:00", "Z"),
+            "start": f"{data.truth.t_s[0] - t_s[0]:.6g} s",  # where the truth begins
+        },
+        "data": {"format": "csv", **bridged, "imu": imu, "gnss": gnss, "truth": truth, **others},
+        **_of_mission(yaml.safe_load(data.mission.scenario_text), read),
+    }

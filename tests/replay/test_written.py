@@ -1,0 +1,117 @@
+"""What a flight measured, written as loggers have it, is read back by a replay as it was."""
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from shefex_nav import runs
+from shefex_nav.commands.main import app
+from shefex_nav.geometry import wgs84
+from shefex_nav.replay import dataset, load
+from shefex_nav.replay import written as measured
+from shefex_nav.scenario import load as missions
+
+UNTIL_S = 8.0
+MAGNETOMETER = "{rate: 20 Hz, hard_iron: 500 nT, soft_iron: 0.3 %, noise: 50 nT}"
+STATES = "gyro_scale, gyro_misalignment, gyro_g_sensitivity, accel_scale, accel_misalignment"
+FLIGHTS = {
+    "fixes": (
+        "rexus_like",
+        [
+            f"magnetometer={MAGNETOMETER}",
+            f"navigation.states=[{STATES}, hard_iron]",
+            "navigation.told.imu.gyro.bias=7 deg/h",
+        ],
+    ),
+    "barometer": ("baro_2d_gps", []),
+}
+
+
+@pytest.fixture(scope="module", params=FLIGHTS)
+def flight(request, tmp_path_factory):
+    """(RunData, folder) of a flight that has been written."""
+    folder = tmp_path_factory.mktemp(request.param) / "measured"
+    name, overrides = FLIGHTS[request.param]
+    flown = runs.fly(missions.load(missions.file_of(name), overrides), 3, until_s=UNTIL_S)
+    measured.write(flown.data, folder)
+    return flown.data, folder
+
+
+@pytest.fixture
+def read(flight):
+    data, folder = flight
+    scenario, files = load.load(str(folder / measured.REPLAY))
+    return data, scenario, dataset.read(scenario, files)
+
+
+def test_increments_are_those_of_the_flight(read):
+    """All but the first, which nothing says the beginning of."""
+    data, _, back = read
+    assert len(back.imu.t_s) == data.imu.dtheta_b.size // 3 and not back.imu.bridged.any()
+    np.testing.assert_allclose(back.imu.dtheta_b[1:], data.imu.dtheta_b.reshape(-1, 3)[1:], atol=1e-15)
+    np.testing.assert_allclose(back.imu.dv_b[1:], data.imu.dv_b.reshape(-1, 3)[1:], atol=1e-12)
+    last_s = data.imu.t_valid_s[-1] - data.imu.t_valid_s[0]
+    assert back.imu.t_s[-1] == pytest.approx(last_s + 3 * 0.0025, abs=1e-9)
+
+
+def test_fixes_are_those_of_the_flight(read):
+    data, scenario, back = read
+    first_s = data.imu.t_valid_s[0] - 3 * 0.0025
+    was = [fix for fix in data.gps if fix.valid and fix.t_valid_s >= first_s]
+    found = [fix for fix in back.fixes if fix.valid]
+    assert len(was) == len(found) > 10
+    for one, again in zip(was, found, strict=True):
+        assert again.t_valid_s == pytest.approx(one.t_valid_s - first_s, abs=1e-9)
+        C_ne = wgs84.level_axes(one.r_ea_e).T
+        axes = slice(0, 2 if one.horizontal else 3)
+        np.testing.assert_allclose((C_ne @ (one.r_ea_e - again.r_ea_e))[axes], 0.0, atol=1e-3)
+        R, R_again = C_ne @ one.R_r_e @ C_ne.T, C_ne @ again.R_r_e @ C_ne.T
+        np.testing.assert_allclose(np.diag(R_again)[axes], np.diag(R)[axes], rtol=1e-6)
+        np.testing.assert_allclose(again.v_ea_e, one.v_ea_e, atol=1e-9)
+    assert scenario.gnss.latency == 0.2 and scenario.gnss.lever_arm == (0.6, 0.05, -0.03)
+
+
+def test_readings_are_those_of_the_flight(read):
+    data, _, back = read
+    assert [name for name, records in back.readings.items() if records] == [
+        name for name in ("barometer", "magnetometer") if len(data.readings[name].t_valid_s)
+    ]
+    if "barometer" in back.readings:
+        found = [one.pressure for one in back.readings["barometer"]]
+        np.testing.assert_allclose(found, data.readings["barometer"].pressure, rtol=1e-12)
+    else:
+        found = [one.field_b for one in back.readings["magnetometer"]]
+        np.testing.assert_allclose(found, data.readings["magnetometer"].field_b, rtol=1e-12)
+
+
+def test_the_replay_knows_what_the_computer_on_board_was_told(flight):
+    data, folder = flight
+    said = yaml.safe_load((folder / measured.REPLAY).read_text())
+    told = data.mission.scenario == "rexus_like"
+    assert said["imu"]["gyro"]["bias"] == ("7 deg/h" if told else "0.5 deg/h")
+    assert "told" not in said["navigation"] and "vibration" not in said["imu"]
+
+
+def test_the_replay_navigates_as_the_flight_did(flight):
+    """The same measurements and assumptions, but for the vibration: its errors are within their sigmas."""
+    _, folder = flight
+    log = folder / "replayed.mcap"
+    done = CliRunner().invoke(app, ["replay", str(folder / measured.REPLAY), "--log", str(log)])
+    assert done.exit_code == 0, done.output
+    again = runs.open_run(log)
+    sigma = np.sqrt(np.diag(again.data.covariance.P[-1])[:3])
+    assert (np.abs(again.errors().position_i[-1]) < 4.0 * sigma).all() and sigma.max() < 20.0
+
+
+def test_logs_that_hold_no_whole_measurements_are_refused(tmp_path):
+    thin = missions.load(missions.file_of("rexus_like"), ["log.rate=10 Hz"])
+    flown = runs.fly(thin, 1, until_s=2.0, log=tmp_path / "thin.mcap")
+    with pytest.raises(measured.NoDataError, match=r"every sample of the IMU; fly it with log.rate: 100 Hz"):
+        measured.write(flown.data, tmp_path / "no")
+    assert not (tmp_path / "no").exists()
+    told = CliRunner().invoke(app, ["export", str(tmp_path / "thin.mcap"), "--replay", str(tmp_path / "no")])
+    assert told.exit_code == 2 and "thin.mcap: does not hold every sample" in told.output
+    blind = flown.data._replace(truth=flown.data.truth._replace(t_s=np.zeros(0)))
+    with pytest.raises(measured.NoDataError, match="without truth"):
+        measured.write(blind, tmp_path / "no")
