@@ -25,17 +25,25 @@ class Target(NamedTuple):
 def choose(environ):
     """Set in `environ` what numba and NumPy read when they are imported, unless the user has.
 
-    Where NumPy or numba has been imported already, that would come too late, and only hide it.
+    Where NumPy has been imported already its linear algebra chooses again (`algebra`). Where numba has, that
+    would come too late, and only hide it.
     """
     target, wanted = baseline(), {}
-    if "numpy" not in sys.modules:
+    is_late = "numpy" in sys.modules
+    if not is_late:
         wanted.update(dict.fromkeys(ONE_THREAD, "1"))
-        if target.algebra:
-            wanted["OPENBLAS_CORETYPE"] = target.algebra
+    if target.algebra and "OPENBLAS_CORETYPE" not in environ:
+        wanted["OPENBLAS_CORETYPE"] = target.algebra
+    else:
+        is_late = False  # it has what it was told when it was loaded
     if "numba" not in sys.modules and "NUMBA_CPU_NAME" not in environ:
         wanted.update(NUMBA_CPU_NAME=target.kernels, NUMBA_CPU_FEATURES="", NUMBA_DISABLE_INTEL_SVML="1")
     for name, value in wanted.items():
         environ.setdefault(name, value)
+    if is_late:
+        from shefex_nav.compiled import algebra
+
+        algebra.choose_again()
 
 
 def baseline():
