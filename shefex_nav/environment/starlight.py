@@ -20,8 +20,6 @@ from functools import cache
 
 import numpy as np
 
-from shefex_nav.geometry.elementary import exp, log
-
 PLANCK = 6.62607015e-34  # J s, exact: SI
 JANSKY = 1e-26  # W/m^2/Hz
 WAVELENGTHS = np.array([440e-9, 550e-9, 640e-9, 790e-9, 1260e-9])  # m, of B, V, R, I, J
@@ -38,11 +36,16 @@ STEP = 1e-9  # m, of the integral
 
 def photons(wavelength):
     """Photons of the star in a second, square metre and metre of wavelength. (n,) m -> (n,)"""
-    x, known = log(wavelength), log(WAVELENGTHS)
+    x, known, fluxes = _logs(wavelength), _logs(WAVELENGTHS), _logs(FLUXES)
     k = np.clip(np.searchsorted(known, x) - 1, 0, len(known) - 2)
-    slope = np.diff(log(FLUXES)) / np.diff(known)
-    flux = exp(log(FLUXES)[k] + slope[k] * (x - known[k]))
-    return flux / (PLANCK * wavelength)
+    slope = np.diff(fluxes) / np.diff(known)
+    flux = [math.exp(one) for one in fluxes[k] + slope[k] * (x - known[k])]
+    return np.array(flux) / (PLANCK * wavelength)
+
+
+def _logs(values):
+    """Natural logarithms as the C library has them, on all processors alike, before kernels are there."""
+    return np.array([math.log(one) for one in values])
 
 
 def photons_in_v():

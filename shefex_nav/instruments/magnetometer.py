@@ -17,12 +17,12 @@ B_h the horizontal part, so that what tilts the level tilts the heading by the i
 compass. Soft iron and the field that no model has are no states: they last.
 """
 
+import math
 from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry.elementary import exp
 from shefex_nav.instruments import instrument
 from shefex_nav.instruments.instrument import Column, DataColumn, Drawn, Equation, Plot, StateBlock
 from shefex_nav.onboard.navigation.aid import Aid, Block, Linearised, Renewal
@@ -131,7 +131,7 @@ def _true_field(truth, k, drive):
         C_ei = frames.dcm_ie(truth.earth, trajectory.t_s[sample]).T
         r_e = C_ei @ trajectory.r_i[sample]
         if before is not None:
-            keeps = exp(-np.linalg.norm(r_e - before) / ANOMALY_LENGTH)
+            keeps = math.exp(-np.linalg.norm(r_e - before) / ANOMALY_LENGTH)
             more = keeps * more + np.sqrt(1.0 - keeps**2) * drive[j]
         b_e, before = _field_e(harmonics, r_e, sigma_n * more), r_e
         out[j] = rotation.dcm_from_quat(trajectory.q_ib[sample]).T @ C_ei.T @ b_e

@@ -51,7 +51,6 @@ class Run:
     log : Path of the log
     real_time : pacing.RealTime, how well it has kept its pace; None of one that had none
     filter : name of another filter whose solution it has (`with_solution`, `others`); '' of what flew
-    scenario : Scenario that was flown in this process; None: it is read from the log where it is needed
     """
 
     def __init__(self, data, log, folder=None, real_time=None, filter="", scenario=None):
@@ -59,7 +58,7 @@ class Run:
         self.log = log
         self.real_time = real_time
         self.filter = filter
-        self.scenario = scenario
+        self._scenario = scenario
         self._folder = folder  # a temporary log is deleted with it
 
     def __repr__(self):
@@ -74,6 +73,13 @@ class Run:
         kept = "log not saved" if self._folder else self.log
         own = "".join(f", {name}" for _, name, _ in mission.software)
         return f"<Run {mission.scenario}, seed {mission.seed}{own}, {end}, {kept}>"
+
+    @cached_property
+    def scenario(self):
+        """The Scenario that was flown; None of external data, or where this version cannot read that text."""
+        from shefex_nav.report import configured
+
+        return self._scenario or configured.configured(self.data).scenario
 
     @property
     def truth(self):
@@ -99,6 +105,11 @@ class Run:
     def gps(self):
         """GpsFix of arrays over the fixes."""
         return stack(GpsFix, self.data.gps)
+
+    @property
+    def star_fixes(self):
+        """list of StarFix, one a frame; those without an attitude say why by their `reason`."""
+        return self.data.star_fixes
 
     @cached_property
     def tables(self):

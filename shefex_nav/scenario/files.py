@@ -28,7 +28,8 @@ def read_text(path, expected, largest=LARGEST):
                 raise Unreadable(f"is {what}, expected a file")
         if found.st_size > largest:
             words = f"has {found.st_size / 1e6:.3g} MB; {expected} has {largest / 1e6:.3g} MB at most"
-            raise Unreadable(words)
+            other = kind.of_bytes(path)
+            raise Unreadable(_instead(other, expected) if other else words)
         if stat.S_ISFIFO(found.st_mode):
             return _poured(path, expected, largest)
         with open(path, encoding="utf-8-sig") as stream:

@@ -62,6 +62,8 @@ class ScenarioBase(schema.Sections):
         trust : consent to run the Python files that it names in `plugins`, as they are now; it is kept
         Raises ScenarioError, which lists every error with its place.
         """
+        if isinstance(overrides, str):
+            overrides = [overrides]
         if isinstance(overrides, dict):
             told = [(key, *_yaml(value)) for key, value in overrides.items()]
             bad = [f"{key}: {problem}" for key, _, problem in told if problem]
@@ -279,7 +281,7 @@ def _whose(mark, path, others):
 def with_states(scenario, names):
     """A Scenario whose filter has the named blocks of states, in its text as well."""
     navigation = scenario.navigation.model_copy(update={"states": list(names)})
-    settled = scenario.model_copy(update={"navigation": navigation})
+    settled = scenario.with_sections(navigation=navigation)
     settled.keep_text(partial(_source_with_states, scenario, list(names)), dict(scenario.files))
     return settled
 

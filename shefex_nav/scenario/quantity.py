@@ -23,6 +23,7 @@ from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
+MOST_WRITTEN = 9  # [E] digits of a number that somebody has typed
 _LOOSE_NUMBER = re.compile(r"(?<![\w^*/(+-])[\d.]")  # a second number that astropy would multiply in
 _COMPASS = re.compile(r"(?:deg|°)?\s*([NSEW])")  # of a latitude or longitude
 _PLAIN_UNIT = re.compile(r"(?!rad)[A-Za-z]+(/s2?)?")
@@ -164,11 +165,14 @@ class QuantitySpec:
         """The user's own number with the units that may be meant: list of texts that the field takes.
 
         number : text;  the unit of the example comes first, then the one in SI, where people write it. A
-        share of at most one is meant as that, not as so many per cent
+        share of at most one is meant as that, not as so many per cent; a number of more digits than people
+        write is a computer's, in SI
         """
         percent = 100.0 * float(number)
         if split(self.example)[1] == "%" and 0.0 < percent <= 100.0 and self._takes(percent, "%"):
             return [f"{percent:.6g} %"]
+        if sum(letter.isdigit() for letter in number.partition("e")[0].lstrip("-+0.")) > MOST_WRITTEN:
+            return [f"{number} {self.unit}"]
         units = [split(self.example)[1]]
         if _PLAIN_UNIT.fullmatch(self.unit) and self.unit not in units:
             units.append(self.unit)

@@ -84,6 +84,30 @@ class Sections(Block):
     _line: Any = PrivateAttr(None)
     _place: Any = PrivateAttr(None)
 
+    def __eq__(self, other):
+        """Whether another scenario holds the same values, wherever they were written."""
+        return type(other) is type(self) and other.__dict__ == self.__dict__
+
+    def __hash__(self):
+        return hash(self.mission.name)
+
+    def __repr__(self):
+        file = self.files[0][0] if self.files else ""
+        return f"<Scenario {self.mission.name}{file and f', from {file}'}>"
+
+    def model_copy(self, *, update=None, deep=False):
+        """The same scenario; TypeError with an `update`, of which its text and the log would know nothing."""
+        if update:
+            raise TypeError(
+                "a scenario is changed where it is loaded, so that its text says so too: "
+                "Scenario.load(path, {'imu.gyro.random_walk': '0.09 deg/sqrt(h)'})"
+            )
+        return super().model_copy(deep=deep)
+
+    def with_sections(self, **sections):
+        """The same with other sections, of which its text says nothing: for one step within the program."""
+        return super().model_copy(update=sections)
+
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""

@@ -199,7 +199,7 @@ def with_built_in(scenario):
         section: getattr(scenario, section).model_copy(update={SOFTWARE: BUILT_IN})
         for section, _ in _owned(scenario)
     }
-    return scenario.model_copy(update=told) if told else scenario
+    return scenario.with_sections(**told) if told else scenario
 
 
 def name(own):

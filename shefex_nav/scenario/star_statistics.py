@@ -207,7 +207,7 @@ def with_model(scenario, content):
     """The same scenario with frames: statistical and the content of a file. Scenario, dict -> Scenario"""
     model = StarStatistics.model_validate(content)
     tracker = scenario.star_tracker.model_copy(update={"frames": "statistical", "model": model})
-    return scenario.model_copy(update={"star_tracker": tracker})
+    return scenario.with_sections(star_tracker=tracker)
 
 
 def _holds(wanted, found):

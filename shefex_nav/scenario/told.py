@@ -84,7 +84,7 @@ def as_told(scenario):
         for name in type(told).model_fields
         if (given := getattr(told, name)) is not None and getattr(scenario, name) is not None
     }
-    return scenario.model_copy(update=sections) if sections else scenario
+    return scenario.with_sections(**sections) if sections else scenario
 
 
 def over(section, given):

@@ -54,6 +54,9 @@ class Copied(SimpleNamespace):
     def model_copy(self, update):
         return Copied(vars(self) | update)
 
+    def with_sections(self, **sections):
+        return self.model_copy(sections)
+
 
 def wished(tilt, azimuth):
     """Place where a tilt, deg, lands."""

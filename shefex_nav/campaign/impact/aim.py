@@ -53,7 +53,7 @@ class _Range:
         self.flights += 1
         azimuth, elevation = _setting(tilt)
         there = self.scenario.launch.model_copy(update={"azimuth": azimuth, "elevation": elevation})
-        tilted = self.scenario.model_copy(update={"launch": there})
+        tilted = self.scenario.with_sections(launch=there)
         try:
             landings = land(tilted, self.seed, self.ground, paths=False).landings
         except (FlightError, ImpactError) as error:

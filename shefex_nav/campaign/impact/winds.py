@@ -134,7 +134,7 @@ def launch(scenario, overrides, seed, ground, place, body, speed, whence):
         if place is not None:
             found = aim.aim(own, *place, seed, ground, body)
             site = site.model_copy(update={"azimuth": found.azimuth, "elevation": found.elevation})
-        flown = own.model_copy(update={"launch": site})
+        flown = own.with_sections(launch=site)
         landed = landing.land(flown, seed, ground, paths=False)
     except (FlightError, landing.ImpactError) as error:
         return None, str(error).splitlines()[0]

@@ -168,7 +168,7 @@ def _with_model(scenario, model):
     tracker = scenario.star_tracker
     if not tracker.enabled or tracker.model is not None or model is None:
         return scenario
-    return scenario.model_copy(update={"star_tracker": tracker.model_copy(update={"model": model})})
+    return scenario.with_sections(star_tracker=tracker.model_copy(update={"model": model}))
 
 
 def _taken_over(scenario):
@@ -176,7 +176,7 @@ def _taken_over(scenario):
     if not scenario.star_tracker.enabled:
         return ()
     tracker = scenario.star_tracker.model_copy(update={"frames": "statistical"})
-    others = scenario.model_copy(update={"star_tracker": tracker})
+    others = scenario.with_sections(star_tracker=tracker)
     return tuple(".".join(map(str, path)) for path, _ in star_statistics.contradictions(others))
 
 
