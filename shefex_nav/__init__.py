@@ -36,8 +36,20 @@ Pixels: (0, 0) is the centre of the top-left pixel, x to the right, y down.
 """
 
 import os as _os
+from typing import TYPE_CHECKING
 
 from shefex_nav.compiled import target as _target
+
+if TYPE_CHECKING:  # what `__getattr__` imports, for editors and type checkers
+    from shefex_nav.campaign.from_python import fly_campaign as fly_campaign
+    from shefex_nav.campaign.results import open_campaign as open_campaign
+    from shefex_nav.errors import UserError as UserError
+    from shefex_nav.runs import fly as fly
+    from shefex_nav.runs import open_run as open_run
+    from shefex_nav.scenario.load import Scenario as Scenario
+    from shefex_nav.solve.camera import Camera as Camera
+    from shefex_nav.solve.centroids import solve_centroids as solve_centroids
+    from shefex_nav.solve.image import solve_image as solve_image
 
 __version__ = "0.1.0"
 

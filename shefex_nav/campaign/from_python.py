@@ -10,12 +10,22 @@ The condition is for scripts: the workers are new processes, which read the scri
 
 import multiprocessing
 import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 
 def fly_campaign(
-    scenario, runs=None, *, folder, seed=1, workers=None, engine=None, keep=(), say=print,
-    until_verified=False,
-):  # fmt: skip
+    scenario,
+    runs: int | None = None,
+    *,
+    folder: str | Path,
+    seed: int = 1,
+    workers: int | None = None,
+    engine: str | None = None,
+    keep: Sequence[str] = (),
+    say: Callable[[str], object] = print,
+    until_verified: bool = False,
+):
     """Fly a scenario many times; what the folder has of the same campaign already is not flown again.
 
     Parameters

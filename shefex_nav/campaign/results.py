@@ -299,7 +299,7 @@ def figure_of(row):
     return get
 
 
-def open_campaign(folder):
+def open_campaign(folder: str | Path) -> "Campaign":
     """Campaign in a folder, finished or not; StoreError if there is none or if no run is done.
 
     The table is read if it has the runs that are done and none of them is newer, else the files of the runs.

@@ -45,17 +45,25 @@ def get_ready(scenario):
     warmup.get_ready({"command=run", *choices(scenario)})
 
 
+def _unwatched(records, _start_s, _end_s):
+    return records
+
+
+def _untold(_warnings):
+    return None
+
+
 def fly(
     scenario,
-    seed=1,
+    seed: int = 1,
     *,
-    until_s=math.inf,
-    log=None,
-    overwrite=False,
-    pace=None,
-    watch=lambda records, *_: records,
-    told=lambda warnings: None,
-):
+    until_s: float = math.inf,
+    log: str | Path | None = None,
+    overwrite: bool = False,
+    pace: float | None = None,
+    watch=_unwatched,
+    told=_untold,
+) -> Run:
     """Fly a scenario once: simulate, navigate, log.
 
     Parameters

@@ -10,13 +10,13 @@ import numpy as np
 from shefex_nav.log import mcap_file, reader
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.topics import LogError
-from shefex_nav.records import GpsFix, Reason
+from shefex_nav.records import Event, GpsFix, ImuBlock, NavSolution, Reason, StarFix, TruthSample
 from shefex_nav.runs.frames import Frames, nearest
 
 KEEP = "log.frames of the scenario says which are kept: full_every, otherwise"
 
 
-def open_run(log):
+def open_run(log: str | Path) -> "Run":
     """The Run of a log, of a killed run too; LogError if it is none."""
     return Run(reader.read(log), Path(log))
 
@@ -82,32 +82,32 @@ class Run:
         return self._scenario or configured.configured(self.data).scenario
 
     @property
-    def truth(self):
+    def truth(self) -> TruthSample:
         """TruthSample of arrays over the ticks of the on-board clock."""
         return self.data.truth
 
     @property
-    def solution(self):
+    def solution(self) -> NavSolution:
         """NavSolution of arrays over the ticks of the on-board clock."""
         return self.data.nav
 
     @property
-    def events(self):
+    def events(self) -> list[Event]:
         """list of Event in order of time."""
         return self.data.events
 
     @property
-    def imu(self):
+    def imu(self) -> ImuBlock:
         """ImuBlock of arrays over the ticks, as the on-board computer got them."""
         return self.data.imu
 
     @property
-    def gps(self):
+    def gps(self) -> GpsFix:
         """GpsFix of arrays over the fixes."""
         return stack(GpsFix, self.data.gps)
 
     @property
-    def star_fixes(self):
+    def star_fixes(self) -> list[StarFix]:
         """list of StarFix, one a frame; those without an attitude say why by their `reason`."""
         return self.data.star_fixes
 
@@ -174,7 +174,7 @@ class Run:
         names = ", ".join(dict.fromkeys(event.name for event in self.events)) or "none"
         raise LookupError(f"there was no event {name!r}; the run has: {names}")
 
-    def errors(self):
+    def errors(self) -> Errors:
         """Errors of position, velocity and attitude with their standard deviations."""
         from shefex_nav.report import metrics
 
@@ -182,7 +182,7 @@ class Run:
         sigma = np.sqrt(np.einsum("kii->ki", covariance.P))
         return Errors(*errors, covariance.t_s, sigma[:, :3], sigma[:, 3:6], sigma[:, 6:])
 
-    def summary(self):
+    def summary(self) -> dict:
         """The object that `shefex-nav run --json` prints: dict of numbers, texts and None."""
         from shefex_nav.report import metrics
 
@@ -201,7 +201,7 @@ class Run:
         return table.summary_table(summary, configured.judged(self.data, summary, self.scenario))
 
     @cached_property
-    def frames(self):
+    def frames(self) -> Frames:
         """Frames of the star camera by mission time: `run.frames[300.0]`, `len(run.frames)`, iteration."""
         return Frames(self.data, self.log)
 

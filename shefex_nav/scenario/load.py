@@ -3,7 +3,9 @@
 import copy
 import json
 from functools import partial
+from os import PathLike
 from pathlib import PurePath
+from typing import Self
 
 from pydantic import ValidationError
 
@@ -54,7 +56,7 @@ class ScenarioBase(schema.Sections):
     __doc__ = schema.Sections.__doc__
 
     @classmethod
-    def load(cls, path, overrides=(), *, trust=False):
+    def load(cls, path: str | PathLike, overrides=(), *, trust: bool = False) -> Self:
         """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
 
         The name of one that comes with the package is enough: Scenario.load("shefex2_andoya").
