@@ -87,10 +87,10 @@ class _Inner:
 
 
 def entry(kernel, *args):
-    """What a kernel is for arguments of the same types as these, the number of bytes apart: to be called often.
+    """A kernel for arguments of the types of these, to be called often.
 
-    It looks at no types, which takes longer than a small kernel; it must get none but these, and defaults
-    that are not among these written out.
+    It does not look at the types of what it gets, which takes longer than a small kernel does: they must be
+    these. Of defaults that are not among these arguments it has to be given the value all the same.
     """
     return kernel.entry(*args) if hasattr(kernel, "entry") else kernel
 

@@ -45,7 +45,7 @@ def _is_due(scene, view, n, s):
 
 @inner
 def detectable(fading):
-    """Share of the stars of a magnitude that are bright enough; fading: exp((magnitude - limit) / SOFTNESS)."""
+    """Share of the stars of a magnitude that are bright enough; fading: exp((vmag - limit) / SOFTNESS)."""
     return BLURRED + (1.0 - BLURRED) / (1.0 + fading)
 
 
