@@ -1,6 +1,8 @@
 """Compiled kernels: how they are marked, for which processor they are compiled, where they are kept.
 
     kernel, inner    a loop that is compiled: called by Python, or by other kernels alone
+    entry            a kernel for arguments whose types are known
+    lent             arrays whose references are not counted
     rows             tables whose fields kernels read as attributes
     target           the processor, fixed so that results are the same on another one
     digest           what a kernel and all that it calls really are, as a number
@@ -82,6 +84,26 @@ class _Inner:
 
     def __reduce__(self):
         return self._kernel.__reduce__()
+
+
+def entry(kernel, *args):
+    """A kernel for arguments of the types of these, to be called often.
+
+    It does not look at the types of what it gets, which takes longer than a small kernel does: they must be
+    these. Of defaults that are not among these arguments it has to be given the value all the same.
+    """
+    return kernel.entry(*args) if hasattr(kernel, "entry") else kernel
+
+
+def lent(value):
+    """For kernels: the same array, or tuple of whatever with arrays in it, without a count of its references.
+
+    A kernel counts the references to its arrays whenever one gets a name or goes into a function, all those
+    of a tuple at once, in a way that is safe between threads: 10 ns and more each. Who is given arrays may
+    lend them on, as its caller keeps them until it returns: at the beginning of a function, only of its own
+    arguments, and never what it returns.
+    """
+    return value
 
 
 def rows(fields, align=False):

@@ -22,16 +22,16 @@ from functools import cached_property
 import llvmlite
 import numba
 import numpy as np
-from numba.core import config, types
+from numba.core import cgutils, config, types
 from numba.core.caching import NullCache, _cache_log
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler_lock import global_compiler_lock, require_global_compiler_lock
 from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
 from numba.core.registry import CPUDispatcher, cpu_target
-from numba.extending import overload
+from numba.extending import intrinsic, overload
 
-from shefex_nav.compiled import digest, machine_code, signature
+from shefex_nav.compiled import digest, lent, machine_code, signature
 from shefex_nav.compiled.store import Store
 
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
@@ -154,6 +154,31 @@ def _raise_another_shape(shape, into):
     return implementation
 
 
+def _uncounted(context, builder, kind, value):
+    """LLVM's value of a type without the owners of its arrays."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        parts = cgutils.unpack_tuple(builder, value, len(kind))
+        inside = [_uncounted(context, builder, *one) for one in zip(kind.types, parts, strict=True)]
+        return context.make_tuple(builder, kind, inside)
+    return value
+
+
+@intrinsic
+def _lent(typing_context, value):
+    return value(value), lambda context, builder, sig, args: _uncounted(
+        context, builder, sig.args[0], args[0]
+    )
+
+
+@overload(lent)
+def _lend(value):
+    return lambda value: _lent(value)
+
+
 @contextmanager
 def _within_a_kernel():
     """What numba compiles of itself meanwhile, such as np.zeros, becomes part of the kernel that needs it."""
@@ -242,6 +267,13 @@ class Kernel(CPUDispatcher):
         Dispatcher.add_overload(self, cres)
         for env in cres.referenced_envs or cres._find_referenced_environments():
             cres.codegen.set_env(env.env_name, env)
+
+    def entry(self, *args):
+        """As `compiled.entry`."""
+        given, defaults = len(args), self.py_func.__defaults__ or ()
+        left = self.py_func.__code__.co_argcount - given
+        omitted = map(types.Omitted, defaults[len(defaults) - left :])
+        return self.compile((*map(self.typeof_pyval, args), *omitted))
 
     def file_of(self, args, known=None):
         """Path of the file of compiled code for types of arguments; None: it has to be compiled.

@@ -5,13 +5,14 @@ wrong, or the reason for none. The catalogue and its pairs are built at the firs
 and magnitude, and kept.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav import warmup
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import entry, inner, kernel, lent
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
@@ -111,7 +112,7 @@ def _by_default(ready, xy_px, flux, P_px, prediction):
     prior = bayes.NO_PREDICTION if prediction is None else given.prediction(prediction)
     flux = NO_FLUX if flux is None else flux
     if P_px is None:
-        reason, hip, q_ci, P_c, wrong = _solve_kernel(*ready.tables, xy_px, flux, prior)
+        reason, hip, q_ci, P_c, wrong = ready.solve(*ready.tables, xy_px, flux, prior, None)
     else:
         reason, hip, q_ci, P_c, wrong = _solve_uneven(ready.tables, xy_px, flux, prior, P_px)
     if reason == 0:
@@ -129,6 +130,7 @@ def _solve_kernel(stars, index, hips, numbers, xy_px, flux, prediction, ellipses
     ellipses : of centroids that are sorted already, or None
     -> reason (Reason, BAD_PLACE, BAD_FLUX), hip (n,), q_ci, P_c, probability that it is chance
     """
+    stars, index, hips, flux, prediction = lent(stars), lent(index), lent(hips), lent(flux), lent(prediction)
     n, has_flux = xy_px.shape[0], flux.shape[0] > 0
     hip = np.zeros(n, dtype=np.int64)
     reason = 0
@@ -198,6 +200,7 @@ class _Ready(NamedTuple):
     sky: _Sky
     numbers: bayes.Numbers
     tables: tuple  # Stars, Pairs, (n,) Hipparcos numbers, Numbers: as `_solve_kernel` takes them
+    solve: Callable  # that kernel, for these tables and round errors
 
 
 def _ready_for(camera, *numbers_given):
@@ -225,7 +228,9 @@ def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, fal
         sky.pinhole.cx_px, sky.pinhole.cy_px, bayes.BORDER_PX + sky.displaced_px,
         float(centroid_sigma_px), float(magnitude_sigma), float(false_limit), bayes.MIN_STARS, bayes.BUDGET,
     )  # fmt: skip
-    return _Ready(sky, numbers, (sky.stars, sky.index, sky.hip, numbers))
+    tables = sky.stars, sky.index, sky.hip, numbers
+    frame = np.empty((1, 2)), np.empty(1), bayes.NO_PREDICTION
+    return _Ready(sky, numbers, tables, entry(_solve_kernel, *tables, *frame))
 
 
 @lru_cache(maxsize=8)

@@ -5,11 +5,14 @@ import numpy as np
 from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.solve.camera import numbers
 
+FLOAT = np.dtype(np.float64)
 COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
 
 
 def places(xy_px):
     """Centroids as an array of our own: one layout, one compilation. -> (n, 2)."""
+    if is_ours(xy_px) and xy_px.ndim == 2 and xy_px.shape[1] == 2:
+        return xy_px
     real("xy_px", xy_px)
     try:
         array = np.array(xy_px, dtype=np.float64, order="C")
@@ -24,6 +27,8 @@ def places(xy_px):
 
 def fluxes(flux, n):
     """Brightness of the n centroids, likewise."""
+    if is_ours(flux) and flux.shape == (n,):
+        return flux
     real("flux", flux)
     try:
         array = np.array(flux, dtype=np.float64, order="C")
@@ -32,6 +37,11 @@ def fluxes(flux, n):
     if array.shape != (n,):
         raise ValueError(f"flux: expected shape ({n},), got {array.shape}")
     return array
+
+
+def is_ours(values):
+    """Whether these are an array as the kernels are compiled for. They do not write into it."""
+    return type(values) is np.ndarray and values.dtype is FLOAT and values.flags.carray
 
 
 def real(name, values):

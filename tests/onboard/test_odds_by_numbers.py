@@ -8,7 +8,7 @@ from plain import plain
 from scipy import integrate, stats
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec
-from shefex_nav.onboard.startracker.identify import bayes, completeness, evidence, odds, verify
+from shefex_nav.onboard.startracker.identify import bayes, completeness, evidence, odds, screen, verify
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene
 from shefex_nav.records import Reason
 
@@ -27,6 +27,7 @@ def view_of(xy_px, det, distance2=None, row=None):
     return evidence.View(
         np.arange(n) if row is None else np.array(row), np.array(xy_px, dtype=float).reshape(-1, 2),
         np.array(det, dtype=np.int64), np.zeros(n) if distance2 is None else np.array(distance2),
+        np.empty(64, dtype=np.int64), np.empty(160),
     )  # fmt: skip
 
 
@@ -100,7 +101,8 @@ def test_the_zero_point_is_the_median_of_the_matched():
 
 
 def test_factorials():
-    assert plain(odds.log_factorials)(6).tolist() == pytest.approx(np.log([1, 1, 2, 6, 24, 120, 720]))
+    assert odds.LOG_FACTORIAL[:7].tolist() == pytest.approx(np.log([1, 1, 2, 6, 24, 120, 720]))
+    assert len(odds.LOG_FACTORIAL) == screen.MAX_DETECTIONS + 1
 
 
 @pytest.mark.parametrize("n, crowded", [(3, True), (2, False)])
@@ -136,7 +138,10 @@ def test_stars_near_the_border_or_beside_a_brighter_one_may_be_missing():
 
 def test_detection_falls_softly_with_magnitude():
     """A logistic of 0.17 mag: halves within 0.19 mag, and a few far fainter ones are seen."""
-    share = plain(completeness.detectable)
+
+    def share(vmag, limit):
+        return plain(completeness.detectable)(np.exp((vmag - limit) / 0.17))
+
     assert share(2.0, 6.0) == pytest.approx(1.0) and share(12.0, 6.0) == pytest.approx(0.03)
     assert share(6.0, 6.0) == pytest.approx(0.5 * 1.03)
     logistic = stats.logistic(loc=6.0, scale=0.17)
@@ -144,10 +149,36 @@ def test_detection_falls_softly_with_magnitude():
         assert share(vmag, 6.0) == pytest.approx(0.03 + 0.97 * logistic.sf(vmag))
 
 
-def test_a_pattern_has_the_probability_of_each_star():
-    bright_enough, seen = np.array([1.0, 0.9, 0.4, 0.1]), np.array([True, False, True, False])
-    wanted = 0.8 * (1.0 - 0.8 * 0.9) * (0.8 * 0.4) * (1.0 - 0.8 * 0.1)
-    assert plain(completeness.pattern_odds)(bright_enough, seen, 0.8) == pytest.approx(np.log(wanted))
+@pytest.mark.parametrize("n, has_flux", [(4, True), (4, False), (150, True)])
+def test_a_pattern_has_the_probability_of_each_star(n, has_flux):
+    """For each share and limit the product over the stars, also of so many that it is no number any longer.
+
+    Of a limit that is brighter than the catalogue's, a half for each detection that is fainter by 0.3 mag.
+    """
+    rng, faintest, zero = np.random.default_rng(n), 5.5, -9.0
+    vmag, det = np.sort(rng.uniform(3.0, faintest, n)), np.where(np.arange(n) % 2, -1, np.arange(n) // 2)
+    places = np.column_stack([20.0 + 60.0 * (np.arange(n) % 10), 20.0 + 30.0 * (np.arange(n) // 10)])
+    mag = np.sort(rng.uniform(zero + 3.0, zero + 6.0, n // 2))
+    stars, terms = SimpleNamespace(vmag=np.append(vmag, faintest)), []
+    for step, prior in zip(completeness.LIMITS, completeness.LIMIT_WEIGHTS, strict=True):
+        fainter = (mag > zero + faintest - step + 0.3).sum() if step > 0.0 and has_flux else 0
+        for share, weight in zip(completeness.SHARES, completeness.SHARE_WEIGHTS, strict=True):
+            p = share * (0.03 + 0.97 * stats.logistic(faintest - step, 0.17).sf(vmag))
+            pattern = np.log(np.where(det >= 0, p, 1.0 - p)).sum()
+            terms.append(np.log(prior * weight) + pattern + fainter * np.log(0.5))
+    scene, view = scene_of(np.zeros((n // 2, 2)), mag, has_flux), view_of(places, det)
+    got = plain(completeness.completeness_odds)(stars, view, n, scene, zero)
+    assert got == pytest.approx(np.logaddexp.reduce(terms), abs=1e-9)
+
+
+def test_many_stars_that_are_missing_do_not_underflow():
+    """150 bright stars, none of them seen: 45 per cent are missing each at the very best."""
+    n = 150
+    places = np.column_stack([20.0 + 60.0 * (np.arange(n) % 10), 20.0 + 30.0 * (np.arange(n) // 10)])
+    stars, view = SimpleNamespace(vmag=np.append(np.full(n, 2.0), 9.0)), view_of(places, [-1] * n)
+    got = plain(completeness.completeness_odds)(stars, view, n, scene_of([(0.0, 0.0)], [-9.0]), -18.0)
+    wanted = np.log(0.1) + n * np.log(0.45)
+    assert got == pytest.approx(wanted, abs=0.3) and got < wanted
 
 
 def test_odds_of_places_with_a_focal_length_that_is_free():

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_from_dcm
@@ -166,6 +166,7 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
     -------
     Solution, as a plain tuple
     """
+    stars, pairs, ellipses = lent(stars), lent(pairs), lent(ellipses)
     has_prediction, q_ic, P_c = prediction
     n = min(xy_px.shape[0], MAX_DETECTIONS)
     scene = Scene(
@@ -207,8 +208,8 @@ def new_best(n):
 @inner
 def conclude(task, numbers, n, work, tracked):
     """Reason, and the attitude if it is certain."""
-    best = task.best
-    star = np.full(n, -1, dtype=np.int64)
+    task = lent(task)
+    best, star = task.best, np.full(n, -1, dtype=np.int64)
     if (
         best.score[2] < 4.0
         and best.score[5] > NOISY * numbers.centroid_error
@@ -228,9 +229,9 @@ def conclude(task, numbers, n, work, tracked):
     star[: len(best.star)] = best.star
     variance = numbers.centroid_error**2
     variance *= max(variance_seen(best.score[3] / variance, 2 * k - n_par), denied)
-    P_c = np.empty((3, 3))
+    P_c, column = np.empty((3, 3)), np.empty(4)
     for c in range(3):
-        column = np.zeros(4)
+        column[:] = 0.0
         column[c] = variance
         solve_cholesky(best.L, column, n_par)
         for a in range(3):

@@ -5,6 +5,8 @@ that pattern. A star is detected with a probability that falls softly with its m
 another band than the camera, stars vary, doubles are split, so that the camera's limit is no cut in V.
 """
 
+from math import exp
+
 import numpy as np
 
 from shefex_nav.compiled import inner
@@ -17,7 +19,8 @@ LIMIT_WEIGHTS = (0.4, 0.15, 0.1, 0.08, 0.07, 0.06, 0.05, 0.05, 0.04)
 SOFTNESS = 0.17  # mag, of a logistic fall: half of it within +-0.19 mag, nine tenths within +-0.5
 BLURRED = 0.03  # share of the stars far beyond the limit that are detected
 FAINTER, FAINTER_MARGIN = 0.5, 0.3  # odds of each detection that is fainter than the limit, by this [mag]
-SMALLEST = 1e-250  # products are taken apart before they are smaller
+FADING = tuple(exp(limit / SOFTNESS) for limit in LIMITS)  # of the catalogue's faintest star
+RESCALED = 16  # stars after which products are made larger: above 1e-32 of what they were
 
 
 @inner
@@ -41,24 +44,18 @@ def _is_due(scene, view, n, s):
 
 
 @inner
-def detectable(vmag, limit):
-    """Share of the stars of a magnitude that are bright enough for a camera with this limit."""
-    return BLURRED + (1.0 - BLURRED) / (1.0 + np.exp((vmag - limit) / SOFTNESS))
+def detectable(fading):
+    """Share of the stars of a magnitude that are bright enough; fading: exp((vmag - limit) / SOFTNESS)."""
+    return BLURRED + (1.0 - BLURRED) / (1.0 + fading)
 
 
 @inner
-def pattern_odds(bright_enough, seen, share):
-    """ln of the probability that stars are seen or not.
-
-    bright_enough : (n,) of `detectable`;  seen : (n,) bool;  share : of the bright ones that are detected
-    """
-    product, total = 1.0, 0.0
-    for s in range(bright_enough.shape[0]):
-        p = share * bright_enough[s]
-        product *= p if seen[s] else 1.0 - p
-        if product < SMALLEST:
-            total, product = total + np.log(product), 1.0
-    return total + np.log(product)
+def count_fainter(mag, limit):
+    """Detections fainter than a magnitude."""
+    n = 0
+    for k in range(mag.shape[0]):
+        n += mag[k] > limit
+    return n
 
 
 @inner
@@ -66,23 +63,30 @@ def completeness_odds(stars, view, n, scene, zero):
     """Logarithm of the probability that these stars of the view are seen and those are not.
 
     The share of the bright stars that are detected and the camera's limit are unknown. A frame with many
-    detections below a limit does not have that limit.
+    detections below a limit does not have that limit. Products, star by star for all shares and limits; they
+    are made larger together before they are too small, and then count against the largest.
     """
     faintest = stars.vmag[len(stars.vmag) - 1]
-    vmag, seen, m = np.empty(n), np.empty(n, dtype=np.bool_), 0
-    for s in range(n):
-        if view.det[s] >= 0 or _is_due(scene, view, n, s):
-            vmag[m], seen[m] = stars.vmag[view.row[s]], view.det[s] >= 0
-            m += 1
-    bright_enough, total = np.empty(m), -np.inf
+    odds, log_scale, m = np.empty((len(LIMITS), len(SHARES))), 0.0, 0
     for q in range(len(LIMITS)):
-        limit, fainter = faintest - LIMITS[q], 0.0
-        for s in range(m):
-            bright_enough[s] = detectable(vmag[s], limit)
+        fainter = 0
         if LIMITS[q] > 0.0 and scene.has_flux:
-            fainter = (scene.mag > zero + limit + FAINTER_MARGIN).sum() * np.log(FAINTER)
+            fainter = count_fainter(scene.mag, zero + faintest - LIMITS[q] + FAINTER_MARGIN)
         for p in range(len(SHARES)):
-            pattern = pattern_odds(bright_enough, seen[:m], SHARES[p])
-            weight = np.log(LIMIT_WEIGHTS[q] * SHARE_WEIGHTS[p])
-            total = add_logs(total, weight + pattern + fainter)
-    return total
+            odds[q, p] = LIMIT_WEIGHTS[q] * SHARE_WEIGHTS[p] * FAINTER**fainter
+    for s in range(n):
+        seen = view.det[s] >= 0
+        if not (seen or _is_due(scene, view, n, s)):
+            continue
+        fading = np.exp((stars.vmag[view.row[s]] - faintest) / SOFTNESS)
+        for q in range(len(LIMITS)):
+            bright_enough = detectable(fading * FADING[q])
+            for p in range(len(SHARES)):
+                share = SHARES[p] * bright_enough
+                odds[q, p] *= share if seen else 1.0 - share
+        m += 1
+        if m % RESCALED == 0:
+            most = odds.max()
+            odds /= most
+            log_scale += np.log(most)
+    return log_scale + np.log(odds.sum())

@@ -15,8 +15,10 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     NOISE_SCALES,
     Fit,
     cholesky,
+    information,
     jacobian,
     match,
+    sort,
 )
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX
 from shefex_nav.onboard.startracker.identify.odds import log_odds
@@ -73,12 +75,15 @@ def fits_badly(task, n, n_par):
     """
     scene, view = task.scene, task.room
     widest_px = NOISE_SCALES[-1] * scene.centroid_error
-    distance2, m = np.empty(match(scene, view, n, around(scene, scene.ellipses), widest_px)), 0
+    match(scene, view, n, around(scene, scene.ellipses), widest_px)
+    distance2, m, best = view.spare, 0, 0.0
     for s in range(n):
-        if view.det[s] >= 0 and m < distance2.shape[0]:
+        if view.det[s] >= 0:
             distance2[m] = view.distance2[s]
             m += 1
-    best = np.sort(distance2[:m])[: int(np.ceil(KEPT * m))].sum()
+    sort(distance2, m)
+    for k in range(int(np.ceil(KEPT * m))):
+        best += distance2[k]
     dof = max(2.0 * m - n_par, 1.0)
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
@@ -112,10 +117,8 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     is hardly rarer than its odds say. A prediction counts with the others.
     """
     scene, view = task.scene, task.room
-    N = np.zeros((4, 4))
-    for s in range(n):
-        if view.det[s] >= 0:
-            _add(N, scene, view, s, focal_px, n_par, 1.0)
+    N = np.empty((4, 4))
+    information(scene, view, n, focal_px, np.inf, N, np.empty(4))
     known = np.zeros((4, 4))  # of a prediction, with the doubled covariance that `odds` gives it
     if task.prior.known:
         known[:3, :3] = np.linalg.inv(2.0 * task.prior.P_c) * noise_px**2

@@ -14,6 +14,7 @@ from shefex_nav.compiled import inner
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, log_area, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
@@ -64,6 +65,8 @@ class View(NamedTuple):
     xy_px: np.ndarray
     det: np.ndarray  # detection, -1 where none
     distance2: np.ndarray  # px^2 to the detection, weighted as in `ellipses`
+    taken: np.ndarray  # working space: star of each detection of a frame, -1
+    spare: np.ndarray  # working space
 
 
 class Trial(NamedTuple):
@@ -93,6 +96,8 @@ def new_view():
         np.empty(MAX_STARS, dtype=np.int64),
         np.empty((MAX_STARS, 2)),
         np.empty(MAX_STARS, dtype=np.int64),
+        np.empty(MAX_STARS),
+        np.empty(MAX_DETECTIONS, dtype=np.int64),
         np.empty(MAX_STARS),
     )
 
@@ -128,8 +133,8 @@ def match(scene, view, n, gate_px, noise_px):
     a small ellipse a little further off may be likelier than a large one.
     """
     n_det, ellipses = scene.xy_px.shape[0], scene.ellipses
-    taken = np.full(n_det, -1, dtype=np.int64)
-    matches, gate2, of_area = 0, gate_px * gate_px, 2.0 * noise_px * noise_px
+    taken, matches, gate2, of_area = view.taken, 0, gate_px * gate_px, 2.0 * noise_px * noise_px
+    taken[:n_det] = -1
     for s in range(n):
         view.det[s], view.distance2[s], least = -1, gate2, np.inf
         x, y = view.xy_px[s, 0], view.xy_px[s, 1]
@@ -149,9 +154,8 @@ def match_first(scene, ellipses, view, n, gate_px, lever, noise_px):
     """
     if ellipses is None:
         return match(scene, view, n, gate_px, noise_px)
-    n_det = scene.xy_px.shape[0]
-    taken = np.full(n_det, -1, dtype=np.int64)
-    matches = 0
+    n_det, taken, matches = scene.xy_px.shape[0], view.taken, 0
+    taken[:n_det] = -1
     for s in range(n):
         view.det[s], view.distance2[s], least = -1, 0.0, np.inf
         x, y = view.xy_px[s, 0], view.xy_px[s, 1]
@@ -195,28 +199,40 @@ def jacobian(x, y):
 
 
 @inner
-def information(scene, view, n, focal_px, n_par, noise_px):
-    """Normal equations of the matched stars, in pixels: N (4, 4), right side (4,).
+def information(scene, view, n, focal_px, noise_px, N, g):
+    """Normal equations of the matched stars, in pixels, for a free focal length: N (4, 4), right side g (4,).
 
-    Stars far from their detection, against the noise, weigh little.
+    Stars far from their detection, against the noise, weigh little. Written: the lower triangle of N, and g.
     """
-    N, g = np.zeros((4, 4)), np.zeros(4)
+    N[:], g[:] = 0.0, 0.0
     for s in range(n):
         k = view.det[s]
         if k < 0:
             continue
         x, y = (view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px
-        J = jacobian(x, y)
-        weight = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
+        a, b, c, d, e, f, p, q = jacobian(x, y)
+        one = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
         rx, ry = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
-        for a in range(n_par):
-            ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
-            ux, uy = weigh(scene.ellipses, k, ux, uy)
-            g[a] += weight * (ux * rx + uy * ry)
-            for b in range(a + 1):
-                vx, vy = (J[b], J[3 + b]) if b < 3 else (J[6], J[7])
-                N[a, b] += weight * focal_px * (ux * vx + uy * vy)
-    return N, g
+        rx, ry = weigh(scene.ellipses, k, one * rx, one * ry)
+        two = one * focal_px
+        ax, ay = weigh(scene.ellipses, k, two * a, two * d)
+        bx, by = weigh(scene.ellipses, k, two * b, two * e)
+        cx, cy = weigh(scene.ellipses, k, two * c, two * f)
+        px, py = weigh(scene.ellipses, k, two * p, two * q)
+        g[0] += a * rx + d * ry
+        g[1] += b * rx + e * ry
+        g[2] += c * rx + f * ry
+        g[3] += p * rx + q * ry
+        N[0, 0] += a * ax + d * ay
+        N[1, 0] += b * ax + e * ay
+        N[1, 1] += b * bx + e * by
+        N[2, 0] += c * ax + f * ay
+        N[2, 1] += c * bx + f * by
+        N[2, 2] += c * cx + f * cy
+        N[3, 0] += p * ax + q * ay
+        N[3, 1] += p * bx + q * by
+        N[3, 2] += p * cx + q * cy
+        N[3, 3] += p * px + q * py
 
 
 @inner
@@ -274,15 +290,32 @@ def turn(C, phi):
 
 
 @inner
+def sort(values, m):
+    """Sort the first m of a few values, in place."""
+    for k in range(1, m):
+        j, value = k, values[k]
+        while j > 0 and values[j - 1] > value:
+            values[j] = values[j - 1]
+            j -= 1
+        values[j] = value
+
+
+@inner
+def median(values, m):
+    """Median of the first m of a few values, which are sorted in place."""
+    sort(values, m)
+    return 0.5 * (values[(m - 1) // 2] + values[m // 2])
+
+
+@inner
 def noise_seen(scene, view, n):
     """Noise of the centroids from the median distance of the matches, within what is thought possible."""
-    distance2 = np.empty(n)
-    m = 0
+    distance2, m = view.spare, 0
     for s in range(n):
         if view.det[s] >= 0:
             distance2[m] = view.distance2[s]
             m += 1
-    seen = np.sqrt(np.median(distance2[:m]) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
+    seen = np.sqrt(median(distance2, m) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
     return min(max(seen, scene.centroid_error), NOISE_SCALES[-1] * scene.centroid_error)
 
 
@@ -311,7 +344,7 @@ def adjust(stars, scene, trial, view, gate_px, lever, min_stars):
     """
     C, focal_px, n_par = trial
     noise_px = NOISE_SCALES[-1] * scene.centroid_error
-    L, log_det, n = np.zeros((4, 4)), -np.inf, 0
+    L, g, log_det, n = np.zeros((4, 4)), np.empty(4), -np.inf, 0
     for step in range(4):
         n = predict(stars, scene, C, focal_px, view)
         if step == 0:
@@ -322,7 +355,7 @@ def adjust(stars, scene, trial, view, gate_px, lever, min_stars):
             return Fit(C, focal_px, n_par, 0, L, log_det, noise_px)
         if step > 0:
             noise_px = noise_seen(scene, view, n)
-        L, g = information(scene, view, n, focal_px, n_par, noise_px)
+        information(scene, view, n, focal_px, noise_px, L, g)
         log_det = cholesky(L, n_par)
         if log_det == -np.inf:
             return Fit(C, focal_px, n_par, 0, L, log_det, noise_px)
@@ -330,8 +363,9 @@ def adjust(stars, scene, trial, view, gate_px, lever, min_stars):
             break
         solve_cholesky(L, g, n_par)
         turn(C, g)
-        focal_px *= 1.0 + g[3]
-        moved_px = focal_px * max(abs(g[0]), abs(g[1]), abs(g[2]), abs(g[3]))
+        growth = g[3] if n_par == 4 else 0.0
+        focal_px *= 1.0 + growth
+        moved_px = focal_px * max(abs(g[0]), abs(g[1]), abs(g[2]), abs(growth))
         if step > 0 and moved_px < SETTLED * noise_px and _all_within(view, n, GATE * noise_px):
             break
         gate_px = after_first(scene, scene.ellipses, gate_px) if step == 0 else GATE * noise_px

@@ -9,6 +9,8 @@ The mean of B over chance fields is one, so B > 1 / p has a probability below p 
 attitudes tried; `bayes.CHANCE` is what it is in fact.
 """
 
+from math import lgamma
+
 import numpy as np
 
 from shefex_nav.compiled import inner
@@ -24,19 +26,13 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     TAIL_SCALE,
     TAIL_SHARE,
     ZERO_POINT_SIGMA,
+    median,
 )
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 
 CROWD = 3  # neighbours that tell how dense the detections are about one of them
 CROWDED = 4.0  # times the usual density
-
-
-@inner
-def log_factorials(n):
-    """ln 0!, ln 1! ... ln n!."""
-    table = np.zeros(n + 1)
-    for k in range(2, n + 1):
-        table[k] = table[k - 1] + np.log(k)
-    return table
+LOG_FACTORIAL = np.array([lgamma(k + 1.0) for k in range(MAX_DETECTIONS + 1)])  # ln 0!, ln 1! ...
 
 
 @inner
@@ -73,7 +69,6 @@ def place_odds(scene, view, n, log_det, n_par):
     """
     n_det = scene.xy_px.shape[0]
     area = scene.width_px * scene.height_px
-    factorial = log_factorials(n_det)
     of_det = np.full(n_det, -1.0)
     for s in range(n):
         if view.det[s] >= 0:
@@ -94,10 +89,11 @@ def place_odds(scene, view, n, log_det, n_par):
                 sum_log += np.log(area / (2.0 * np.pi) * (narrow + wide)) - crowding[j]
                 sum_log -= log_area(scene.ellipses, j)
                 k += 1
+            first = sum_log + LOG_FACTORIAL[j + 1 - k] - LOG_FACTORIAL[j + 1]
             if j == n_det - 1:
-                best = max(best, all_data + sum_log + factorial[j + 1 - k] - factorial[j + 1])
+                best = max(best, all_data + first)
             elif scene.has_flux:
-                best = max(best, first_data + sum_log + factorial[j + 1 - k] - factorial[j + 1])
+                best = max(best, first_data + first)
         total = add_logs(total, np.log(NOISE_WEIGHTS[q]) + volume + best)
     return total
 
@@ -140,13 +136,12 @@ def focal_odds(scene, focal_px, n_par):
 @inner
 def zero_point(stars, scene, view, n):
     """Median of -2.5 log10 flux - V of the matched stars."""
-    difference = np.empty(n)
-    m = 0
+    difference, m = view.spare, 0
     for s in range(n):
         if view.det[s] >= 0:
             difference[m] = scene.mag[view.det[s]] - stars.vmag[view.row[s]]
             m += 1
-    return np.median(difference[:m])
+    return median(difference, m)
 
 
 @inner
@@ -166,7 +161,9 @@ def brightness_odds(stars, scene, view, n, zero):
             inner = 0.65 * np.exp(-0.5 * z2) + 0.1 * np.exp(-0.08 * z2)  # 0.25 with 2.5 sigma
             total += np.log(peak * inner + 0.0125) - stars.log_density[view.row[s]]  # 0.1 over 8 mag
             m += 1
-    expected = np.median(scene.mag) - stars.vmag[len(stars.vmag) // 2]
+    n_det = scene.mag.shape[0]
+    middle = 0.5 * (scene.mag[(n_det - 1) // 2] + scene.mag[n_det // 2])  # they are sorted
+    expected = middle - stars.vmag[len(stars.vmag) // 2]
     total += np.log(sigma / (np.sqrt(m) * ZERO_POINT_SIGMA))
     total -= 0.5 * ((zero - expected) / ZERO_POINT_SIGMA) ** 2
     return add_logs(np.log(1.0 - MUTE) + total, np.log(MUTE))

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner
+from shefex_nav.compiled import inner, lent
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.startracker.identify.ellipses import along
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Trial, View, adjust
 from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
@@ -110,9 +111,9 @@ def position(pairs, value):
 def look(task, focal_px, gate_px, lever, free_focal):
     """Adjust and weigh best.trial_C, without and with a free focal length; keep the best. Work."""
     stars, scene, best, view = task.stars, task.scene, task.best, task.room
-    start, work = best.trial_C.copy(), 0
+    start, work = t3.matrix(best.trial_C), 0
     for n_par in range(3, 5 if free_focal else 4):
-        best.trial_C[:] = start
+        put(best.trial_C, start)
         trial = Trial(best.trial_C, focal_px if n_par == 4 else scene.focal_px, n_par)
         fit = adjust(stars, scene, trial, view, gate_px, lever, task.min_stars)
         work += WORK_PER_LOOK + int(WORK_PER_MATCH * fit.n * scene.xy_px.shape[0])
@@ -305,8 +306,9 @@ def crowd_of(task, pairs):
     n = task.scene.xy_px.shape[0]
     if n > MOST_FILTERED:
         return True, MOST_GROWTH
-    spread = costs_of(task.scene, pairs_by_brightness(n))[1]
-    tolerance = tolerance_of(task, PASSES[0]) * np.sqrt(spread).mean()
+    tolerance = tolerance_of(task, PASSES[0])
+    if task.scene.ellipses is not None:
+        tolerance *= np.sqrt(costs_of(task.scene, pairs_by_brightness(n))[1]).mean()
     entries = pairs.cosine.shape[0] * 2.0 * tolerance / np.arccos(pairs.cosine[0])
     return entries > DENSE * task.stars.u_i.shape[0], min(max(entries / ORDINARY, 1.0), MOST_GROWTH)
 
@@ -314,6 +316,7 @@ def crowd_of(task, pairs):
 @inner
 def lost_in_space(task, pairs, budget):
     """Go through the pairs of detections until one attitude is certain; work."""
+    task, pairs = lent(task), lent(pairs)
     work, ellipses = 0, task.scene.ellipses
     n = task.scene.xy_px.shape[0]
     is_dense, growth = crowd_of(task, pairs)

@@ -5,7 +5,7 @@ Pairs of such proposals whose angles agree are attitudes, which are looked at as
 
 import numpy as np
 
-from shefex_nav.compiled import inner
+from shefex_nav.compiled import inner, lent
 from shefex_nav.onboard.startracker.identify.ellipses import along, with_own
 from shefex_nav.onboard.startracker.identify.evidence import jacobian
 from shefex_nav.onboard.startracker.identify.lever import STAR_GATE, lever_of, widest_gate
@@ -102,7 +102,7 @@ def try_proposals(task, u_c, p, q, noise):
 @inner
 def track(task, budget):
     """Go through the pairs of proposals until one attitude is certain; work."""
-    work = 0
+    task, work = lent(task), 0
     u_c = directions(task.scene, task.scene.focal_px)
     for noise in NOISES:
         found = propose(task.stars, task.scene, task.prior, noise * task.scene.centroid_error)
