@@ -77,10 +77,14 @@ def conclude_joint(results):
 
 
 def _explained_by_both_ends(mine, found, cell):
-    """Rows of the attitude errors of a cell, explained by longer extents where these reach."""
+    """Rows of the attitude errors of a cell, explained by longer extents where these reach.
+
+    Of the means that of pitch alone: longer extents make none of roll and yaw, what differs there is chance.
+    """
     case, shutter, r = cell
     errors = -right_errors(found, case, shutter, RATES[r], BOTH_ENDS)
     others = {one.quantity: one for one in _moment_rows("IMPA", "", errors, *cell)}
+    others = {name: one for name, one in others.items() if "std" in name or "mean of pitch" in name}
     how = "impa-joint/both ends", BY_BOTH_ENDS
     return [
         rows.explained(one, others[one.quantity], *how) if one.quantity in others else one for one in mine
