@@ -197,7 +197,7 @@ def test_samples_are_the_cases_of_their_numbers():
 
 def result(images, error_arcsec, rate=5.0, own=1.0):
     """One simulation that both shutters and cases went through alike."""
-    published = np.tile([images, *error_arcsec], (1, 2, 2, 2, 1)).astype(float)
+    published = np.tile([images, *error_arcsec], (1, 2, 2, 3, 1)).astype(float)
     mine = np.tile([own, 1.0, 2.0, 30.0, 1.0, 1.0, 20.0], (1, 2, 3, 2, 1))
     return {
         "rate_deg_s": np.array([rate]), "attitude": np.array([0]), "direction": np.array([0]),
@@ -247,12 +247,30 @@ def test_the_joint_set_is_calibrated_on_table_8_alone():
     assert not find(tables.conclude_joint(results), "ours")
 
 
+def test_a_mean_of_pitch_is_explained_by_longer_extents_with_the_other_sign_alone():
+    """As printed there is none; with both ends the published one turned about, or as it is, or twice that."""
+    for factor, expected in ((-1.0, Verdict.EXPLAINED), (1.0, Verdict.OPEN), (-2.0, Verdict.OPEN)):
+        rng = np.random.default_rng(9)
+        results = [result(2, rng.normal(0.0, 20.0, 3)) for _ in range(400)]
+        for one in results:
+            one["published"][..., tables.BOTH_ENDS, 1] += factor * 4.62
+        rows = tables.conclude_joint(results)
+        row = find(rows, "IMPA: mean of pitch", "best case, rolling shutter, 5 deg/s")[0]
+        assert row.verdict == expected and abs(row.measured) < 2.0
+        assert (row.run == "impa-joint/both ends") == (expected == Verdict.EXPLAINED)
+        still = find(rows, "IMPA: mean of pitch", "best case, global shutter, 5 deg/s")[0]
+        assert not still.run  # nothing is compensated there
+
+
 def test_the_joint_set_flies_without_ours():
     """A narrower spot shows more stars; the false objects are even in magnitude and the world the same."""
     rng = np.random.default_rng(3)
     even = np.concatenate([methods.false_objects(rng, uniform=True).vmag for _ in range(40)])
     assert even.min() < 0.1 and even.max() > 5.4 and np.mean(even) == pytest.approx(2.75, abs=0.15)
     done = flight.measure_joint(1, np.random.SeedSequence(4), 0)
+    assert done["published"].shape[1:] == (2, 2, 3, 4)
+    still = done["published"][:, 0]  # with a global shutter the extents move nothing
+    np.testing.assert_array_equal(still[:, :, 0], still[:, :, tables.BOTH_ENDS])
     assert not done["own"].any() and (done["flown"] >= 2).all() and done["rate_deg_s"].max() < 10.0
 
 

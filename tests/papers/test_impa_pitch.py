@@ -30,6 +30,9 @@ def test_as_read_it_is_the_compensation_of_the_chain():
     for name, form in (("as read by us", "explicit"), ("(22) as printed", "implicit")):
         expected = chain.compensated(SETTINGS, TIMES, two, rows, shift_px, form).xy_px
         np.testing.assert_allclose(pitch.moved(TIMES, two, rows, shift_px, pitch.WAYS[name]), expected)
+    expected = chain.compensated(SETTINGS, TIMES, two, rows, shift_px, longer_px=1.0).xy_px
+    both_ends = pitch.moved(TIMES, two, rows, shift_px, pitch.WAYS["(7) with both end rows"])
+    np.testing.assert_allclose(both_ends, expected)
 
 
 def test_each_reading_moves_a_streak_as_its_words_say():

@@ -165,17 +165,23 @@ def _row(case, kind, star, error, light, P_px=None, best=None, seen=True):
     return row
 
 
-def measure(samples, seed, first):
-    """Samples first ... of the centroids: {'rows': (m, len(COLUMNS))}."""
-    rows = []
+def each_case(samples, seed, first):
+    """Number, Case, shutter and SeedSequence of all that samples first ... consist of: iterator."""
     for number, own in zip(range(first, first + samples), seed.spawn(samples), strict=True):
         for rate, one in zip(field.RATES, own.spawn(len(field.RATES)), strict=True):
             case = field.pair(rate, number)
-            for shutter, frames_seed in zip(field.SHUTTERS, one.spawn(2), strict=True):
-                found = frames_of(shutter, case, frames_seed, number % OWN_EVERY == 0)
-                found = np.array(found).reshape(-1, len(COLUMNS))
-                found[:, COLUMNS.index("sample")] = number
-                rows.append(found)
+            for shutter, noise in zip(field.SHUTTERS, one.spawn(2), strict=True):
+                yield number, case, shutter, noise
+
+
+def measure(samples, seed, first):
+    """Samples first ... of the centroids: {'rows': (m, len(COLUMNS))}."""
+    rows = []
+    for number, case, shutter, noise in each_case(samples, seed, first):
+        found = np.array(frames_of(shutter, case, noise, number % OWN_EVERY == 0))
+        found = found.reshape(-1, len(COLUMNS))
+        found[:, COLUMNS.index("sample")] = number
+        rows.append(found)
     return {"rows": np.concatenate(rows)}
 
 

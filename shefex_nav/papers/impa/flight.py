@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.papers.impa import field, trackers
+from shefex_nav.papers.impa.methods import chain
+from shefex_nav.papers.impa.methods import clusters as cluster
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.stills import electrons, still
 
@@ -26,10 +28,13 @@ class Assumed(NamedTuple):
     sigma_px: float  # of the spot
     uniform: bool  # magnitudes of the false objects: even from 0 to the catalogue's limit, or as of its stars
     with_own: bool  # whether our tracker flies too
+    longer_px: tuple = (0.0,)  # extents of streaks: each gives a list of objects, as `chain.compensated`
 
 
 AS_SET = Assumed(field.PSF_SIGMA_PX, False, True)
-JOINT = Assumed(0.7, True, False)  # the spot is fitted to table 8, success within two images at 1 and 2 deg/s
+BOTH_ENDS_PX = 1.0  # longer are extents that count both end rows and columns
+# the spot is fitted to table 8, success within two images at 1 and 2 deg/s
+JOINT = Assumed(0.7, True, False, (0.0, BOTH_ENDS_PX))
 
 NEAR = np.cos(0.5 * field.FIELD + np.radians(3.0))  # of the boresight: stars that are drawn
 
@@ -65,13 +70,13 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES, assumed=AS_SET):
     Returns
     -------
     published : (2, 2, 4) for each of CASES and ACCEPTANCES: images needed (0: no attitude), error about x, y,
-        z [arcsec]
+        z [arcsec]. (2, 3, 4) with `longer_px` of two: the last one with the second, verified
     own : (3, 2, 7) for each of SITUATIONS and frame: 1: an attitude, error, its standard deviation [arcsec]
     flown : int, frames that the paper's chain processed
     """
     noise, false_rng, gyro_rng, hit_rng = (np.random.default_rng(s) for s in seed.spawn(4))
     omega_c, P_omega_c = field.gyro(case, gyro_rng)
-    published = np.zeros((len(CASES), len(trackers.ACCEPTANCES), 4))
+    published = np.zeros((len(CASES), len(trackers.ACCEPTANCES) + len(assumed.longer_px) - 1, 4))
     own = np.zeros((len(SITUATIONS), OWN_FRAMES, 7))
     times, clusters, number = field.times(shutter), None, 0
     motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
@@ -85,17 +90,35 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES, assumed=AS_SET):
             for k, detections in enumerate(lists):
                 own[k, number] = _own_result(trackers.own_attitude(detections, motion), truth)
         if most_images:
-            clusters, fused = trackers.chain.objects(trackers.DETECT, trackers.MODEL, times, clusters, image)
+            clusters, lists = _objects(times, clusters, image, assumed.longer_px)
         if most_images and number > 0:
-            for k, detections in enumerate((fused, trackers.with_false(fused, false, case.omega_c))):
+            crowded = [trackers.with_false(one, false, case.omega_c) for one in lists]
+            for k, of_case in enumerate((lists, crowded)):
                 if published[k, :, 0].all():
                     continue
-                for a, q_ic in enumerate(trackers.published_attitudes(detections)):
+                for a, q_ic in enumerate(_attitudes(of_case)):
                     if q_ic is not None and not published[k, a, 0]:
                         error = trackers.error_of(q_ic, truth) / trackers.ARCSEC
                         published[k, a] = number + 1, *error
         number += 1
     return published, own, number if most_images else 0
+
+
+def _objects(times, before, image_dn, longer_px):
+    """Clusters of a frame, and its objects with each of the extents: Clusters, list of Detections."""
+    clusters = cluster.find(trackers.DETECT, trackers.MODEL, image_dn)
+    if before is None:
+        return clusters, []
+    settings = trackers.DETECT.run_length
+    rows, shift_px = chain.fused(settings, before, clusters, image_dn.shape)
+    given = settings, times, clusters, rows, shift_px
+    return clusters, [chain.detections(*given, longer_px=one) for one in longer_px]
+
+
+def _attitudes(lists):
+    """q_ic or None: of the first list by each of ACCEPTANCES, of the others verified."""
+    first, *others = (trackers.published_attitudes(one) for one in lists)
+    return [*first, *(found[0] for found in others)]
 
 
 def _own_result(found, truth):
@@ -117,7 +140,7 @@ def measure(samples, seed, first, assumed=AS_SET):
     Returns
     -------
     dict of arrays over the m simulations of the samples, two shutters each:
-        rate_deg_s (m,), attitude (m,), direction (m,), published (m, 2, 2, 2, 4), own
+        rate_deg_s (m,), attitude (m,), direction (m,), published (m, 2, 2, 2 or 3, 4), own
         (m, 2, 3, 2, 7), flown (m, 2); see `simulate`. At 10 deg/s the paper's chain has not flown.
     """
     names = ("rate_deg_s", "attitude", "direction", "published", "own", "flown")

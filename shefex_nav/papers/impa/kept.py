@@ -14,7 +14,13 @@ from shefex_nav.papers.verdict import Verdict
 
 PATH = Path(__file__).with_name("pixel_moments.csv")
 RUN = "impa-pixels"
-SPOTS = ("spot of 0.5 px", "spot of 0.6 px", "spot even over 3.5 px")  # as `pixels.SPOTS`
+SPOTS = {  # as `pixels.SPOTS`: how many things are otherwise in each than in `impa-centroids`
+    "spot of 0.5 px": 1,
+    "spot of 0.6 px": 1,
+    "spot even over 3.5 px": 1,
+    "spot of 1.124 px": 0,
+    "spot of 0.7 px, extents of both ends": 2,
+}
 CLUSTERS = {  # name -> words
     "recognised": "of clusters of recognised stars",
     "recognised and apart": "of clusters of recognised stars with no other streak within 5 px",
@@ -26,7 +32,7 @@ READINGS = {
     for of in CLUSTERS
 }
 THINGS = {  # how many are otherwise than in `impa-centroids`: spot, clusters, weights if not as printed
-    reading: 2 + (weights != AS_PRINTED) for reading, (_, weights, _) in READINGS.items()
+    reading: SPOTS[spot] + 1 + (weights != AS_PRINTED) for reading, (spot, weights, _) in READINGS.items()
 }
 DIGITS = 4  # of a kept figure
 
@@ -35,7 +41,8 @@ def words(reading):
     """What is otherwise in a reading than in `impa-centroids`: str."""
     spot, weights, of = READINGS[reading]
     otherwise = [weights] if weights != AS_PRINTED else []
-    return ", ".join([*otherwise, spot, CLUSTERS[of]])
+    otherwise += [spot] if SPOTS[spot] else []
+    return ", ".join([*otherwise, CLUSTERS[of]])
 
 
 def write(path, command, figures):

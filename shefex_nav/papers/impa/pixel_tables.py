@@ -52,7 +52,7 @@ def conclude(results):
 
 
 def draw(figure, results, _rows):
-    """Standard deviation and kurtosis against rate, tables below each other."""
+    """Standard deviation and kurtosis against rate with 95 %, tables below each other."""
     figure.set_size_inches(11.0, 11.0)
     found = {one[:5]: one for one in figures(results)}
     axes = figure.subplots(len(TABLES), 2, sharex=True)
@@ -60,10 +60,13 @@ def draw(figure, results, _rows):
         for axis, moment in zip(line, SHOWN, strict=True):
             values = moments.published(table, moment)["horizontal"]
             axis.plot(moments.RATES, values, "k-", lw=2.5, label="published, horizontal")
-            for reading in OF_ALL:
-                key = [(reading, table, moment, "horizontal", rate) for rate in moments.RATES]
-                values = [found[one].value if one in found else np.nan for one in key]
-                axis.plot(moments.RATES, values, "o-", ms=4, lw=1.2, label=f"simulated, {reading}")
+            for k, reading in enumerate(OF_ALL):
+                keys = [(reading, table, moment, "horizontal", rate) for rate in moments.RATES]
+                mine = [found[key] for key in keys if key in found]
+                rates = [one.rate + 0.03 * (k - 0.5 * len(OF_ALL)) for one in mine]  # beside each other
+                values = [one.value for one in mine]
+                bars = [[one.value - one.low for one in mine], [one.high - one.value for one in mine]]
+                axis.errorbar(rates, values, bars, fmt="o-", ms=3, lw=1.0, label=f"simulated, {reading}")
             axis.set_title(
                 f"{table.replace('_', ' ')}: {moment}{moments.UNITS.get(moment, '')}", loc="left", fontsize=9
             )

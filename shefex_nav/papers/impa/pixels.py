@@ -1,14 +1,15 @@
-"""IMPA tables 3 to 5 with each pixel as heavy as printed or all alike, and with three spots.
+"""IMPA tables 3 to 5 with each pixel as heavy as printed or all alike, and with five spots.
 
 As in `centroids` two contiguous frames are made, and the clusters of the second one that the fusion kept are
 held against the stars; but only those that the identification names with these very centroids. The paper
-gives the spot's mean width alone, three pixels, and no shape.
+gives the spot's mean width alone, three pixels, and no shape. With the spot of the joint set the extents of
+the streaks count both ends, as the box around a cluster does and equation (7) does not.
 """
 
 import numpy as np
 
-from shefex_nav.papers.impa import field, spot, trackers
-from shefex_nav.papers.impa.centroids import nearest, pictures, recognised, truth
+from shefex_nav.papers.impa import field, flight, spot, trackers
+from shefex_nav.papers.impa.centroids import each_case, nearest, pictures, recognised, truth
 from shefex_nav.papers.impa.methods import chain
 from shefex_nav.papers.impa.methods import clusters as cluster
 from shefex_nav.papers.impa.methods.weights import WEIGHTS, weighted
@@ -19,11 +20,14 @@ SPOTS = {  # name -> as `flight.frame` has it; a Gaussian's standard deviation [
     "spot of 0.5 px": {"sigma_px": 0.5},
     "spot of 0.6 px": {"sigma_px": 0.6},
     f"spot even over {WIDE_PX:g} px": {"psf": spot.box(WIDE_PX)},
+    f"spot of {field.PSF_SIGMA_PX:g} px": {"sigma_px": field.PSF_SIGMA_PX},  # that of `centroids`
+    f"spot of {flight.JOINT.sigma_px:g} px, extents of both ends": {"sigma_px": flight.JOINT.sigma_px},
 }
+BOTH_ENDS_PX = (0.0, 0.0, 0.0, 0.0, 1.0)  # by which the extents are longer with each of SPOTS
 COLUMNS = ("sample", "rate_deg_s", "table", "spot", "weights", "apart", "x", "y")
 
 
-def errors_of(times, first, second, stars):
+def errors_of(times, first, second, stars, longer_px=0.0):
     """Errors of the recognised clusters in the second of two frames, that are those of a star.
 
     Parameters
@@ -31,6 +35,7 @@ def errors_of(times, first, second, stars):
     times : RowTimes
     first, second : Clusters, with the centroids of one reading
     stars : centroids.Truth
+    longer_px : as of `chain.compensated`
 
     Returns
     -------
@@ -39,7 +44,7 @@ def errors_of(times, first, second, stars):
     """
     settings, shape = trackers.DETECT.run_length, (field.CAMERA.height_px, field.CAMERA.width_px)
     rows, shift_px = chain.fused(settings, first, second, shape)
-    moved = chain.compensated(settings, times, second, rows, shift_px)
+    moved = chain.compensated(settings, times, second, rows, shift_px, longer_px=longer_px)
     star = nearest(moved.xy_px, stars.xy_px)
     mine = (star >= 0) & recognised(times, second.energy_dn[rows], moved)
     places = np.array((moved.xy_px[mine], second.xy_px[rows[mine]]))
@@ -54,7 +59,8 @@ def rows_of(shutter, case, seed):
         frames = pictures(shutter, case, np.random.default_rng(one), **how)
         found = [cluster.find(trackers.DETECT, trackers.MODEL, image) for image in frames]
         for w, weights in enumerate(WEIGHTS):
-            star, errors = errors_of(times, *(weighted(weights, one) for one in found), stars)
+            both = (weighted(weights, one) for one in found)
+            star, errors = errors_of(times, *both, stars, BOTH_ENDS_PX[s])
             for table, of_table in zip(tables, errors, strict=False):
                 for apart, error in zip(stars.apart[star], of_table, strict=True):
                     rows.append((TABLES.index(table), s, w, apart, *error))
@@ -64,11 +70,8 @@ def rows_of(shutter, case, seed):
 def measure(samples, seed, first):
     """Samples first ... : {'rows': (m, len(COLUMNS))}."""
     rows = []
-    for number, own in zip(range(first, first + samples), seed.spawn(samples), strict=True):
-        for rate, one in zip(field.RATES, own.spawn(len(field.RATES)), strict=True):
-            case = field.pair(rate, number)
-            for shutter, noise in zip(field.SHUTTERS, one.spawn(2), strict=True):
-                found = rows_of(shutter, case, noise)
-                head = np.tile([number, round(np.degrees(rate))], (len(found), 1))
-                rows.append(np.hstack([head, found]))
+    for number, case, shutter, noise in each_case(samples, seed, first):
+        found = rows_of(shutter, case, noise)
+        head = np.tile([number, round(np.degrees(case.rate))], (len(found), 1))
+        rows.append(np.hstack([head, found]))
     return {"rows": np.concatenate(rows)}

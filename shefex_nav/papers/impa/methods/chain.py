@@ -63,7 +63,7 @@ def at_border(clusters, shape):
     return (first == 0) | (clusters.last_row == shape[0] - 1) | (clusters.last_column == shape[1] - 1)
 
 
-def detections(settings, times, clusters, rows, shift_px, reading=AS_READ):
+def detections(settings, times, clusters, rows, shift_px, reading=AS_READ, longer_px=0.0):
     """Some clusters at the frame's instant.
 
     Parameters
@@ -74,12 +74,13 @@ def detections(settings, times, clusters, rows, shift_px, reading=AS_READ):
     rows : (m,) of clusters
     shift_px : (m, 2) of their centroids since the frame before
     reading : as_printed.Reading; with its magnitude as printed the light is that of the whole cluster
+    longer_px : as of `compensated`
 
     Returns
     -------
     Detections
     """
-    streaks = compensated(settings, times, clusters, rows, shift_px)
+    streaks = compensated(settings, times, clusters, rows, shift_px, longer_px=longer_px)
     flux_dn, order = brightest_first(times, clusters.energy_dn[rows], streaks, reading)
     n_pixels = np.diff(clusters.begin)[rows]
     return Detections(
@@ -103,10 +104,14 @@ def brightest_first(times, energy_dn, streaks, reading=AS_READ):
     return flux_dn, order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
 
 
-def compensated(settings, times, clusters, rows, shift_px, form="explicit"):
-    """`compensate` of some clusters, as `detections`: Streaks."""
+def compensated(settings, times, clusters, rows, shift_px, form="explicit", longer_px=0.0):
+    """`compensate` of some clusters, as `detections`: Streaks.
+
+    longer_px : added to the extents. (7) is the last row less the first; 1 counts both, as the box around a
+        cluster does
+    """
     columns = clusters.last_column[rows] - clusters.first_column[rows]
-    extent_px = np.column_stack((columns, clusters.last_row[rows] - clusters.first_row[rows]))
+    extent_px = np.column_stack((columns, clusters.last_row[rows] - clusters.first_row[rows])) + longer_px
     sigma_px = clusters.sigma_px[rows]
     return compensate(settings, times, clusters.xy_px[rows], extent_px, shift_px, sigma_px, form)
 
