@@ -5,17 +5,19 @@ uv run python benchmarks/fuzz.py [scenarios flights logs pictures data ...] [--f
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
-twentieth that is good is prepared as for a flight; flights are scenarios of which the good ones are flown and
-looked at for their first seconds, every tenth to its end if that is not far; logs are read; pictures are
-solved; recorded data are prepared for a replay. Bad: an exception that is no UserError, more than 10 s of the
-processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what is logged of a
-flight. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. `--first` goes on where
-another run has ended.
+third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
+are flown and looked at for their first seconds, every tenth to its end if that is not far; logs are read;
+pictures are solved; recorded data are prepared for a replay. Bad: an exception that is no UserError, more
+than 10 s of the processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what
+is logged of a flight. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A case
+that does not end ends the study with a traceback; its folder, which is printed at first, then stays, with its
+number. `--first` goes on where another run has ended.
 """
 
 import argparse
 import collections
 import contextlib
+import faulthandler
 import json
 import resource
 import sys
@@ -35,10 +37,12 @@ from shefex_nav.scenario import document, load
 ROOT = Path(__file__).parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 MOST_BYTES = 2e9
-PREPARED = 20  # of how many scenarios one is prepared for its flight
+CHECKED = 3  # of how many good scenarios one has its flight looked at, as `check` does
 LOOKED_AT_S = 5.0  # of a flight
 NUMBERS = {"covariance": ("t_s", "P", "estimates", "sigmas")}  # in which none may be NaN
 WHOLE, SHORT_S = 10, 1500.0  # of how many flights one is looked at to its end, if it may not be longer
+STUCK = 20  # a case that takes as many times longer than it may ends the study
+TOLD = 500  # after how many cases a line says how far it is
 FORMATS = "png", "tif", "jpg", "webp", "fits"
 
 
@@ -76,11 +80,13 @@ class Scenarios(Kind):
         (self.folder / "case.yaml").write_bytes(spoilt)
 
     def read(self, rng):
-        from shefex_nav import prepare
+        from shefex_nav.commands import check
 
-        loaded = load.load(str(self.folder / "case.yaml"))
-        if not rng.integers(PREPARED):
-            prepare.settled_with_effects(loaded)
+        path = str(self.folder / "case.yaml")
+        if rng.integers(CHECKED):
+            load.load(path)
+        else:
+            check.checked(path, (), None)
 
 
 class Flights(Scenarios):
@@ -247,12 +253,18 @@ def tried(kind, number):
 def study(name, folder, numbers, until_s):
     """Cases of a kind, as many as there is time for: {outcome: count}, list of bad ones, s of the slowest."""
     kind, count, bad, slowest_s = KINDS[name](folder), collections.Counter(), [], 0.0
+    print(f"{name}: in {folder}", file=sys.stderr, flush=True)
     tried(kind, numbers[0])  # imports, and compiles
     for number in numbers:
         if time.monotonic() > until_s:
             break
+        (kind.folder / "number").write_text(str(number))
+        faulthandler.dump_traceback_later(STUCK * kind.longest_s, exit=True)
         outcome, words, took_s = tried(kind, number)
+        faulthandler.cancel_dump_traceback_later()
         count[outcome] += 1
+        if not count.total() % TOLD:
+            print(f"{name}: to case {number}: {dict(count)}", file=sys.stderr, flush=True)
         slowest_s = max(slowest_s, took_s)
         if outcome not in ("read", "refused"):
             bad.append({"kind": name, "case": number, "outcome": outcome, "words": words})
