@@ -1,17 +1,17 @@
 """Spoilt scenarios, logs, pictures and recorded data: is each of them read, or refused in words?
 
 uv run python benchmarks/fuzz.py [scenarios flights logs pictures data ...] [--first 0] [--cases 1000]
-                                 [--minutes M] [--json FILE]
+                                 [--minutes M] [--whole N] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
 third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
-are flown and looked at for their first seconds, every tenth to its end if that is not far; logs are read;
-pictures are solved; recorded data are prepared for a replay. Bad: an exception that is no UserError, more
-than 10 s of the processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what
-is logged of a flight. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A case
-that does not end ends the study with a traceback; its folder, which is printed at first, then stays, with its
-number. `--first` goes on where another run has ended.
+are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read;
+pictures are solved; recorded data are replayed. Bad: an exception that is no UserError, more than 10 s of the
+processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what a flight or a
+replay logs or in a warning. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A
+case that does not end ends the study with a traceback; its folder, which is printed at first, then stays,
+with its number. `--first` goes on where another run has ended.
 """
 
 import argparse
@@ -19,6 +19,7 @@ import collections
 import contextlib
 import faulthandler
 import json
+import re
 import resource
 import sys
 import tempfile
@@ -38,9 +39,10 @@ ROOT = Path(__file__).parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 MOST_BYTES = 2e9
 CHECKED = 3  # of how many good scenarios one has its flight looked at, as `check` does
+NO_NUMBER = re.compile(r"\b(nan|inf)\b")  # in what is said
 LOOKED_AT_S = 5.0  # of a flight
 NUMBERS = {"covariance": ("t_s", "P", "estimates", "sigmas")}  # in which none may be NaN
-WHOLE, SHORT_S = 10, 1500.0  # of how many flights one is looked at to its end, if it may not be longer
+SHORT_S = 1500.0  # longest time limit of a flight that is looked at to its end
 STUCK = 20  # a case that takes as many times longer than it may ends the study
 TOLD = 500  # after how many cases a line says how far it is
 FORMATS = "png", "tif", "jpg", "webp", "fits"
@@ -86,13 +88,16 @@ class Scenarios(Kind):
         if rng.integers(CHECKED):
             load.load(path)
         else:
-            check.checked(path, (), None)
+            for one in check.checked(path, (), None).warnings:
+                if NO_NUMBER.search(one.text):
+                    raise ValueError(f"a warning without a number: {one.text}")
 
 
 class Flights(Scenarios):
     """Scenarios that are flown if they are good, and looked at for a time."""
 
     longest_s = 60.0
+    whole = 10  # of how many one is looked at to its end, 0: none
 
     def case(self, rng):
         """The first good one of many."""
@@ -106,12 +111,17 @@ class Flights(Scenarios):
         from shefex_nav import runs
 
         mission = self.loaded.mission
-        far = mission.time_limit > SHORT_S or rng.integers(WHOLE)
+        far = mission.time_limit > SHORT_S or not self.whole or rng.integers(self.whole)
         run = runs.fly(
             self.loaded, int(rng.integers(1000)), until_s=mission.start + LOOKED_AT_S if far else np.inf
         )
-        for name in ("truth", "imu", "nav", "covariance"):
-            _check_numbers(name, getattr(run.data, name))
+        _check_run(run.data, ("truth", "imu", "nav", "covariance"))
+
+
+def _check_run(data, names):
+    """ValueError for NaN in records of a RunData."""
+    for name in names:
+        _check_numbers(name, getattr(data, name))
 
 
 def _check_numbers(name, record):
@@ -183,10 +193,15 @@ class Data(Kind):
         (self.folder / "case.yaml").write_text(_text(described))
 
     def read(self, _rng):
+        from shefex_nav.log.run_data import RunDataBuilder
         from shefex_nav.replay import external
         from shefex_nav.replay import load as recorded
 
-        external.prepare(*recorded.load(str(self.folder / "case.yaml")))
+        ready = external.prepare(*recorded.load(str(self.folder / "case.yaml")))
+        kept = RunDataBuilder(external.mission(ready))
+        for record in external.run(ready, external.Clock()):
+            kept.add(record)
+        _check_run(kept.build(), ("nav", "covariance"))
 
 
 KINDS = {"scenarios": Scenarios, "flights": Flights, "logs": Logs, "pictures": Pictures, "data": Data}
@@ -279,8 +294,10 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="at most, of each kind")
+    parser.add_argument("--whole", type=int, default=Flights.whole, help="one of so many flights; 0: none")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
+    Flights.whole = asked.whole
     unknown = set(asked.kinds) - set(KINDS)
     if unknown:
         parser.error(f"{', '.join(sorted(unknown))}: expected {', '.join(KINDS)}")
