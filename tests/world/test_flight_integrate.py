@@ -293,6 +293,14 @@ def test_a_motion_that_is_too_fast_to_follow_is_an_error():
         section(fast, 0.0, 600.0, body(), world())
 
 
+def test_the_smallest_step_is_made_where_rounding_makes_it_longer():
+    """A step of 1 us ends 1e-16 s late at T+5 s: longer than the smallest, and not to be made shorter."""
+    fast = state(FAR, omega_b=[1e8, 1e7, 0.0])
+    begin_s = next(t for t in 5.0 + 1e-3 * np.arange(99) if (t + integrate.SMALLEST_STEP) - t > 1e-6)
+    with pytest.raises(integrate.MotionError):
+        section(fast, begin_s, begin_s + 1.0, body(), world())
+
+
 def test_sections_without_length_change_nothing():
     x, t, how, rows = section(TUMBLING, 3.0, 3.0, body(), world())
     assert np.array_equal(x, TUMBLING)

@@ -186,7 +186,7 @@ def _controlled_step(t_s, t_new, x, pace, tolerance, section, gravity, work):
         factor = _SHRINK
         if 0.0 < error < np.inf:
             factor = _SAFETY * error ** (0.75 * _BETA - 0.2)
-        if error > 1.0 and h > SMALLEST_STEP:
+        if error > 1.0 and h > SMALLEST_STEP + TIME_EPS:  # the sum t_s + SMALLEST_STEP may be rounded up
             t_new, rejected = t_s + max(max(_SHRINK, factor) * h, SMALLEST_STEP), True
             continue
         if error == np.inf:
