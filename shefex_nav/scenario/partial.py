@@ -102,6 +102,8 @@ def _section(model, tree, path, bad):
         key = field.alias or name
         if (*path, key) in bad or (key not in tree and (misspelt or field.is_required())):
             continue
+        if key not in tree and model.NEEDED_UNLESS.get(name, name) not in (name, *values):
+            continue  # nobody knows whether it is missing
         given = tree[key] if key in tree else field.get_default(call_default_factory=True)
         try:
             values[name] = _value(field.annotation, tuple(field.metadata), given, (*path, key), bad)
