@@ -35,7 +35,7 @@ import numpy as np
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import document, load
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 MOST_BYTES = 2e9
 CHECKED = 3  # of how many good scenarios one has its flight looked at, as `check` does
