@@ -28,15 +28,7 @@ from shefex_nav.world.flight import (
     vehicle,
 )
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight.integrate import (
-    STOP,
-    T_END,
-    TOLERANCE,
-    MotionError,
-    Samples,
-    Vehicle,
-    integrate,
-)
+from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Samples, Vehicle, integrate
 from shefex_nav.world.flight.record import split
 from shefex_nav.world.flight.timeline import EPS, Kind
 
