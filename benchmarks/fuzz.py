@@ -1,22 +1,25 @@
 """Spoilt scenarios, logs, pictures and recorded data: is each of them read, or refused in words?
 
 uv run python benchmarks/fuzz.py [scenarios flights logs pictures data ...] [--first 0] [--cases 1000]
-                                 [--minutes M] [--json FILE]
+                                 [--minutes M] [--whole N] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
-twentieth that is good is prepared as for a flight; flights are scenarios of which the good ones are flown and
-looked at for their first seconds, every tenth to its end if that is not far; logs are read; pictures are
-solved; recorded data are prepared for a replay. Bad: an exception that is no UserError, more than 10 s of the
-processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what is logged of a
-flight. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. `--first` goes on where
-another run has ended.
+third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
+are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read;
+pictures are solved; recorded data are replayed. Bad: an exception that is no UserError, more than 10 s of the
+processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what a flight or a
+replay logs or in a warning. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A
+case that does not end ends the study with a traceback; its folder, which is printed at first, then stays,
+with its number. `--first` goes on where another run has ended.
 """
 
 import argparse
 import collections
 import contextlib
+import faulthandler
 import json
+import re
 import resource
 import sys
 import tempfile
@@ -32,13 +35,16 @@ import numpy as np
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import document, load
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 MOST_BYTES = 2e9
-PREPARED = 20  # of how many scenarios one is prepared for its flight
+CHECKED = 3  # of how many good scenarios one has its flight looked at, as `check` does
+NO_NUMBER = re.compile(r"\b(nan|inf)\b")  # in what is said
 LOOKED_AT_S = 5.0  # of a flight
 NUMBERS = {"covariance": ("t_s", "P", "estimates", "sigmas")}  # in which none may be NaN
-WHOLE, SHORT_S = 10, 1500.0  # of how many flights one is looked at to its end, if it may not be longer
+SHORT_S = 1500.0  # longest time limit of a flight that is looked at to its end
+STUCK = 20  # a case that takes as many times longer than it may ends the study
+TOLD = 500  # after how many cases a line says how far it is
 FORMATS = "png", "tif", "jpg", "webp", "fits"
 
 
@@ -76,17 +82,22 @@ class Scenarios(Kind):
         (self.folder / "case.yaml").write_bytes(spoilt)
 
     def read(self, rng):
-        from shefex_nav import prepare
+        from shefex_nav.commands import check
 
-        loaded = load.load(str(self.folder / "case.yaml"))
-        if not rng.integers(PREPARED):
-            prepare.settled_with_effects(loaded)
+        path = str(self.folder / "case.yaml")
+        if rng.integers(CHECKED):
+            load.load(path)
+        else:
+            for one in check.checked(path, (), None).warnings:
+                if NO_NUMBER.search(one.text):
+                    raise ValueError(f"a warning without a number: {one.text}")
 
 
 class Flights(Scenarios):
     """Scenarios that are flown if they are good, and looked at for a time."""
 
     longest_s = 60.0
+    whole = 10  # of how many one is looked at to its end, 0: none
 
     def case(self, rng):
         """The first good one of many."""
@@ -100,12 +111,17 @@ class Flights(Scenarios):
         from shefex_nav import runs
 
         mission = self.loaded.mission
-        far = mission.time_limit > SHORT_S or rng.integers(WHOLE)
+        far = mission.time_limit > SHORT_S or not self.whole or rng.integers(self.whole)
         run = runs.fly(
             self.loaded, int(rng.integers(1000)), until_s=mission.start + LOOKED_AT_S if far else np.inf
         )
-        for name in ("truth", "imu", "nav", "covariance"):
-            _check_numbers(name, getattr(run.data, name))
+        _check_run(run.data, ("truth", "imu", "nav", "covariance"))
+
+
+def _check_run(data, names):
+    """ValueError for NaN in records of a RunData."""
+    for name in names:
+        _check_numbers(name, getattr(data, name))
 
 
 def _check_numbers(name, record):
@@ -177,10 +193,15 @@ class Data(Kind):
         (self.folder / "case.yaml").write_text(_text(described))
 
     def read(self, _rng):
+        from shefex_nav.log.run_data import RunDataBuilder
         from shefex_nav.replay import external
         from shefex_nav.replay import load as recorded
 
-        external.prepare(*recorded.load(str(self.folder / "case.yaml")))
+        ready = external.prepare(*recorded.load(str(self.folder / "case.yaml")))
+        kept = RunDataBuilder(external.mission(ready))
+        for record in external.run(ready, external.Clock()):
+            kept.add(record)
+        _check_run(kept.build(), ("nav", "covariance"))
 
 
 KINDS = {"scenarios": Scenarios, "flights": Flights, "logs": Logs, "pictures": Pictures, "data": Data}
@@ -247,12 +268,18 @@ def tried(kind, number):
 def study(name, folder, numbers, until_s):
     """Cases of a kind, as many as there is time for: {outcome: count}, list of bad ones, s of the slowest."""
     kind, count, bad, slowest_s = KINDS[name](folder), collections.Counter(), [], 0.0
+    print(f"{name}: in {folder}", file=sys.stderr, flush=True)
     tried(kind, numbers[0])  # imports, and compiles
     for number in numbers:
         if time.monotonic() > until_s:
             break
+        (kind.folder / "number").write_text(str(number))
+        faulthandler.dump_traceback_later(STUCK * kind.longest_s, exit=True)
         outcome, words, took_s = tried(kind, number)
+        faulthandler.cancel_dump_traceback_later()
         count[outcome] += 1
+        if not count.total() % TOLD:
+            print(f"{name}: to case {number}: {dict(count)}", file=sys.stderr, flush=True)
         slowest_s = max(slowest_s, took_s)
         if outcome not in ("read", "refused"):
             bad.append({"kind": name, "case": number, "outcome": outcome, "words": words})
@@ -267,8 +294,10 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="at most, of each kind")
+    parser.add_argument("--whole", type=int, default=Flights.whole, help="one of so many flights; 0: none")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
+    Flights.whole = asked.whole
     unknown = set(asked.kinds) - set(KINDS)
     if unknown:
         parser.error(f"{', '.join(sorted(unknown))}: expected {', '.join(KINDS)}")

@@ -1,7 +1,7 @@
 """Missions one after the other in one process: what grows?
 
 uv run python benchmarks/soak.py [--missions 200] [--seed 1] [--scenarios shefex2_andoya rexus_like ...]
-                                 [--keep FILE] [--json]
+                                 [--minutes M] [--keep FILE] [--json]
 
 Each mission is flown with its log, read again, summed up and thrown away; scenarios take turns, seeds count
 up. Memory that the process holds, open file descriptors, threads and files in the temporary folder are taken
@@ -89,6 +89,7 @@ def main():
     parser.add_argument("--missions", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mission after them")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
@@ -97,7 +98,10 @@ def main():
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         tempfile.tempdir = folder  # where runs put logs that nobody named
+        until_s = time.monotonic() + 60.0 * given.minutes
         for k in range(given.missions):
+            if time.monotonic() > until_s and len(rows) >= 2 * WARM:
+                break
             name = given.scenarios[k % len(given.scenarios)]
             began = time.process_time()
             flown_s = fly(name, given.seed + k)

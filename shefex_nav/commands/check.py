@@ -43,7 +43,7 @@ def check(
     errors of the IMU that last in it but are noise to the filter. Of an orbit the first 900 s are flown.
     """
     try:
-        found = _checked(scenario, overrides or (), against)
+        found = checked(scenario, overrides or (), against)
     except UserError as error:
         if json:
             lines = getattr(error, "messages", (str(error),))
@@ -56,7 +56,7 @@ def check(
         _print(scenario, found)
 
 
-def _checked(scenario, overrides, against):
+def checked(scenario, overrides, against):
     """Checked of the scenario with this name."""
     from shefex_nav.scenario import aboard, lens, load, surroundings, told
     from shefex_nav.scenario.document import dotted

@@ -17,6 +17,7 @@ class Block(BaseModel):
     # what checks a section is built when something is checked: once for a scenario, not for each of its parts
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, defer_build=True)
     EXAMPLE: ClassVar[str] = "base.yaml"  # a file that others extend
+    NEEDED_UNLESS: ClassVar[dict] = {}  # field that may be left out where another is given: {field: other}
 
     @classmethod
     def keys(cls):

@@ -5,6 +5,7 @@ AttributeError, with which a check of values against each other ends (`known`). 
 caught. Items of a list are judged one by one (`of_each`): what is wrong with one hides nothing of the next.
 """
 
+from functools import lru_cache
 from typing import Annotated, get_args, get_origin
 
 from pydantic import TypeAdapter, ValidationError
@@ -60,9 +61,7 @@ def _value(annotation, metadata, value, path, bad):
         raise _Unknown
     if not any(one[: len(path)] == path for one in bad):
         try:
-            return TypeAdapter(Annotated[annotation, *metadata] if metadata else annotation).validate_python(
-                value
-            )
+            return _adapter(annotation, metadata).validate_python(value)
         except ValidationError:
             raise _Unknown from None
     annotation, metadata = chosen_form(*messages.bare(annotation, metadata), value)
@@ -74,6 +73,12 @@ def _value(annotation, metadata, value, path, bad):
         inner = get_args(annotation)[1]
         return {key: _value(inner, (), one, (*path, key), bad) for key, one in value.items()}
     raise _Unknown
+
+
+@lru_cache(maxsize=4096)  # to make one takes ten times as long as to use it
+def _adapter(annotation, metadata):
+    """What validates a value. metadata : tuple"""
+    return TypeAdapter(Annotated[annotation, *metadata] if metadata else annotation)
 
 
 def _items(annotation, values, path, bad):
@@ -97,6 +102,8 @@ def _section(model, tree, path, bad):
         key = field.alias or name
         if (*path, key) in bad or (key not in tree and (misspelt or field.is_required())):
             continue
+        if key not in tree and model.NEEDED_UNLESS.get(name, name) not in (name, *values):
+            continue  # nobody knows whether it is missing
         given = tree[key] if key in tree else field.get_default(call_default_factory=True)
         try:
             values[name] = _value(field.annotation, tuple(field.metadata), given, (*path, key), bad)

@@ -21,6 +21,7 @@ from shefex_nav.scenario import decimal_comma
 from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
 LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
+MOST_COUNT = 1_000_000_000  # of a whole number: kernels count in 32 or 64 bits
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
 MOST_WRITTEN = 9  # [E] digits of a number that somebody has typed
@@ -299,6 +300,9 @@ class NumberSpec:
                 f"expected a whole number without unit such as {self.example}, got {describe(value)}"
             )
         value = self.convert(value)
+        if self.whole and abs(value) > MOST_COUNT:
+            bound = f"be at most {MOST_COUNT}" if value > 0 else f"not be below {-MOST_COUNT}"
+            raise refuse(f"must {bound}, got {quoted(value)}")
         if self.positive and not value > 0:
             raise refuse(f"must be greater than zero, got {quoted(value)}")
         if self.non_negative and value < 0:

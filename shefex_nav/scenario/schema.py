@@ -40,6 +40,7 @@ class Sections(Block):
 
     NAME: ClassVar[str] = "Scenario"
     EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
+    NEEDED_UNLESS: ClassVar[dict] = {"vehicle": "trajectory", "programme": "trajectory"}
     MODELS: ClassVar[dict] = BUILT_IN  # that gravity, air and wind are chosen from: class -> by name
 
     plugins: Plugins = Field(default=(), description=PLUGINS)

@@ -130,7 +130,9 @@ class Artefacts(Settings):
     hot_pixel_strongest: float = quantity("electron/s", "100000 electron/s", "to", positive=True)
     dead_pixels: int = count("10", "found before flight", non_negative=True)
     unknown_bad_pixels: int = count("5", "hot pixels that appeared since", non_negative=True)
-    false_objects: int = count("200", "point sources in no catalogue, on the whole sky", non_negative=True)
+    false_objects: int = count(
+        "200", "point sources in no catalogue, on the whole sky", non_negative=True, at_most=1_000_000
+    )
     spikes_per_frame: float = number("0.2", "spots in a single frame, mean number", non_negative=True)
     false_brightest: float = quantity("mag", "3 mag", "brightness of both, from")
     false_faintest: float = quantity("mag", "6 mag", "to")
@@ -154,7 +156,9 @@ class Artefacts(Settings):
         "electron", "20000 electron", "to", "20000 electron", positive=True
     )  # [E]
     trail_longest: float = quantity("pix", "100 pix", "from one pixel to", "100 pix", at_least="1 pix")  # [E]
-    moving_objects: int = count("300", "satellites and debris, on the whole sky", 0, non_negative=True)
+    moving_objects: int = count(
+        "300", "satellites and debris, on the whole sky", 0, non_negative=True, at_most=1_000_000
+    )
     moving_slowest: float = quantity(
         "rad/s", "0.1 deg/s", "their rate, from", "0.1 deg/s", positive=True
     )  # [E]

@@ -172,3 +172,12 @@ def test_the_outage_that_is_told_is_a_good_scenario():
     text = WITHOUT["gps",].partition("'faults: {gps: ")[2].removesuffix("}'")
     (fault,) = load("orbit", [f"faults.gps={text}"]).faults.gps
     assert (fault.fault, fault.start) == ("outage", 0.0)
+
+
+def test_a_trajectory_that_is_wrong_hides_what_a_vehicle_needs(tmp_path):
+    """Whether vehicle and programme are missing is not known; the rest is told."""
+    path = tmp_path / "flight.yaml"
+    path.write_text("extends: given_trajectory\ntrajectory: 385 s\nlog: {rate: 30 Hz}\n")
+    lines = messages(path)
+    assert len(lines) == 2, lines
+    assert "trajectory: expected" in lines[0] and "log.rate: 30 Hz is not offered" in lines[1]

@@ -174,6 +174,8 @@ def test_turns_per_second_where_a_spin_is_meant():
         ({}, math.inf, "must be a finite number"),
         ({"whole": True}, 2.5, "expected a whole number without unit such as 0.5, got 2.5"),
         ({"whole": True}, 10**400, "must be a finite number"),
+        ({"whole": True}, 2**63, "must be at most 1000000000"),
+        ({"whole": True}, -(2**63), "must not be below -1000000000"),
         ({"positive": True}, 0, "must be greater than zero"),
         ({"non_negative": True}, -1, "must not be negative"),
         ({"at_least": 4}, 3, "must be at least 4, got 3"),

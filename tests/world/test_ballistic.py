@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from shefex_nav import prepare
+from shefex_nav.errors import UserError
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.scenario import load, params
 from shefex_nav.world.flight import ballistic, fly, start, surroundings
@@ -65,6 +66,13 @@ def test_a_body_with_drag_falls_with_its_terminal_velocity():
     found = ballistic.fall(world, ballistic.Body(60.0, drag), 0.0, *thrown(world, 9000.0, np.zeros(3)))
     _, v_e = frames.ecef_from_inertial(world.earth, found.t_s[-1], found.r_i[-1], found.v_i[-1])
     assert np.linalg.norm(v_e) == pytest.approx(np.sqrt(2.0 * 60.0 * 9.823 / (1.225 * 0.6)), rel=0.01)
+
+
+def test_a_body_that_the_air_stops_at_once_is_refused_in_words():
+    """A veil of 1 g and 10 km2 keeps its speed for some ns, for hours."""
+    world, drag = surrounded(), p.Spent(1e7, np.array([0.0, 1.0]), np.array([1.2, 1.2]))
+    with pytest.raises(UserError, match="slowed down too fast"):
+        ballistic.fall(world, ballistic.Body(1e-3, drag), 0.0, *thrown(world, 9000.0, np.zeros(3)))
 
 
 def test_fixed_steps_end_within_millimetres():

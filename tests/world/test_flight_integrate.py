@@ -281,8 +281,24 @@ def test_ticks_that_were_missed_stay_missed():
 
 def test_what_has_no_solution_is_an_error():
     x = state(FAR, [np.nan, 0.0, 0.0])
-    with pytest.raises(ArithmeticError, match="no finite solution"):
+    with pytest.raises(ArithmeticError, match="grows without bound"):
         section(x, 0.0, 1.0, body(), world())
+
+
+def test_a_motion_that_is_too_fast_to_follow_is_an_error():
+    """A spin of 6000 rad/s with a wobble needs steps of some 10 us; one of 60 rad/s is followed."""
+    slow, fast = (state(FAR, omega_b=[rate, 0.1 * rate, 0.0]) for rate in (60.0, 6000.0))
+    section(slow, 0.0, 1.0, body(), world())
+    with pytest.raises(integrate.MotionError, match="too fast"):
+        section(fast, 0.0, 600.0, body(), world())
+
+
+def test_the_smallest_step_is_made_where_rounding_makes_it_longer():
+    """A step of 1 us ends 1e-16 s late at T+5 s: longer than the smallest, and not to be made shorter."""
+    fast = state(FAR, omega_b=[1e8, 1e7, 0.0])
+    begin_s = next(t for t in 5.0 + 1e-3 * np.arange(99) if (t + integrate.SMALLEST_STEP) - t > 1e-6)
+    with pytest.raises(integrate.MotionError):
+        section(fast, begin_s, begin_s + 1.0, body(), world())
 
 
 def test_sections_without_length_change_nothing():

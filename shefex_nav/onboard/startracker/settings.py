@@ -58,7 +58,7 @@ class Detection(Settings):
     largest_peak: float = quantity(
         "", "80 %", "share of the light in one pixel; more is a hot pixel", positive=True, at_most="100 %"
     )
-    most_objects: int = count("50", "length of the table", at_least=4)
+    most_objects: int = count("50", "length of the table", at_least=4, at_most=100_000)
     saturation: float = quantity(
         "DN", "255 DN", "grey value of a saturated pixel; automatic: the largest of the detector",
         "automatic", positive=True, at_most="65535 DN", words=(("automatic", 0.0),)

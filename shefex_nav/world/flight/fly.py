@@ -28,7 +28,7 @@ from shefex_nav.world.flight import (
     vehicle,
 )
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, Samples, Vehicle, integrate
+from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Samples, Vehicle, integrate
 from shefex_nav.world.flight.record import split
 from shefex_nav.world.flight.timeline import EPS, Kind
 
@@ -224,10 +224,9 @@ class _Run:
             self.t_s, self.k, event = integrate(
                 self.x, begin, t_end, self.k, samples, flown, self.world, TOLERANCE
             )
-        except ArithmeticError:
+        except MotionError as error:
             raise FlightError(
-                f"the motion grows without bound between T+{begin:.1f} s and T+{t_end:.1f} s; look at the "
-                "damping coefficients, the inertias and the torques"
+                f"{error}; look at the coefficients, the centre of pressure, the inertias and the torques"
             ) from None
         if self.mode == dynamics.PROGRAMMED:
             self.x[10:13] = attitude.body_rate(self.law, self.t_s)[:3]

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.errors import UserError
 from shefex_nav.world.flight import control as attitude_control
 from shefex_nav.world.flight import vehicle
 from shefex_nav.world.flight.attitude_program import RateLaw
@@ -38,9 +39,14 @@ SMALLEST_STEP = 1e-6  # s; a step is accepted by then: what is left is a jump in
 FIRST_STEP = 0.01  # s, tried at the start of a section
 TIME_EPS = 1e-9  # s, instants closer than this are one sample
 EVENT_EPS = 1e-12  # s, to which an end that depends on the state is found
-T_END, EVENT, STOP = 0, 1, 2  # how a section ends
+FREE_STEPS, STEPS_PER_S = 100_000, 2000.0  # of a section at most; a spin of 250 rad/s needs as many
+T_END, EVENT, STOP, TOO_FAST = 0, 1, 2, 3  # how a section ends
 
 _SAFETY, _SHRINK, _GROW, _BETA = 0.9, 0.2, 10.0, 0.04  # of the step size control
+
+
+class MotionError(UserError, ArithmeticError):
+    """The motion cannot be integrated; the message says when and why."""
 
 
 class Samples(NamedTuple):
@@ -180,7 +186,7 @@ def _controlled_step(t_s, t_new, x, pace, tolerance, section, gravity, work):
         factor = _SHRINK
         if 0.0 < error < np.inf:
             factor = _SAFETY * error ** (0.75 * _BETA - 0.2)
-        if error > 1.0 and h > SMALLEST_STEP:
+        if error > 1.0 and h > SMALLEST_STEP + TIME_EPS:  # the sum t_s + SMALLEST_STEP may be rounded up
             t_new, rejected = t_s + max(max(_SHRINK, factor) * h, SMALLEST_STEP), True
             continue
         if error == np.inf:
@@ -203,6 +209,7 @@ def _integrate(x, span, k, samples, steered, scene, gravity, tolerance):
     s, tables, work = scene.record[0], scene.tables, workspace()
     section = Section(mode, law, s, tables)
     pace = Pace(FIRST_STEP if tolerance > 0.0 else -tolerance, 1e-4)
+    steps, t_begin = 0, t_s
     follows, t_break = False, t_s  # the last stage of the step before is the first one of this step
     height = _height(t_s, x, s)
     if mode == CONTROLLED:
@@ -230,6 +237,9 @@ def _integrate(x, span, k, samples, steered, scene, gravity, tolerance):
         if how != T_END:
             return t_s, k, how
         height = _height(t_s, x, s)
+        steps += 1
+        if tolerance > 0.0 and steps > FREE_STEPS + STEPS_PER_S * (t_s - t_begin):
+            return t_s, k, TOO_FAST
     return t_s, k, T_END
 
 
@@ -248,10 +258,23 @@ def integrate(x, t_s, t_end, k, samples, flown, world, tolerance):
 
     The section ends with T_END at t_end, with EVENT at the end of the rail or on the ground, with STOP when
     control.stop_height is passed on the way down. Where the attitude is programmed it ends at t_end only.
+    MotionError where there is no finite solution, or one that takes more than STEPS_PER_S to follow.
     """
     configuration, *steered = flown
-    return _integrate(
-        x, (float(t_s), float(t_end), vehicle.corners(configuration)), int(k),
-        Samples(float(samples.t_start), float(samples.dt), samples.rows), tuple(steered),
-        prepare(configuration, world), world.gravity, float(tolerance),
-    )  # fmt: skip
+    span = float(t_s), float(t_end), vehicle.corners(configuration)
+    samples = Samples(float(samples.t_start), float(samples.dt), samples.rows)
+    scene = prepare(configuration, world)
+    try:
+        reached_s, k, how = _integrate(
+            x, span, int(k), samples, tuple(steered), scene, world.gravity, float(tolerance)
+        )
+    except ArithmeticError:
+        raise MotionError(
+            f"the motion grows without bound between T{t_s:+.1f} s and T{t_end:+.1f} s"
+        ) from None
+    if how == TOO_FAST:
+        raise MotionError(
+            f"the motion from T{t_s:+.1f} s to T{reached_s:+.1f} s takes more than {STEPS_PER_S:g} steps a "
+            "second to follow: it turns, swings or is slowed down too fast"
+        )
+    return reached_s, k, how
