@@ -7,7 +7,7 @@ import numpy as np
 
 from shefex_nav.campaign import convergence, over_time, sensitivity, statistics
 from shefex_nav.report.figures import style
-from shefex_nav.report.figures.style import BLUE, GREY, RED
+from shefex_nav.report.figures.style import BAND, BLUE, GREY, RED
 
 FAINT = "0.87"
 MOST_BARS = 8
@@ -27,30 +27,35 @@ def draw_errors(series):
     from matplotlib.patches import Patch
 
     figure = style.constrained(14.0, 9.0)
-    axes = figure.subplots(3, 3, sharex=True)
+    axes, has_decades = figure.subplots(3, 3, sharex=True), False
     for q, (name, unit, factor) in enumerate(style.QUANTITIES):
         block = over_time.BLOCKS.index(name)
         for k, axis in enumerate(axes[:, q]):
             errors = factor * series.errors[:, :, block, k]
             limit = factor * over_time.SIGMAS * series.sigmas[:, :, block, k]
             t_s, (low, middle, high) = _percentiles(series.t_s, errors, (2.5, 50.0, 97.5))
-            axis.fill_between(t_s, low, high, color=BLUE, alpha=0.25, lw=0)
-            if len(errors) <= FEW_RUNS:
-                axis.plot(series.t_s, errors.T, color=BLUE, lw=0.4, alpha=0.5)
+            axis.fill_between(t_s, low, high, color=BAND, lw=0)
+            if len(errors) <= FEW_RUNS:  # faint, as the runs of a spinning vehicle cover each other
+                axis.plot(series.t_s, errors.T, color=GREY, lw=0.3, alpha=0.25)
             axis.plot(t_s, middle, color=BLUE, lw=1.0)
             t_s, (sigma,) = _percentiles(series.t_s, limit, (50.0,))
             for sign in (-1.0, 1.0):
                 axis.plot(t_s, sign * sigma, color=RED, lw=1.0)
-            _both_ways(axis, sigma, np.maximum(-low, high))
+            has_decades |= _both_ways(axis, sigma, np.maximum(-low, high))
             axis.set_ylabel(f"{over_time.AXES[k]} [{unit}]")
         axes[0, q].set_title(f"{name}, {'body' if name == 'attitude' else 'inertial'} axes", loc="left")
         axes[2, q].set_xlabel("time from lift-off [s]")
     handles = [
-        Patch(color=BLUE, alpha=0.25, label="95 % of the runs"),
+        Patch(color=BAND, label="95 % of the runs"),
         Line2D([], [], color=BLUE, label="median"),
         Line2D([], [], color=RED, label="3 sigma of the filter, median"),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    if len(series.runs) <= FEW_RUNS:
+        handles.append(Line2D([], [], color=GREY, lw=0.5, label="each run"))
+    if has_decades:
+        words = "scale: linear between the dotted lines, decades beyond"
+        handles.append(Line2D([], [], color=GREY, lw=0.8, ls=":", label=words))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
     _title(figure, f"Errors of {len(series.runs)} runs")
     return figure
 
@@ -58,7 +63,8 @@ def draw_errors(series):
 def _both_ways(axis, sigma, size):
     """y axis from a linear part about zero, where errors are small, to decades where they are large.
 
-    sigma : (T,) limits drawn;  size : (T,) of the errors drawn
+    sigma : (T,) limits drawn;  size : (T,) of the errors drawn. Returns whether it has decades; their ends
+    next to zero are then dotted.
     """
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
@@ -66,12 +72,15 @@ def _both_ways(axis, sigma, size):
     top = 1.3 * max(float(np.max(sigma)), float(np.max(size)), 1.01 * small)
     axis.set_ylim(-top, top)
     if top < 6.0 * small:
-        return
+        return False
     axis.set_yscale("symlog", linthresh=small, linscale=1.0)
     decades = 10.0 ** np.arange(np.ceil(np.log10(small)), np.floor(np.log10(top)) + 1.0)
     axis.yaxis.set_major_locator(FixedLocator([*-decades[::-1], 0.0, *decades]))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.yaxis.set_minor_locator(NullLocator())
+    for end in (-small, small):
+        axis.axhline(end, color=GREY, lw=0.8, ls=":")
+    return True
 
 
 def _percentiles(t_s, values, percents):
@@ -82,7 +91,10 @@ def _percentiles(t_s, values, percents):
 
 @style.styled
 def draw_nees(series):
-    """Mean normalised squares over the runs, of errors and of innovations, with 95 % bounds."""
+    """Mean normalised squares over the runs, of errors and of innovations, with 95 % bounds.
+
+    As long as half of the runs have the epoch: a mean over the few that fly longest is one of others.
+    """
     found, innovations = over_time.anees(series), over_time.anis(series)
     panels = []
     for b, name in enumerate(over_time.BLOCKS):
@@ -91,9 +103,11 @@ def draw_nees(series):
     panels += [(f"NIS, {name.replace('_', ' ')}", one.mean, one) for name, one in innovations.items()]
     figure = style.constrained(11.0, 1.0 + 1.8 * len(panels))
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
+    many = 2 * (series.phase >= 0).sum(axis=0) >= len(series.runs)
     for axis, (title, mean, one) in zip(axes, panels, strict=True):
-        known = np.isfinite(mean)
-        axis.fill_between(series.t_s, one.low, one.high, color=FAINT, lw=0, step="mid")
+        known = np.isfinite(mean) & many
+        bounds = (np.where(many, end, np.nan) for end in (one.low, one.high))
+        axis.fill_between(series.t_s, *bounds, color=FAINT, lw=0, step="mid")
         axis.plot(series.t_s[known], mean[known], color=BLUE, lw=1.0)
         axis.axhline(1.0, color=GREY, lw=0.8)
         top = np.nanmax([1.2 * np.percentile(mean[known], 99.0), 1.1 * np.nanmedian(one.high), 1.5])
@@ -101,7 +115,8 @@ def draw_nees(series):
         axis.set_ylabel("per deg. of freedom")
         axis.set_title(title, loc="left", fontsize=10)
     axes[-1].set_xlabel("time from lift-off [s]")
-    _title(figure, f"Normalised squares, mean of {len(series.runs)} runs; grey: 95 % if the filter is right")
+    words = f"mean of {len(series.runs)} runs, while half of them fly"
+    _title(figure, f"Normalised squares, {words}; grey: 95 % if the filter is right")
     return figure
 
 
@@ -238,6 +253,25 @@ def _short(name):
 OF_SERIES = {"errors": draw_errors, "nees": draw_nees, "containment": draw_containment}
 OF_RESULTS = {"ellipses": draw_ellipses, "convergence": draw_convergence, "sensitivity": draw_sensitivity}
 NAMES = (*OF_SERIES, *OF_RESULTS)
+MISSING = {  # why there is nothing to draw, of each
+    **dict.fromkeys(OF_SERIES, "no run that flew to its end has a series over time (campaign.series)"),
+    "ellipses": "fewer than three runs reached apogee, entry or impact",
+    "convergence": "there is neither a requirement nor an error that two runs have",
+    "sensitivity": "there are too few runs for the number of dispersions, or their results are all alike",
+}
+
+
+def plots(campaign):
+    """NAMES as functions: Plots. `sensitivity` is told only of a campaign that has dispersions."""
+    from shefex_nav.report.figures import Plots
+
+    def draw(name):
+        return draw_one(name, campaign)
+
+    if campaign.draws:
+        return Plots(NAMES, draw, MISSING)
+    names = [name for name in NAMES if name != "sensitivity"]
+    return Plots(names, draw, MISSING | {"sensitivity": "the scenario has no dispersions"})
 
 
 def draw_one(name, campaign):

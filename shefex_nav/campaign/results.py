@@ -243,11 +243,13 @@ class Campaign:
 
     @property
     def plot(self):
-        """Figures of the campaign, each of matplotlib: `campaign.plot.errors()`; `dir(campaign.plot)`."""
-        from shefex_nav.campaign import figures
-        from shefex_nav.report.figures import Plots
+        """Figures of the campaign, each of matplotlib: `campaign.plot.errors()`; `dir(campaign.plot)`.
 
-        return Plots(figures.NAMES, lambda name: figures.draw_one(name, self))
+        `sensitivity` is among them where the scenario has dispersions.
+        """
+        from shefex_nav.campaign import figures
+
+        return figures.plots(self)
 
     def failures(self):
         """Runs that failed, in order: list of Failure."""

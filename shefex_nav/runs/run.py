@@ -22,16 +22,29 @@ def open_run(log: str | Path) -> "Run":
 
 
 class Errors(NamedTuple):
-    """Truth minus estimate, and what the filter believes of it."""
+    """Truth minus estimate, and the standard deviations that the filter reports.
 
-    t_s: np.ndarray  # (N,) of the errors
-    position_i: np.ndarray  # (N, 3) m
-    velocity_i: np.ndarray  # (N, 3) m/s
-    attitude_b: np.ndarray  # (N, 3) rad, rotation vector
-    sigma_t_s: np.ndarray  # (K,) of the logged covariances
-    sigma_position_i: np.ndarray  # (K, 3) m
-    sigma_velocity_i: np.ndarray  # (K, 3) m/s
-    sigma_attitude_b: np.ndarray  # (K, 3) rad
+    Attributes
+    ----------
+    t_s : (N,) s, mission time of the errors
+    position_i, velocity_i : (N, 3) m, m/s, inertial axes; the true one is the estimate plus this
+    attitude_b : (N, 3) rad, rotation vector in body axes, q_ib(true) = q_ib(estimate) * exp(attitude_b)
+    sigma_t_s : (K,) s, of the logged covariances, ten times fewer than the errors at 100 Hz
+    sigma_position_i, sigma_velocity_i : (K, 3) m, m/s, standard deviations along the inertial axes
+    sigma_attitude_b : (K, 3) rad, standard deviations about the body axes
+
+    The errors at the times of the sigmas are `errors.attitude_b[np.searchsorted(errors.t_s, errors.sigma_t_s
+    - 1e-6)]`; `errors.at(t_s)` has both at one instant.
+    """
+
+    t_s: np.ndarray
+    position_i: np.ndarray
+    velocity_i: np.ndarray
+    attitude_b: np.ndarray
+    sigma_t_s: np.ndarray
+    sigma_position_i: np.ndarray
+    sigma_velocity_i: np.ndarray
+    sigma_attitude_b: np.ndarray
 
     def at(self, t_s):
         """Errors at the instants nearest to a mission time [s]: numbers and (3,) in place of the arrays.

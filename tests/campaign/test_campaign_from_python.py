@@ -5,13 +5,14 @@ import subprocess
 import sys
 from concurrent.futures.process import BrokenProcessPool
 
+import numpy as np
 import pytest
 from rich.console import Console
 from short_campaign import HereLane, write
 from synthetic_campaign import write as write_synthetic
 
 import shefex_nav
-from shefex_nav.campaign import figures, from_python, results
+from shefex_nav.campaign import figures, from_python, over_time, results
 from shefex_nav.campaign.engine import EngineError
 from shefex_nav.campaign.running import BadCampaign
 from shefex_nav.campaign.store import StoreError
@@ -123,8 +124,44 @@ def test_pictures_by_name_and_the_table(tmp_path):
     assert len(campaign.plot.errors().axes) == 9
     with pytest.raises(AttributeError, match="choose from errors, nees"):
         campaign.plot.nothing()
+    said = [text.get_text() for text in campaign.plot.errors().legends[0].get_texts()]
+    assert "median" in said and "each run" not in said  # of sixty runs
     console = Console(width=150, record=True, file=io.StringIO())
     console.print(campaign.table())
     assert "Requirements" in console.export_text() and hasattr(campaign.table(), "_repr_mimebundle_")
     bare = shefex_nav.open_campaign(write_synthetic(tmp_path / "bare", 3, with_series=False))
     assert isinstance(bare, results.Campaign)
+    with pytest.raises(LookupError, match="no run that flew to its end has a series over time"):
+        bare.plot.errors()
+
+
+def test_a_campaign_without_dispersions_says_why_nothing_explains_it(tmp_path, monkeypatch):
+    campaign = shefex_nav.open_campaign(write_synthetic(tmp_path, 12))
+    monkeypatch.setattr(results.Campaign, "draws", {})
+    assert "sensitivity" not in dir(campaign.plot) and "errors" in dir(campaign.plot)
+    with pytest.raises(LookupError, match=r"'sensitivity': the scenario has no dispersions"):
+        campaign.plot.sensitivity()
+    assert "each run" in [text.get_text() for text in campaign.plot.errors().legends[0].get_texts()]
+
+
+def test_the_mean_of_squares_ends_where_half_of_the_runs_have_landed(tmp_path):
+    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path, 12)))
+    T = len(series.t_s)
+    few, half = np.s_[:7, T - 5 :], np.s_[:6, T - 10 :]  # 5 of 12 fly the last five epochs, 6 the five before
+    for landed in (half, few):
+        series.phase[landed], series.nees[landed] = -1, np.nan
+    line = figures.draw_nees(series).axes[0].lines[0]
+    assert line.get_xdata()[-1] == series.t_s[T - 6]
+
+
+def test_the_scale_of_errors_is_told_where_it_has_decades(tmp_path):
+    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path, 12)))
+    first = series.t_s < series.t_s[len(series.t_s) // 4]
+    series.errors[:, first] *= 100.0
+    series.sigmas[:, first] *= 100.0
+    figure = figures.draw_errors(series)
+    assert any("linear between the dotted lines" in text.get_text() for text in figure.legends[0].get_texts())
+    axes = figure.axes[0]
+    dotted = sorted(line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == ":")
+    ends = axes.yaxis.get_transform().linthresh
+    np.testing.assert_allclose(dotted, [-ends, ends])

@@ -120,7 +120,8 @@ CATALOGUE = (
     ),
     Entry(
         "timing", "timing.chain", "computing time",
-        "Measured on the machine that simulated, not reproducible.",
+        "Measured by the clock of the machine that simulated, not reproducible: while other programs have "
+        "the processor, the clock runs on.",
     ),
 )  # fmt: skip
 
@@ -164,9 +165,12 @@ def save_all(data, folder, kind="png", glance=None):
 class Plots:
     """Figures by their names: `plots.attitude()`; `dir(plots)` names them."""
 
-    def __init__(self, names, draw):
-        """draw : function of a name that gives the Figure, or None where there is nothing to draw."""
-        self._names, self._draw = list(names), draw
+    def __init__(self, names, draw, missing=None):
+        """draw : function of a name that gives the Figure, or None where there is nothing to draw.
+
+        missing : {name: why there is nothing}; of names that are not told, too
+        """
+        self._names, self._draw, self._missing = list(names), draw, missing or {}
 
     def __dir__(self):
         return self._names
@@ -174,13 +178,14 @@ class Plots:
     def __getattr__(self, name):
         if name.startswith("_"):  # of notebooks, such as _repr_html_; and of copies, which have no _names yet
             raise AttributeError(name)
-        if name not in self._names:
+        if name not in self._names and name not in self._missing:
             raise AttributeError(f"there is no figure {name!r}; choose from {', '.join(self._names)}")
 
         def drawn():
             figure = self._draw(name)
             if figure is None:
-                raise LookupError(f"there is nothing to draw for {name!r}: the records it shows are missing")
+                why = self._missing.get(name, "the records it shows are missing")
+                raise LookupError(f"there is nothing to draw for {name!r}: {why}")
             return figure
 
         return drawn

@@ -186,7 +186,10 @@ def _graticule(axes, middle_rad):
         line = _broken(hammer(_direction(15.0 * hour, np.linspace(-90.0, 90.0, 61)), middle_rad))
         axes.plot(*line.T, color="#dddddd", lw=0.6, zorder=0)
         place = hammer(_direction(15.0 * hour, 0.0), middle_rad)
-        axes.text(*place, f"{hour} h", fontsize=9, color=style.GREY, ha="center", va="bottom")
+        axes.text(
+            *place, f"{hour} h", fontsize=9, ha="center", va="center", zorder=4,  # above the limb
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        )  # fmt: skip
 
 
 def _exclusion(axes, data, sky, t_s, middle_rad):

@@ -1,4 +1,9 @@
-"""How long the computations took."""
+"""How long the computations took, by the clock on the wall.
+
+A program that waits while the machine does something else has that time in it. On two cores with five other
+programs 20 % of the frames took 5 or 9 ms in place of 0.7: 99 % of these had been interrupted, 2 % of the
+others, and the processor had worked on them for 1.0 ms.
+"""
 
 import numpy as np
 
@@ -13,9 +18,9 @@ def chain(data):
     if not chosen.any():
         return None
     t_s, chain_ms = times.t_s[chosen], 1e3 * times.chain_s[chosen]
-    figure = style.figure(3.8)
+    figure = style.figure(4.1)
     style.title(figure, "Time that the star tracker's chain took for a frame")
-    spec = style.grid(figure, [2.6], columns=2, left=0.9, between=0.8)
+    spec = style.grid(figure, [2.6], columns=2, left=0.9, between=0.8, below=0.3)
     over_time, share = figure.add_subplot(spec[0, 0]), figure.add_subplot(spec[0, 1])
     style.dots(over_time, t_s, chain_ms, color=style.BLUE)
     style.log_scale(over_time)
@@ -33,4 +38,6 @@ def chain(data):
     share.set_xlabel("time [ms]")
     share.set_ylabel("frames done [%]")
     style.legend_above(share)
+    words = "Times by the clock: steps of some ms, alike for frames of all kinds, are turns of other programs"
+    figure.text(0.01, 0.01, words, ha="left", va="bottom", fontsize=9, color=style.GREY)
     return figure
