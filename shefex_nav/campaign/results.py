@@ -162,13 +162,14 @@ class Campaign:
         """{name: limit in its unit} of what the scenario requires."""
         return judging.limits(self.requirements)
 
-    def _judged(self):
-        """Lists of Judged of the succeeded runs, in order, from the columns that they need alone."""
+    def _judged(self, wanted):
+        """Lists of Judged of the wanted rows, (N,) bool, in order, from the columns that they need alone."""
+        first = 0
         for number in range(self._file.num_row_groups):
             group = table.Group(self._file, number)
-            for k, status in enumerate(group["status"]):
-                if status == SUCCEEDED:
-                    yield judging.judge_figures(self.limits, _figure_of(group, k))
+            for k in np.flatnonzero(wanted[first : first + len(group)]).tolist():
+                yield judging.judge_figures(self.limits, _figure_of(group, k))
+            first += len(group)
 
     @cached_property
     def judgements(self):
@@ -176,7 +177,7 @@ class Campaign:
         shape = (int(self.succeeded.sum()), len(self.limits))
         measured, passed, judgeable = (np.zeros(shape, bool) for _ in range(3))
         severity = np.zeros(shape[0])
-        for k, judged in enumerate(self._judged()):
+        for k, judged in enumerate(self._judged(self.succeeded)):
             measured[k] = [one.found is not None for one in judged]
             passed[k] = [one.passed for one in judged]
             judgeable[k] = [one.judgeable for one in judged]
@@ -196,10 +197,8 @@ class Campaign:
 
     def judged(self, runs):
         """What succeeded runs made of the requirements: {run: list of report.requirements.Judged}."""
-        import pyarrow.dataset as ds
-
-        rows = table.load(self._path, wanted=ds.field("run").isin(list(runs)))
-        return {row["run"]: judging.judge_figures(self.limits, figure_of(row)) for row in rows}
+        wanted = self.succeeded & np.isin(self.runs, list(runs))
+        return dict(zip(self.runs[wanted].tolist(), self._judged(wanted), strict=True))
 
     def record(self, run):
         """Record of a run, with its whole summary; KeyError if it is not done."""
@@ -267,9 +266,12 @@ class Campaign:
 
     def _failed(self, *names):
         """Some columns of the runs that failed, in order: iterator of dict."""
-        import pyarrow.dataset as ds
+        import pyarrow.compute as pc
 
-        yield from table.load(self._path, ["run", *names], ds.field("status") != SUCCEEDED)
+        def failed(batch):
+            return pc.not_equal(batch["status"], SUCCEEDED)
+
+        yield from table.load(self._path, ["run", "status", *names], failed)
 
     def failures(self):
         """Runs that failed, in order: list of Failure."""
@@ -282,12 +284,10 @@ class Campaign:
 
     def warnings(self):
         """What the scenario gets wrong of the flights, the most frequent first: list of Cause."""
-        import pyarrow.dataset as ds
-
         if table.WARNINGS not in self.columns:
             return []
         names = "run", table.WARNINGS
-        rows = table.load(self._path, list(names), ds.field(table.WARNINGS).is_valid())
+        rows = table.load(self._path, list(names), lambda batch: batch[table.WARNINGS].is_valid())
         return _grouped((row["run"], words) for row in rows for words in _said(row[table.WARNINGS]))
 
 

@@ -53,10 +53,12 @@ class RunsFile:
         """write : whether runs are to be kept in it. Without a file one is made, or an empty one read."""
         self.path, self._writes = folder / NAME, write
         address = f"{self.path.absolute().as_uri()}?mode={'rwc' if write else 'ro'}"
-        if not write and not self.path.exists():
+        if not write and not (self.path.exists() and self.path.stat().st_size):
             address = "file::memory:"
         with self._told():
-            self._db = sqlite3.connect(address, uri=True, isolation_level=None, timeout=PATIENCE_S)
+            self._db = sqlite3.connect(
+                address, uri=True, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False
+            )
             weakref.finalize(self, self._db.close)  # a reader's lock would outlive it: sqlite3 has a cycle
             self._db.execute(f"PRAGMA page_size = {PAGE}")
             if not self._one("PRAGMA schema_version"):

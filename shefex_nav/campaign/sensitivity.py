@@ -111,16 +111,21 @@ def _of_words(path, values):
 
 def drawn(campaign):
     """Draws of the first MOST_RUNS runs: {path: (N,)}."""
-    return {path: values[:MOST_RUNS] for path, values in campaign.draws.items()}
+    return {path: values[first(campaign)] for path, values in campaign.draws.items()}
+
+
+def first(campaign):
+    """(N,) whether a run is one of the first MOST_RUNS; an array of these alone is a copy, of their size."""
+    return np.arange(len(campaign)) < MOST_RUNS
 
 
 def outcomes(campaign):
     """What is to be explained, of the first MOST_RUNS runs: dict name -> (N,), NaN of runs without it."""
-    result = {}
+    result, used = {}, first(campaign)
     for name, columns in OUTCOMES:
-        values = np.array([campaign.numbers(column) for column in columns])
+        values = np.array([campaign.numbers(column)[used] for column in columns])
         one = values[0] if len(columns) == 1 else np.linalg.norm(values, axis=0)
-        one = np.where(campaign.succeeded, one, np.nan)[:MOST_RUNS]
+        one = np.where(campaign.succeeded[used], one, np.nan)
         known = one[np.isfinite(one)]
         if len(known) >= FEWEST and np.ptp(known) > 0.0:
             result[name] = one
@@ -214,13 +219,18 @@ def regressions(found, draws):
 
 
 def separations(campaign):
-    """How draws tell failed runs from the others, the surest first: list of Separation; empty if none can."""
+    """How draws tell failed runs from the others, the surest first: list of Separation; empty if none can.
+
+    Of the others, those among the first MOST_RUNS runs.
+    """
     from scipy import stats
 
     failed, result = ~campaign.succeeded, []
     if not failed.any() or failed.all():
         return result
-    each = (features({path: values}) for path, values in campaign.draws.items())  # one in memory at a time
+    used = failed | first(campaign)
+    failed = failed[used]
+    each = (features({path: values[used]}) for path, values in campaign.draws.items())  # one at a time
     for feature in chain.from_iterable(each):
         known = np.isfinite(feature.values)
         bad, good = feature.values[known & failed], feature.values[known & ~failed]

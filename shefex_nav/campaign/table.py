@@ -233,15 +233,13 @@ def made(path):
 def load(path, names=None, wanted=None):
     """Rows of a Parquet file, one after the other: iterator of dict.
 
-    names : of columns, None: all;  wanted : expression of pyarrow.dataset that the rows meet
+    names : of columns, None: all;  wanted : function of a batch of rows that gives which of them, None: all
     """
-    import pyarrow.dataset as ds
+    import pyarrow.parquet as pq
 
-    scan = ds.dataset(path, format="parquet").scanner(
-        columns=names, filter=wanted, batch_size=BATCH, batch_readahead=1, fragment_readahead=1
-    )
-    for batch in scan.to_batches():
-        yield from batch.to_pylist()
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(batch_size=BATCH, columns=names, use_threads=False):
+            yield from (batch if wanted is None else batch.filter(wanted(batch))).to_pylist()
 
 
 class Columns(Mapping):

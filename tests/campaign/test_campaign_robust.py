@@ -284,6 +284,9 @@ def test_a_report_reads_while_a_campaign_writes(scenario, tmp_path):
             assert reader.runs.done() == {0}
         assert reader.runs.done() == {0, 1}
     reader.runs.close()
+    (tmp_path / "begun").mkdir()
+    (tmp_path / "begun" / "runs.sqlite").touch()  # as it is for an instant when a campaign begins
+    assert keeping.done(tmp_path / "begun") == 0
 
 
 def test_a_folder_that_cannot_be_written_can_be_read(scenario, tmp_path):
