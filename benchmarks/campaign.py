@@ -122,15 +122,17 @@ def times(ends, began_s, over_s, runs):
 
 def figures(ended, folder):
     """Figures of the runs of a campaign that was flown: dict."""
-    rows = ended.rows
+    from shefex_nav.campaign.results import open_campaign
+
+    campaign = open_campaign(folder)
     files = [path for path in folder.rglob("*") if path.is_file() and path.name != SHARED_FLIGHT]
     return {
-        "wall_s_of_a_run": sum(row["timing.wall_s"] for row in rows) / len(rows),
-        "processor_s_of_a_run": sum(row["timing.cpu_s"] for row in rows) / len(rows),
-        "start_of_a_worker_s": max(row["timing.start_s"] for row in rows),
-        "memory_mb": max(row["timing.peak_memory_mb"] for row in rows),
-        "size_mb": sum(path.stat().st_size for path in files) / 1e6 / len(rows),
-        "failed": sum(row["status"] == "failed" for row in rows),
+        "wall_s_of_a_run": campaign["timing.wall_s"].mean(),
+        "processor_s_of_a_run": campaign["timing.cpu_s"].mean(),
+        "start_of_a_worker_s": campaign["timing.start_s"].max(),
+        "memory_mb": campaign["timing.peak_memory_mb"].max(),
+        "size_mb": sum(path.stat().st_size for path in files) / 1e6 / ended.done,
+        "failed": ended.failed,
         "lost": len(ended.lost),
         "digest": ended.digest,
     }

@@ -50,7 +50,13 @@ UNREADABLE = OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile, zli
 
 def arrays(path, names=None):
     """Arrays of an .npz file: {name: array}, or those named alone; nothing in it is run."""
-    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+    with open(path, "rb") as file:
+        return arrays_of(file, names)
+
+
+def arrays_of(file, names=None):
+    """The same of an open file."""
+    with np.load(file, allow_pickle=False) as archive:
         return {name: archive[name] for name in names or archive.files}
 
 

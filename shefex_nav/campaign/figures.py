@@ -11,6 +11,7 @@ from shefex_nav.report.figures.style import BAND, BLUE, GREY, RED
 
 FAINT = "0.87"
 MOST_BARS = 8
+MOST_DOTS = 10_000  # of the first runs
 MOST_PANELS = 9
 FEW_RUNS = 40  # of fewer, each is drawn
 FIRST_SHOWN = 10  # number of runs from which estimates are worth looking at
@@ -150,7 +151,7 @@ def draw_ellipses(campaign):
         return None
     figure = style.constrained(6.5 * len(found), 6.5)
     for axis, one in zip(np.atleast_1d(figure.subplots(1, len(found))), found, strict=True):
-        north, east = one.offsets_km[:, 0], one.offsets_km[:, 1]
+        north, east = one.offsets_km[:MOST_DOTS, 0], one.offsets_km[:MOST_DOTS, 1]
         axis.plot(east, north, ".", color=BLUE, ms=7, alpha=0.5, mew=0)
         along = np.radians(one.azimuth_deg)
         angle = np.linspace(0.0, 2.0 * np.pi, 200)
@@ -217,7 +218,9 @@ def draw_convergence(campaign):
 def draw_sensitivity(campaign):
     """Standardised coefficients of the regressions, with 95 % intervals; the best explained results first."""
     found = sensitivity.outcomes(campaign)
-    panels = sorted(sensitivity.regressions(found, campaign.draws), key=lambda one: -one.r2)[:MOST_PANELS]
+    panels = sorted(sensitivity.regressions(found, sensitivity.drawn(campaign)), key=lambda one: -one.r2)[
+        :MOST_PANELS
+    ]
     if not panels:
         return None
     columns = min(len(panels), 3)

@@ -34,8 +34,8 @@ class MachineError(Exception):
 class Flown(NamedTuple):
     """A run that is over."""
 
-    record: dict  # what runs/000123.json holds
-    series: bytes | None  # what runs/000123.npz holds; None of a run that failed
+    record: dict  # draws, status, reason, summary ...: `_record`
+    series: bytes | None  # an .npz file; None of a run that failed
 
 
 class Pilot:
@@ -63,7 +63,6 @@ class Pilot:
         An exception is the end of the run, not of the campaign: it becomes the run's reason and traceback.
         Raises MachineError where the fault is not the run's, LogError if its log cannot be written.
         """
-        from shefex_nav.campaign.plan import digest
         from shefex_nav.log.topics import LogError
 
         began, cpu_s, record, series = time.perf_counter(), time.process_time(), _record(job), None
@@ -72,9 +71,7 @@ class Pilot:
                 summary, kept = self._mission(job)
             json.dumps(summary, allow_nan=False)  # what cannot be kept is a fault of the run
             series = _npz(kept)
-            record |= {
-                "summary": summary, "series_sha256": _arrays_digest(kept), "series_file": digest(series),
-            }  # fmt: skip
+            record |= {"summary": summary, "series_sha256": _arrays_digest(kept)}
         except OF_THE_MACHINE as error:
             raise MachineError(_reason(error)) from error
         except LogError:
@@ -136,7 +133,6 @@ def _record(job):
         "draws": writable(job.draws),
         "summary": {},
         "series_sha256": "",  # of the arrays
-        "series_file": "",  # of the file that holds them
         "timing": {},
     }
 

@@ -77,11 +77,9 @@ def _report_missing(ended, runs, say):
     for one in ended.unlogged:
         say(f"run {one.run} has no log: {one.reason}")
     if ended.interrupted:
-        raise KeyboardInterrupt(
-            f"{len(ended.rows)} of {runs} runs are kept; the same call goes on from there"
-        )
+        raise KeyboardInterrupt(f"{ended.done} of {runs} runs are kept; the same call goes on from there")
     if ended.lost:
         words = f"{len(ended.lost)} of {runs} runs were lost with their workers, the same call flies them"
-        if not ended.rows:
+        if not ended.done:
             raise EngineError(f"{words}; run {ended.lost[0].run}: {ended.lost[0].reason}")
-        warnings.warn(f"{words}; every figure is of the {len(ended.rows)} others", stacklevel=3)
+        warnings.warn(f"{words}; every figure is of the {ended.done} others", stacklevel=3)

@@ -93,7 +93,7 @@ def extrapolated(over, hours):
     -> rate, bound at CONFIDENCE of a bootstrap over the runs
     """
     rng, n = np.random.default_rng(0), len(over)
-    rates = [_rate(over[pick]) for pick in rng.integers(0, n, (BOOTSTRAPS, n))]
+    rates = [_rate(over[rng.integers(0, n, n)]) for _ in range(BOOTSTRAPS)]
     per_hour = 1.0 / float(hours.mean())
     return _rate(over) * per_hour, float(np.quantile(rates, CONFIDENCE)) * per_hour
 

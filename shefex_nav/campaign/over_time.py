@@ -135,7 +135,9 @@ def _fill(series, r, campaign, k):
     for name, values in one.items():
         kind, _, sensor = name.partition(".")
         if kind in sums:
-            sums[kind].setdefault(sensor, np.zeros(series.phase.shape, np.float32))[r, k] = values
+            if sensor not in sums[kind]:
+                sums[kind][sensor] = np.zeros(series.phase.shape, np.float32)
+            sums[kind][sensor][r, k] = values
     return True
 
 

@@ -301,17 +301,19 @@ def worst(campaign):
 
 def explained(campaign):
     """Which dispersion explains what."""
-    found, features = sensitivity.outcomes(campaign), sensitivity.features(campaign.draws)
+    found, features = sensitivity.outcomes(campaign), sensitivity.features(sensitivity.drawn(campaign))
     if not features or not found:
         return None
     certain = [
         one for one in sensitivity.ranks(found, features) if one.p_holm < sensitivity.SIGNIFICANT
     ]  # fmt: skip
-    regressed = {one.outcome: one for one in sensitivity.regressions(found, campaign.draws)}
+    regressed = {one.outcome: one for one in sensitivity.regressions(found, sensitivity.drawn(campaign))}
     title = "What explains the results (|x|: distance of x from its median)"
+    if (used := min(len(campaign), sensitivity.MOST_RUNS)) < len(campaign):
+        title += f", the first {used:,} runs"
     if not certain:
         words = (
-            f"None is certain: {len(features)} features, {len(found)} results, {len(campaign)} runs, "
+            f"None is certain: {len(features)} features, {len(found)} results, {used} runs, "
             "at 5 % for all of these pairs together."
         )
         return Part(title, lines=(words,))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from shefex_nav import files
 
-FORMAT = 1  # of the folder
+FORMAT = 2  # of the folder
 BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # of a series, in this order
 PACKAGE = Path(__file__).parents[1]
 DATA = "data/*.csv", "data/*.csv.gz"  # stars and gravity; the coast lines are of pictures alone

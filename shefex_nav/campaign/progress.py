@@ -9,23 +9,25 @@ from shefex_nav.progress import bar, lines
 class Tally:
     """What is known of the runs so far."""
 
-    def __init__(self, total, badness=lambda record: None, clock=time.monotonic):
+    def __init__(self, total, clock=time.monotonic):
         self.total, self.done, self.failed, self.flown, self.missed = total, 0, 0, 0, 0
         self.worst = None  # (badness, run)
-        self.scores = {}  # run -> badness, None of one that failed
-        self._badness, self._clock, self._began = badness, clock, clock()
+        self._clock, self._began = clock, clock()
+
+    def found(self, standing):
+        """Count the runs that were done before: runs_file.Standing."""
+        self.done, self.failed, self.missed, self.worst = standing
 
     def begin(self):
         """The runs that are flown now begin."""
         self._began = self._clock()
 
-    def take(self, record, *, flown=True):
-        """Count a run, flown now or found in the folder."""
+    def take(self, record, bad=None):
+        """Count a run that was flown now. bad : its badness (`running.badness`), None of one that failed"""
         self.done += 1
-        self.flown += flown
+        self.flown += 1
         self.failed += record["status"] == "failed"
-        bad = self.scores[record["run"]] = self._badness(record)
-        self.missed += bad is not None and bad[0] >= 1.0  # `running.badness`: requirements not met
+        self.missed += bad is not None and bad[0] >= 1.0  # requirements not met
         if bad is not None and (self.worst is None or bad > self.worst[0]):
             self.worst = (bad, record["run"])
 

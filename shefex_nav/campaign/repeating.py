@@ -75,7 +75,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
-    (flown,), kept = taken, store.read_record(folder, run)
+    (flown,), kept = taken, store.Store(folder).runs.record(run)
     differences = {} if kept is None else compared(kept, flown.record)
     notes = _changes(head["versions"], plan.versions)
     if written and (rate_hz := pattern.scenario.log.rate) != thinning.LOWEST_HZ:

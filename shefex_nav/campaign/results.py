@@ -5,7 +5,12 @@ campaign["summary.navigation.at_entry.position_error_m"]  # one value a run, NaN
 campaign.draws["vehicle.payload.mass"], campaign.series(12)["t_s"], campaign.summary(12)
 """
 
+import io
+import json
 import re
+import shutil
+import tempfile
+import weakref
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -52,14 +57,17 @@ class Judgements(NamedTuple):
 class Campaign:
     """An open folder of a campaign. Columns are in the order of the runs: `campaign["summary.seed"]`.
 
-    The table of a finished campaign stays on disk but for its columns; `rows` goes through it.
+    The table stays on the disk: a column is read when it is asked for, `rows` goes through all of it.
     """
 
-    def __init__(self, folder, head, *, rows=None, path=None):
-        """rows : list of dict in the order of the runs, or path : results.parquet."""
-        self.folder, self.head = Path(folder), head
-        self._rows, self._path = rows, path
-        self.columns = table.columns(rows) if path is None else table.load_columns(path)
+    def __init__(self, kept, head, path):
+        """kept : Store;  path : of a table that `table.save` wrote"""
+        import pyarrow.parquet as pq
+
+        self.folder, self.head = kept.folder, head
+        self._store, self._path = kept, path
+        self._file = pq.ParquetFile(path)
+        self.columns = table.Columns(self._file, {name: name for name in self._file.schema_arrow.names})
 
     def __repr__(self):
         count = f"{len(self)} of {self.head['runs']} runs, {int(self.succeeded.sum())} flew to their end"
@@ -67,10 +75,10 @@ class Campaign:
 
     def rows(self):
         """Rows in the order of the runs: iterator of dict."""
-        return iter(self._rows) if self._path is None else table.load(self._path)
+        yield from table.load(self._path)
 
     def __len__(self):
-        return len(self.columns["run"])
+        return self._file.metadata.num_rows
 
     def __getitem__(self, name):
         """(N,) array of a column; KeyError with similar names if there is none."""
@@ -90,20 +98,22 @@ class Campaign:
             return np.full(len(self), np.nan)
         return values.astype(float)
 
-    @property
+    @cached_property
     def runs(self):
         """(N,) indices of the runs that are done."""
         return self["run"]
 
-    @property
+    @cached_property
     def succeeded(self):
         """(N,) whether a run flew to its end."""
-        return self["status"] == SUCCEEDED
+        import pyarrow.compute as pc
+
+        return pc.equal(self._file.read(["status"])["status"], SUCCEEDED).to_numpy()
 
     @property
     def draws(self):
         """{path: (N,) array} of what was drawn, in the unit of its dispersion (`units`)."""
-        return {name[len(DRAW) :]: self[name] for name in self.columns if name.startswith(DRAW)}
+        return self.columns.beginning(DRAW)
 
     @cached_property
     def units(self):
@@ -118,13 +128,13 @@ class Campaign:
     @property
     def lost(self):
         """Why runs that were tried have no row: {run: reason}; the campaign flies them when it goes on."""
-        found = store.Store(self.folder).lost()
+        found = self._store.runs.lost()
         return {run: why["reason"] for run, why in found.items() if run < self.head["runs"]}
 
     @cached_property
     def digest(self):
         """sha256 over all columns but timing.*."""
-        return table.digest_sorted(self.rows())
+        return table.made(self._path).digest
 
     @cached_property
     def scenario(self):
@@ -152,11 +162,14 @@ class Campaign:
         """{name: limit in its unit} of what the scenario requires."""
         return judging.limits(self.requirements)
 
-    def _judged(self):
-        """(run, list of Judged) of the succeeded runs, in order."""
-        for row in self.rows():
-            if row["status"] == SUCCEEDED:
-                yield row["run"], judging.judge_figures(self.limits, figure_of(row))
+    def _judged(self, wanted):
+        """Lists of Judged of the wanted rows, (N,) bool, in order, from the columns that they need alone."""
+        first = 0
+        for number in range(self._file.num_row_groups):
+            group = table.Group(self._file, number)
+            for k in np.flatnonzero(wanted[first : first + len(group)]).tolist():
+                yield judging.judge_figures(self.limits, _figure_of(group, k))
+            first += len(group)
 
     @cached_property
     def judgements(self):
@@ -164,7 +177,7 @@ class Campaign:
         shape = (int(self.succeeded.sum()), len(self.limits))
         measured, passed, judgeable = (np.zeros(shape, bool) for _ in range(3))
         severity = np.zeros(shape[0])
-        for k, (_, judged) in enumerate(self._judged()):
+        for k, judged in enumerate(self._judged(self.succeeded)):
             measured[k] = [one.found is not None for one in judged]
             passed[k] = [one.passed for one in judged]
             judgeable[k] = [one.judgeable for one in judged]
@@ -184,12 +197,12 @@ class Campaign:
 
     def judged(self, runs):
         """What succeeded runs made of the requirements: {run: list of report.requirements.Judged}."""
-        wanted = set(runs)
-        return {run: judged for run, judged in self._judged() if run in wanted}
+        wanted = self.succeeded & np.isin(self.runs, list(runs))
+        return dict(zip(self.runs[wanted].tolist(), self._judged(wanted), strict=True))
 
     def record(self, run):
-        """Object of runs/*.json of a run, with its whole summary; KeyError if it is not done."""
-        found = store.read_record(self.folder, int(run))
+        """Record of a run, with its whole summary; KeyError if it is not done."""
+        found = self._store.runs.record(run)
         if found is None:
             raise KeyError(self._absent(run))
         return found
@@ -218,22 +231,24 @@ class Campaign:
         return self._series(run, ("t_s",))["t_s"]
 
     def _series(self, run, names=None):
-        path = self.folder / "runs" / f"{int(run):0{store.DIGITS}d}.npz"
         try:
-            return files.arrays(path, names)
-        except FileNotFoundError:
-            raise KeyError(self._without_series(run, path)) from None
+            content = self._store.runs.series(run)
+            if content is not None:
+                return files.arrays_of(io.BytesIO(content), names)
+        except store.StoreError as error:
+            raise KeyError(str(error)) from None
         except files.UNREADABLE as error:
-            raise KeyError(f"{path} cannot be read: {error}") from None
+            raise KeyError(f"{self.folder}: the series of run {run} cannot be read: {error}") from None
+        raise KeyError(self._without_series(run))
 
-    def _without_series(self, run, path):
-        """Why the file of a run's series is not there."""
-        record = store.read_record(self.folder, int(run))
+    def _without_series(self, run):
+        """Why there are no series of a run."""
+        record = self._store.runs.record(run)
         if record is None:
             return self._absent(run)
         if record["status"] != SUCCEEDED:
             return f"{self.folder}: run {run} failed, and a failed run has no series"
-        return f"{path} is not there"
+        return f"{self.folder}: the series of run {run} were deleted"
 
     def table(self):
         """Everything that `shefex-nav report` prints of a campaign: a rich Group, shown by notebooks too."""
@@ -251,39 +266,57 @@ class Campaign:
 
         return figures.plots(self)
 
+    def _failed(self, *names):
+        """Some columns of the runs that failed, in order: iterator of dict."""
+        import pyarrow.compute as pc
+
+        def failed(batch):
+            return pc.not_equal(batch["status"], SUCCEEDED)
+
+        yield from table.load(self._path, ["run", "status", *names], failed)
+
     def failures(self):
         """Runs that failed, in order: list of Failure."""
-        failed = ~self.succeeded
-        kept = (self[name][failed].tolist() for name in ("run", "reason", "traceback"))
-        return [Failure(run, _text(why), _text(trace)) for run, why, trace in zip(*kept, strict=True)]
+        names = "reason", "traceback"
+        return [Failure(row["run"], *(row[name] or "" for name in names)) for row in self._failed(*names)]
 
     def causes(self):
         """Failures by what they say, the most frequent first: list of Cause."""
-        found = {}
-        for failure in self.failures():
-            found.setdefault(_NUMBER.sub("#", failure.reason), []).append(failure)
-        groups = [Cause(group[0].reason, tuple(one.run for one in group)) for group in found.values()]
-        return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0]))
+        return _grouped((row["run"], row["reason"] or "") for row in self._failed("reason"))
 
     def warnings(self):
-        """What the scenario gets wrong of the flights, the most frequent first: list of Cause.
-
-        It is in the files of the runs, not in the table: nothing is said where these are not kept.
-        """
-        found = {}
-        for record in store.Store(self.folder).records(self.head["runs"]):
-            said = {
-                f"{one['field']}: {one['text']}" for one in (record["summary"] or {}).get("warnings") or ()
-            }
-            for words in sorted(said):
-                found.setdefault(_NUMBER.sub("#", words), []).append((words, record["run"]))
-        groups = [Cause(group[0][0], tuple(run for _, run in group)) for group in found.values()]
-        return sorted(groups, key=lambda cause: (-len(cause.runs), cause.words))
+        """What the scenario gets wrong of the flights, the most frequent first: list of Cause."""
+        if table.WARNINGS not in self.columns:
+            return []
+        names = "run", table.WARNINGS
+        rows = table.load(self._path, list(names), lambda batch: batch[table.WARNINGS].is_valid())
+        return _grouped((row["run"], words) for row in rows for words in _said(row[table.WARNINGS]))
 
 
-def _text(value):
-    """A text of a column; a column without any text holds NaN."""
-    return value if isinstance(value, str) else ""
+def _said(warnings):
+    """Texts of the warnings of a run, which are JSON: sorted list."""
+    return sorted({f"{one['field']}: {one['text']}" for one in json.loads(warnings)})
+
+
+def _grouped(said):
+    """Causes of (run, words), by what is said but for its numbers, the most frequent first: list of Cause."""
+    first, runs = {}, {}
+    for run, words in said:
+        kind = _NUMBER.sub("#", words)
+        first.setdefault(kind, words)
+        runs.setdefault(kind, []).append(run)
+    groups = [Cause(first[kind], tuple(some)) for kind, some in runs.items()]
+    return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0], cause.words))
+
+
+def _figure_of(group, k):
+    """Function that gives the figure at a dotted path of the summary, of row k of a table.Group."""
+
+    def get(path):
+        values = group[f"{SUMMARY}{path}"]
+        return None if values is None else values[k]
+
+    return get
 
 
 def figure_of(row):
@@ -304,30 +337,32 @@ def figure_of(row):
 def open_campaign(folder: str | Path) -> "Campaign":
     """Campaign in a folder, finished or not; StoreError if there is none or if no run is done.
 
-    The table is read if it has the runs that are done and none of them is newer, else the files of the runs.
+    The table of the folder is read if it is of the runs that are done; else one is made of their records, in
+    a place of its own. Where only the table was kept, it counts.
     """
     head = store.read_head(folder)
     kept = store.Store(folder)
-    campaign = _of_table(kept, head)
-    if campaign is not None:
-        return campaign
-    rows = table.unmixed([table.row(record) for record in kept.records(head["runs"])])
-    if not rows:
-        raise store.StoreError(f"{folder}: no run of this campaign is done yet")
-    return Campaign(folder, head, rows=rows)
-
-
-def _of_table(kept, head):
-    """Campaign of results.parquet; None if it is not there, cannot be read, or is not of all that is done."""
-    from pyarrow import ArrowException
-
     path = kept.folder / "results.parquet"
-    done, newest = {run for run in kept.done() if run < head["runs"]}, kept.newest()
     try:
-        if newest is not None and path.stat().st_mtime_ns < newest:
-            return None
-        campaign = Campaign(kept.folder, head, path=path)
-        fits = newest is None or set(campaign.runs.tolist()) == done  # without any, the table alone was kept
-        return campaign if fits and len(campaign) else None
-    except (OSError, ArrowException, KeyError):
-        return None
+        made = table.made(path)
+        if made.runs and (made.state == kept.runs.state() or not kept.runs.path.exists()):
+            return Campaign(kept, head, path)
+    except (OSError, ValueError, KeyError):  # not there, half of one, another program's
+        pass
+    if not kept.runs.done():
+        raise store.StoreError(f"{folder}: no run of this campaign is done yet")
+    return _of_records(kept, head)
+
+
+def _of_records(kept, head):
+    """Campaign of the records that are kept; its table is deleted with it."""
+    place = Path(tempfile.mkdtemp())
+    try:
+        path = place / "results.parquet"
+        kept.write_table(path)
+        campaign = Campaign(kept, head, path)
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
+    weakref.finalize(campaign, shutil.rmtree, place, ignore_errors=True)
+    return campaign

@@ -10,11 +10,13 @@ from shefex_nav import files
 from shefex_nav import workers as machine
 from shefex_nav.campaign import draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
+from shefex_nav.campaign.over_time import MOST_RUNS
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
 GIVE_UP = 2  # sessions in which a run killed its worker in every attempt: then it has failed
+CHECKED = MOST_RUNS  # the first runs, whose series a report reads: a session looks whether they are whole
 BOOK_S = 10.0  # between two entries of the time taken, which a session that is killed would else not leave
 
 
@@ -40,7 +42,8 @@ class Keep(NamedTuple):
 class Ended(NamedTuple):
     """A campaign that was flown, or stopped."""
 
-    rows: list  # of the table
+    done: int  # runs in the table
+    failed: int  # of these
     digest: str  # of the results
     wall_s: float  # of all sessions so far
     interrupted: bool
@@ -139,9 +142,9 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     session = Session(store)
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
     store.begin(plan, described(request.scenario), request.scenario.place, request.until_verified)
-    tally = progress.Tally(plan.runs, badness(request.scenario))
+    tally, bad = progress.Tally(plan.runs), badness(request.scenario)
     missing = _missing(plan, store, show, tally)
-    lost, unlogged, interrupted, table = [], [], False, None
+    lost, unlogged, interrupted, made = [], [], False, None
     try:
         if missing:
             if crew is None and request.cluster is None:
@@ -150,52 +153,51 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
             lanes = (crew or partial(_lanes, request))(plan, len(missing))
             with show.bar(tally) as note:
                 jobs = (sampler.job(run) for run in missing)
-                take, suspects = partial(_take, store, tally, session, note), _suspects(store)
+                take, suspects = partial(_take, store, tally, session, bad, note), _suspects(store)
                 lost = _lost(engine.fly(jobs, lanes, take, stopped, suspects), sampler, store, take)
-        table = store.tabulate(plan.runs)  # before logs, which nothing depends on
+        made = store.tabulate()  # before logs, which nothing depends on
         session.book()
-        unlogged = _keep_logs(request, plan, sampler, store, show, tally.scores, stopped, crew)
+        unlogged = _keep_logs(request, plan, sampler, store, show, stopped, crew)
     except engine.Interrupted:
         interrupted = True
-    wall_s = session.book(of_runs=table is None)
-    return Ended(*(table or store.tabulate(plan.runs)), wall_s, interrupted, tuple(lost), tuple(unlogged))
+    wall_s, made = session.book(of_runs=made is None), made or store.tabulate()
+    failed = store.runs.standing().failed
+    return Ended(made.runs, failed, made.digest, wall_s, interrupted, tuple(lost), tuple(unlogged))
 
 
 def _missing(plan, store, show, tally):
     """Runs that are to be flown, in order: list. What is done is counted.
 
-    The record of a run that is flown again stands until there is a new one.
+    The record of a run that is flown again stands until there is a new one. Of the first CHECKED runs a disk
+    may have spoilt the series; those of the others are looked at when they are read.
     """
-    done, spoilt = set(), []
-    for record in store.records(plan.runs):
-        if not store.whole(record):
-            spoilt.append(record["run"])
-        else:
-            tally.take(record, flown=False)
-            done.add(record["run"])
+    spoilt = store.runs.spoilt(CHECKED)
+    tally.found(store.runs.standing(spoilt))
+    done = store.runs.done().difference(spoilt)
     if spoilt:
         show.say(f"flying {_named(spoilt)} again: the file of their series is spoilt")
     return [run for run in range(plan.runs) if run not in done]
 
 
-def _take(store, tally, session, note, flown):
+def _take(store, tally, session, badness_of, note, flown):
     """Keep a run that is over, count it, show it."""
-    store.keep(flown)
-    tally.take(flown.record)
+    bad = badness_of(flown.record)
+    store.keep(flown, bad)
+    tally.take(flown.record, bad)
     session.ran()
     note()
 
 
 def _suspects(store):
     """Numbers of the runs that killed their workers in an earlier session."""
-    return {run for run, why in store.lost().items() if why["deadly"]}
+    return {run for run, why in store.runs.lost().items() if why["deadly"]}
 
 
 def _lost(lost, sampler, store, take):
     """Keep why runs were lost; one that killed its workers in GIVE_UP sessions failed. -> the others"""
     others = []
     for one in lost:
-        sessions = store.lose(one)
+        sessions = store.runs.lose(one)
         if sessions < GIVE_UP:
             others.append(one)
         else:
@@ -277,22 +279,17 @@ def badness(scenario):
     return bad
 
 
-def chosen(keep, scores):
-    """Runs that get a log, by what is to be kept: list, the worst first. scores : as of progress.Tally"""
+def chosen(keep, runs):
+    """Runs that get a log, by what is to be kept: list, the worst first. runs : RunsFile"""
     found = []
     for one in keep:
-        if one.what == "failed":
-            found += sorted(run for run, bad in scores.items() if bad is None)
-        else:
-            flown = sorted(run for run, bad in scores.items() if bad is not None)
-            flown.sort(key=scores.get, reverse=True)  # stable: of equals the first
-            found += flown[: one.most]
+        found += runs.failed() if one.what == "failed" else runs.worst(one.most)
     return list(dict.fromkeys(found))
 
 
-def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
+def _keep_logs(request, plan, sampler, store, show, stopped, crew):
     """Fly the runs that are to be kept again, with a log each, on this machine. -> list of engine.Lost"""
-    missing = [run for run in chosen(request.keep, scores) if not store.log(run).exists()]
+    missing = [run for run in chosen(request.keep, store.runs) if not store.log(run).exists()]
     if not missing:
         return []
     show.say(f"flying again with a log: {_named(missing)}")
@@ -304,7 +301,7 @@ def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
 
     def take(flown):
         run = flown.record["run"]
-        if different := repeating.compared(store.record(run), flown.record):
+        if different := repeating.compared(store.runs.record(run), flown.record):
             columns = ", ".join(list(different)[: repeating.MOST_WORDS])
             show.say(f"run {run}: no log, it differs from its row in {len(different)} columns: {columns}")
         elif parts[run].exists():

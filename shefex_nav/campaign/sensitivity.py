@@ -6,6 +6,7 @@ twice, as it is and by its distance from the median of the draws (`|path|`). A d
 feature of 0 and 1 for each word but the most frequent.
 """
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from shefex_nav.campaign import r_squared, spearman
 from shefex_nav.campaign.over_time import holm, with_holm
 from shefex_nav.campaign.statistics import ATTITUDE, ENTRY
 
+MOST_RUNS = 10_000  # the first ones, as random as any: more would show what is too small to matter
 RUNS_PER_FEATURE = 5  # a regression on fewer finds what is not there
 CONFIDENCE = 0.95
 FEWEST = 8  # runs of which a correlation is worth a test
@@ -107,13 +109,23 @@ def _of_words(path, values):
     return [Feature(f"{path} = {word}", (values.astype(str) == word).astype(float)) for word in others]
 
 
+def drawn(campaign):
+    """Draws of the first MOST_RUNS runs: {path: (N,)}."""
+    return {path: values[first(campaign)] for path, values in campaign.draws.items()}
+
+
+def first(campaign):
+    """(N,) whether a run is one of the first MOST_RUNS; an array of these alone is a copy, of their size."""
+    return np.arange(len(campaign)) < MOST_RUNS
+
+
 def outcomes(campaign):
-    """What is to be explained: dict name -> (N,), NaN of runs without it."""
-    result = {}
+    """What is to be explained, of the first MOST_RUNS runs: dict name -> (N,), NaN of runs without it."""
+    result, used = {}, first(campaign)
     for name, columns in OUTCOMES:
-        values = np.array([campaign.numbers(column) for column in columns])
+        values = np.array([campaign.numbers(column)[used] for column in columns])
         one = values[0] if len(columns) == 1 else np.linalg.norm(values, axis=0)
-        one = np.where(campaign.succeeded, one, np.nan)
+        one = np.where(campaign.succeeded[used], one, np.nan)
         known = one[np.isfinite(one)]
         if len(known) >= FEWEST and np.ptp(known) > 0.0:
             result[name] = one
@@ -207,13 +219,19 @@ def regressions(found, draws):
 
 
 def separations(campaign):
-    """How draws tell failed runs from the others, the surest first: list of Separation; empty if none can."""
+    """How draws tell failed runs from the others, the surest first: list of Separation; empty if none can.
+
+    Of the others, those among the first MOST_RUNS runs.
+    """
     from scipy import stats
 
     failed, result = ~campaign.succeeded, []
     if not failed.any() or failed.all():
         return result
-    for feature in features(campaign.draws):
+    used = failed | first(campaign)
+    failed = failed[used]
+    each = (features({path: values[used]}) for path, values in campaign.draws.items())  # one at a time
+    for feature in chain.from_iterable(each):
         known = np.isfinite(feature.values)
         bad, good = feature.values[known & failed], feature.values[known & ~failed]
         if not len(bad) or not len(good):

@@ -222,7 +222,9 @@ def ellipse(what, places):
     from shefex_nav.geometry import wgs84
 
     angles = np.radians(places[:, :2])
-    r_e = np.array([wgs84.ecef_from_geodetic(*a, 1e3 * h) for a, h in zip(angles, places[:, 2], strict=True)])
+    r_e = np.empty(places.shape)
+    for k, (place, height_km) in enumerate(zip(angles, places[:, 2], strict=True)):
+        r_e[k] = wgs84.ecef_from_geodetic(*place, 1e3 * height_km)
     mean_e = r_e.mean(axis=0)
     latitude, longitude, height = wgs84.geodetic_from_ecef(mean_e)
     if float(places[:, 2].mean()) - height / 1e3 > CURVED_KM:

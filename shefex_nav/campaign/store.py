@@ -1,17 +1,16 @@
-"""The folder of a campaign: what is flown, one file a run, and the table of all (see the package).
+"""The folder of a campaign: what is flown, the file of its runs, and the table of all (see the package).
 
-A file is written whole or not at all, and is on the disk before its run counts as done (`files`). What a disk
-lost or spoilt all the same is flown again.
+A file is written whole or not at all (`files`), a run in one transaction (`runs_file`); it is on the disk
+before it counts as done.
 """
 
 import json
-import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
-from shefex_nav.campaign import table, units
-from shefex_nav.errors import UserError
+from shefex_nav.campaign import runs_file, table, units
+from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.files import finish, put, settle
 from shefex_nav.scenario import differences
 
@@ -23,10 +22,6 @@ NAMES = {  # of versions
     "code": "the source code of shefex_nav",
     "data": "the star catalogue or the gravity field",
 }
-
-
-class StoreError(UserError):
-    """A folder that cannot be used; the message says why and what to do."""
 
 
 class FewerRunsError(StoreError):
@@ -42,12 +37,11 @@ class FewerRunsError(StoreError):
 HEAD = (  # of campaign.json, what readers cannot do without
     "scenario", "source", "seed", "runs", "sampling", "flight", "rate", "versions", "wall_s",
 )  # fmt: skip
-OWN = (".lock", "campaign.json", "flight.npz", "results.parquet")
+OWN = (".lock", "campaign.json", "flight.npz", "results.parquet", *runs_file.FILES)
 HALF_WRITTEN = (  # folder, pattern
     ("", "campaign.json*.part"),
     ("", "flight.npz*.part"),
     ("", "results.parquet*.part"),
-    ("runs", "[0-9]*.part"),
     ("logs", "[0-9]*.part"),
 )
 
@@ -57,7 +51,7 @@ class Store:
 
     def __init__(self, folder):
         self.folder = Path(folder)
-        self._lock = None
+        self._lock = self._runs = None
         self._made = []  # folders that were not there before
         self._is_new = False
 
@@ -66,12 +60,13 @@ class Store:
             raise StoreError(f"{self.folder}: is a file; expected the name of a folder")
         try:
             self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
-            (self.folder / "runs").mkdir(parents=True, exist_ok=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
             self._lock = open(self.folder / ".lock", "w")
         except OSError as error:
             raise StoreError(f"cannot write into the folder {self.folder}: {error.strerror}") from None
         if not _locked(self._lock):
             self._lock.close()
+            self._lock = None
             raise StoreError(f"{self.folder}: another campaign is at work in this folder")
         self._is_new = not any((self.folder / name).exists() for name in OWN[1:])
         return self
@@ -79,18 +74,31 @@ class Store:
     def __exit__(self, error, *_):
         if error is not None and self._is_new:
             self._leave_nothing()
+        self._close()
         self._lock.close()
+        self._lock = None
+
+    @property
+    def runs(self):
+        """The RunsFile: for writing within the `with`, else for reading."""
+        if self._runs is None:
+            self._runs = runs_file.RunsFile(self.folder, write=self._lock is not None)
+        return self._runs
+
+    def _close(self):
+        if self._runs is not None:
+            self._runs.close()
+        self._runs = None
 
     def _leave_nothing(self):
         """Take away what a campaign that could not begin has made; not where there is anything of a run."""
-        runs = self.folder / "runs"
         with suppress(OSError, StoreError):
-            if (self.folder / "logs").exists() or any(runs.iterdir()):
+            if (self.folder / "logs").exists() or self.runs.done() or self.runs.lost():
                 return
+            self._close()
             self._clear()
             for name in OWN:
                 (self.folder / name).unlink(missing_ok=True)
-            runs.rmdir()
             for path in self._made:
                 path.rmdir()
 
@@ -109,7 +117,7 @@ class Store:
         old = self.head()
         if old is not None:
             _compare(old, plan, self.folder, place)
-        elif any((self.folder / "runs").iterdir()):
+        elif self.runs.done():
             raise StoreError(f"{self.folder}: there are runs, but no campaign.json that says of what")
         self._clear()
         head = {
@@ -179,10 +187,6 @@ class Store:
 
     # ---- runs --------------------------------------------------------------------------------------------
 
-    def path(self, run, ending):
-        """Path of a file of a run."""
-        return self.folder / "runs" / f"{run:0{DIGITS}d}.{ending}"
-
     def log(self, run):
         """Path of the log of a run; its folder is made."""
         with self._writing():
@@ -194,90 +198,41 @@ class Store:
         with self._writing():
             finish(self.log(run))
 
-    def keep(self, flown):
-        """Keep a run; its record comes last, because it says that the run is done."""
-        run = flown.record["run"]
-        with self._writing():
-            if flown.series is not None:
-                put(self.path(run, "npz"), flown.series)
-            put(self.path(run, "json"), json.dumps(flown.record, allow_nan=False) + "\n")
-            settle(self.folder / "runs")
-            self.path(run, "lost").unlink(missing_ok=True)
-
-    def lose(self, lost):
-        """Keep why a run was lost. engine.Lost -> in how many sessions it killed its worker each time"""
-        before = self._losses().get(lost.run, {"deadly": 0})["deadly"]
-        why = {"reason": lost.reason, "deadly": before + lost.deadly}
-        with self._writing():
-            put(self.path(lost.run, "lost"), json.dumps(why) + "\n")
-        return why["deadly"]
-
-    def lost(self):
-        """Runs that were lost and have no record since: dict run -> {"reason", "deadly": sessions}."""
-        return {run: why for run, why in self._losses().items() if not self.path(run, "json").exists()}
-
-    def _losses(self):
-        """The same, also of runs whose record waits to be replaced because their series are spoilt."""
-        found = {}
-        for path in sorted((self.folder / "runs").glob("[0-9]*.lost")):
-            if path.stem.isdecimal():
-                with suppress(OSError, ValueError):  # one that a disk spoilt counts for nothing
-                    found[int(path.stem)] = json.loads(path.read_text())
-        return found
-
-    def record(self, run):
-        """Record of a run; None if it is not there or was cut off by a power failure."""
-        return read_record(self.folder, run)
-
-    def records(self, runs):
-        """Records of those of the first `runs` runs that are done, in order: iterator."""
-        for run in sorted(self.done()):
-            if run < runs and (record := self.record(run)) is not None:
-                yield record
-
-    def whole(self, record):
-        """Whether the series of a run are not spoilt: a failed run has none, others may have been deleted."""
-        expected = record.get("series_file")
-        if not expected:
-            return record["status"] == "failed"
-        try:
-            return planning.digest(self.path(record["run"], "npz").read_bytes()) == expected
-        except FileNotFoundError:
-            return True
-
-    def done(self):
-        """Numbers of the runs whose record is there: set."""
-        return set(self._times())
-
-    def newest(self):
-        """When the newest record was written, ns; None if there is none."""
-        return max(self._times().values(), default=None)
-
-    def _times(self):
-        """{run: when its record was written, ns}."""
-        found = {}
-        try:
-            with os.scandir(self.folder / "runs") as entries:
-                for entry in entries:
-                    name, _, ending = entry.name.partition(".")
-                    if ending == "json" and name.isdecimal():
-                        found[int(name)] = entry.stat().st_mtime_ns
-        except FileNotFoundError:
-            pass
-        return found
+    def keep(self, flown, bad=None):
+        """Keep a run. bad : how bad it is (`running.badness`)"""
+        self.runs.keep([(flown, bad)])
 
     def _units(self):
         """{path: unit} of what is drawn here."""
         head = self.head()
         return {} if head is None else units.of_source(head["source"], f"{self.folder}/campaign.json")
 
-    def tabulate(self, runs):
-        """Write results.parquet of the runs that are done. -> (rows, digest)"""
-        rows = table.unmixed([table.row(record) for record in self.records(runs)])
+    def tabulate(self):
+        """Write results.parquet of the runs that are done, unless it is there. -> table.Made"""
+        path = self.folder / "results.parquet"
+        state = self.runs.state()
+        with suppress(OSError, ValueError, KeyError):
+            if (made := table.made(path)).state == state:
+                return made
         with self._writing():
-            table.save(rows, self.folder / "results.parquet", self._units())
+            self.write_table(path)
             settle(self.folder)
-        return rows, table.digest(rows)
+        return table.made(path)
+
+    def write_table(self, path):
+        """Write the table of the runs that are done to a path."""
+        with self.runs.unchanged():
+            table.save(_Rows(self.runs), path, self._units(), self.runs.state())
+
+
+class _Rows:
+    """Rows of the runs that are done, in order, as often as they are gone through."""
+
+    def __init__(self, runs):
+        self._runs = runs
+
+    def __iter__(self):
+        return map(table.row, self._runs.records())
 
 
 def _judging(old, runs, until_verified):
@@ -305,19 +260,12 @@ def read_head(folder, missing=StoreError):
         raise StoreError(f"{path}: cannot be read: {error}") from None
     found = head.get("format") if isinstance(head, dict) else None
     if found != planning.FORMAT:
-        raise StoreError(f"{path}: its format is {found}, expected {planning.FORMAT}")
+        raise StoreError(
+            f"{path}: its format is {found}, expected {planning.FORMAT}; fly it in another folder"
+        )
     if missing := [name for name in HEAD if name not in head]:
         raise StoreError(f"{path}: is damaged or another program's, {', '.join(missing)} missing")
     return head
-
-
-def read_record(folder, run):
-    """Record of a run of a folder; None if there is no whole one."""
-    try:
-        record = json.loads((Path(folder) / "runs" / f"{run:0{DIGITS}d}.json").read_text())
-    except (FileNotFoundError, ValueError):
-        return None
-    return record if isinstance(record, dict) and record.get("run") == run else None
 
 
 def _locked(file):

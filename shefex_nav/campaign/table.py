@@ -1,14 +1,18 @@
 """Results of a run as one row of a table: names of the columns, Parquet, digest.
 
-What a run writes (`runs/000123.json`) is a tree; its scalars become columns named by their path:
+The record of a run is a tree; its scalars become columns named by their path:
 `summary.navigation.at_entry.position_error_m`. Short lists of numbers are columns .0, .1, .2; other lists
-stay in the file of the run alone, but of draws they are columns of JSON. Durations that were measured,
-wherever they stand, are columns `timing.*`: all others depend on scenario, seed and index of the run alone.
+stay in the record alone, but of draws they are columns of JSON, as warnings are. Durations that were
+measured, wherever they stand, are columns `timing.*`: all others depend on scenario, seed and index of the
+run alone.
 """
 
 import hashlib
 import json
 import math
+from collections.abc import Mapping
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,25 +20,39 @@ from shefex_nav.files import whole
 
 LONGEST = 6  # numbers of a list that become columns
 HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
-MEASURED = ("wall_s", "setup_s", "real_time_factor", "star_tracker.chain_ms.")  # of a summary
+MEASURED = ("wall_s", "setup_s", "real_time_factor")  # of a summary
+MEASURED_BELOW = ("star_tracker.chain_ms.",)
 NOT_RESULTS = ("log",)  # of a summary: where a file was put
+WARNINGS = "summary.warnings"
 EXACT = 2**53  # whole numbers to here are the same as float
 BATCH = 4096  # rows in memory at a time
+DIGEST, STATE = b"results_digest", b"state"  # of the metadata of a file
+LARGE = "large"  # kind of whole numbers that no int64 holds
+
+
+class Made(NamedTuple):
+    """What a file says of its rows."""
+
+    runs: int
+    digest: str
+    state: str  # of the store that they come from (`runs_file.RunsFile.state`)
 
 
 def row(record):
     """Row of a run: dict column -> number, text, bool or None.
 
-    record : object of a runs/*.json: run, status, reason, traceback, seed, draws, summary, timing
+    record : run, status, reason, traceback, seed, draws, summary, timing
     """
     result = {name: record.get(name) for name in HEAD}
+    if warnings := (record.get("summary") or {}).get("warnings"):
+        result[WARNINGS] = json.dumps(warnings)
     for path, value in (record.get("draws") or {}).items():
         result |= {f"draw.{name}": scalar for name, scalar in of_draw(path, value)}
     for path, value in _scalars(record.get("summary") or {}):
-        if path in NOT_RESULTS:
-            continue
-        measured = any(path == name or (name.endswith(".") and path.startswith(name)) for name in MEASURED)
-        result[f"timing.summary.{path}" if measured else f"summary.{path}"] = value
+        if path in MEASURED or path.startswith(MEASURED_BELOW):
+            result[f"timing.summary.{path}"] = value
+        elif path not in NOT_RESULTS:
+            result[f"summary.{path}"] = value
     result |= {f"timing.{path}": value for path, value in _scalars(record.get("timing") or {})}
     return result
 
@@ -48,118 +66,131 @@ def of_draw(path, value):
         for key, item in value.items():
             yield from of_draw(f"{path}.{key}", item)
         return
-    found = list(_scalars(value, path))
-    yield from found or [(path, json.dumps(value))]
+    yield from _scalars(value, path) or [(path, json.dumps(value))]
 
 
 def _scalars(value, path=""):
-    """(dotted path, scalar) of everything in a tree that becomes a column."""
-    if isinstance(value, dict):
+    """(dotted path, scalar) of everything in a tree that becomes a column: list."""
+    found = []
+    _gather(value, path, found)
+    return found
+
+
+def _gather(value, path, found):
+    """Append what `_scalars` gives."""
+    kind = type(value)
+    if kind is dict:
         for key, item in value.items():
-            yield from _scalars(item, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list):
+            _gather(item, f"{path}.{key}" if path else str(key), found)
+    elif kind is list:
         if len(value) <= LONGEST and all(isinstance(item, int | float | None) for item in value):
-            for k, item in enumerate(value):
-                yield f"{path}.{k}", item
+            found.extend((f"{path}.{k}", item) for k, item in enumerate(value))
     else:
-        yield path, value
+        found.append((path, value))
 
 
-def unmixed(rows):
-    """Rows whose columns are of one kind each: values of a column of several kinds become their JSON.
-
-    A choice between a word and a number is such a column, which Parquet does not know. -> the same list
-    """
-    kinds = {}
+def kinds(rows):
+    """Types of the values of each column: {name: set of bool, str, int, LARGE, float}."""
+    found = {}
     for one in rows:
         for name, value in one.items():
             if value is not None:
-                kinds.setdefault(name, set()).add(_kind(value))
-    for name in [name for name, found in kinds.items() if len(found) > 1]:
-        for one in rows:
+                kind = LARGE if type(value) is int and value >= 2**63 else type(value)
+                if name not in found:
+                    found[name] = {kind}
+                elif kind not in found[name]:
+                    found[name].add(kind)
+            elif name not in found:
+                found[name] = set()
+    return found
+
+
+def _mixed(kind):
+    """Whether a column has values of several kinds, as words and numbers, which Parquet does not know."""
+    return len(kind) > 1 and (bool in kind or str in kind)
+
+
+def unmixed(rows, found):
+    """Rows whose columns are of one kind each: values of mixed columns become their JSON. -> iterator
+
+    found : of `kinds`
+    """
+    names = [name for name, kind in found.items() if _mixed(kind)]
+    for one in rows:
+        for name in names:
             if one.get(name) is not None:
                 one[name] = json.dumps(one[name])
-    return rows
-
-
-def _kind(value):
-    if isinstance(value, bool):
-        return "truth"
-    return "text" if isinstance(value, str) else "number"
+        yield one
 
 
 def digest(rows):
-    """sha256 over all columns but timing.*, in the order of the runs: hexadecimal str.
+    """The digest of rows in any order: hexadecimal str."""
+    return Digest(sorted(rows, key=lambda one: one["run"])).words
 
-    Neither the order of the rows nor that of the columns counts, nor whether a value that is missing has a
-    column.
+
+class Digest:
+    """sha256 over all columns but timing.* of rows in the order of the runs.
+
+    The order of the columns does not count, nor whether a value that is missing has a column.
     """
-    return digest_sorted(sorted(rows, key=lambda one: one["run"]))
 
+    def __init__(self, rows=()):
+        self._total = hashlib.sha256()
+        for one in rows:
+            self.add(one)
 
-def digest_sorted(rows):
-    """The same of rows, any iterable, that are in the order of the runs."""
-    total = hashlib.sha256()
-    for one in rows:
+    def add(self, row):
+        """Count one row more. -> the row"""
         kept = {
             name: plain
-            for name, value in sorted(one.items())
+            for name, value in sorted(row.items())
             if not name.startswith("timing.") and (plain := _plain(value)) is not None
         }
-        total.update(json.dumps(kept, separators=(",", ":")).encode() + b"\n")
-    return total.hexdigest()
+        self._total.update(json.dumps(kept, separators=(",", ":")).encode() + b"\n")
+        return row
+
+    @property
+    def words(self):
+        """64 hexadecimal digits."""
+        return self._total.hexdigest()
 
 
 def _plain(value):
     """A value in the one form that JSON and Parquet give back alike: 1 and 1.0 are one number."""
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return float(value) if abs(int(value)) <= EXACT else str(int(value))
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
+    kind = type(value)
+    if kind is int:
+        return float(value) if abs(value) <= EXACT else str(value)
+    if kind is float:
+        return value if math.isfinite(value) else None
     return value
 
 
-def columns(rows):
-    """Arrays by the name of the column: {name: (N,)}.
+def save(rows, path, units=None, state=""):
+    """Write rows as Parquet, a batch in memory at a time; the file is whole or not there.
 
-    Numbers are float with NaN where there is none, whole numbers without a gap int; bool without a gap stays
-    bool, with gaps it is float (1, 0, NaN). Texts are object arrays with None.
-    """
-    names = dict.fromkeys(name for one in rows for name in one)
-    return {name: _column([one.get(name) for one in rows]) for name in names}
-
-
-def _column(values):
-    given = [value for value in values if value is not None]
-    whole = len(given) == len(values)
-    if any(isinstance(value, str) for value in given):
-        return np.array(values, dtype=object)
-    if whole and given and all(isinstance(value, bool) for value in given):
-        return np.array(values, dtype=bool)
-    if whole and given and all(isinstance(value, int) and abs(value) < 2**63 for value in given):
-        return np.array(values, dtype=np.int64)
-    return np.array([math.nan if value is None else float(value) for value in values])
-
-
-def save(rows, path, units=None):
-    """Write unmixed rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path
-
+    rows : of dict in the order of the runs; gone through twice, first for the kinds of the columns
     units : {path of a draw: unit}, which go into the metadata of its field
+    state : of the store that they come from
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = sorted(rows, key=lambda one: one["run"])
-    names = [*HEAD, *sorted({name for one in rows for name in one} - set(HEAD))]
-    arrays = [_arrow([one.get(name) for one in rows]) for name in names]
+    found = kinds(rows)
+    names = [*HEAD, *sorted(set(found) - set(HEAD))]
+    types = [_type(found.get(name, set())) for name in names]
     fields = [
-        pa.field(name, values.type, metadata=_metadata(name, units or {}))
-        for name, values in zip(names, arrays, strict=True)
+        pa.field(name, kind, metadata=_metadata(name, units or {}))
+        for name, kind in zip(names, types, strict=True)
     ]
-    with whole(path) as part:
-        pq.write_table(pa.table(arrays, schema=pa.schema(fields)), part, compression="zstd")
+    total = Digest()
+    with whole(path) as part, pq.ParquetWriter(part, pa.schema(fields), compression="zstd") as writer:
+        ready = map(total.add, unmixed(rows, found))
+        while some := list(islice(ready, BATCH)):
+            columns = [
+                _arrow([one.get(name) for one in some], kind) for name, kind in zip(names, types, strict=True)
+            ]
+            writer.write_batch(pa.record_batch(columns, writer.schema))
+        writer.add_key_value_metadata({DIGEST: total.words, STATE: state})
 
 
 def _metadata(name, units):
@@ -168,39 +199,106 @@ def _metadata(name, units):
     return {"unit": unit} if unit else None
 
 
-def _arrow(values):
-    """pyarrow array of one column of one kind."""
+def _type(kind):
+    """Type of a column in Parquet. kind : of `kinds`"""
     import pyarrow as pa
 
-    given = [value for value in values if value is not None]
-    if all(isinstance(value, bool) for value in given) and given:
-        return pa.array(values, pa.bool_())
-    if any(isinstance(value, str) for value in given) or not given:
-        return pa.array(values, pa.string())
-    if all(isinstance(value, int) for value in given):
-        return pa.array(values, pa.int64() if max(given) < 2**63 else pa.uint64())
-    return pa.array([None if value is None else float(value) for value in values], pa.float64())
+    if not kind or str in kind or _mixed(kind):
+        return pa.string()
+    if kind == {bool}:
+        return pa.bool_()
+    if float in kind:
+        return pa.float64()
+    return pa.uint64() if LARGE in kind else pa.int64()
 
 
-def load(path):
-    """Rows of a Parquet file that `save` wrote, one after the other: iterator of dict."""
+def _arrow(values, kind):
+    """pyarrow array of values of one kind."""
+    import pyarrow as pa
+
+    if kind == pa.float64():  # pyarrow takes no whole number above 2^53 for one
+        values = [None if value is None else float(value) for value in values]
+    return pa.array(values, kind)
+
+
+def made(path):
+    """Made of a file that `save` wrote; KeyError if it is another's."""
+    import pyarrow.parquet as pq
+
+    found = pq.read_metadata(path)
+    said = found.metadata or {}
+    return Made(found.num_rows, said[DIGEST].decode(), said[STATE].decode())
+
+
+def load(path, names=None, wanted=None):
+    """Rows of a Parquet file, one after the other: iterator of dict.
+
+    names : of columns, None: all;  wanted : function of a batch of rows that gives which of them, None: all
+    """
     import pyarrow.parquet as pq
 
     with pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(batch_size=BATCH):
-            yield from batch.to_pylist()
+        for batch in file.iter_batches(batch_size=BATCH, columns=names, use_threads=False):
+            yield from (batch if wanted is None else batch.filter(wanted(batch))).to_pylist()
 
 
-def load_columns(path):
-    """Arrays of a Parquet file as `columns` makes them of rows, without the rows."""
-    import pyarrow.parquet as pq
+class Columns(Mapping):
+    """Columns of a Parquet file by their names, each read when it is asked for: {name: (N,)}.
 
-    found = pq.read_table(path)
-    return {name: _of_arrow(found[name]) for name in found.column_names}
+    Numbers are float with NaN where there is none, whole numbers without a gap int; bool without a gap stays
+    bool, with gaps it is float (1, 0, NaN). Texts are object arrays with None.
+    """
+
+    def __init__(self, file, names):
+        """file : pyarrow.parquet.ParquetFile;  names : {name: name in the file}"""
+        self._file, self._names = file, names
+
+    def __getitem__(self, name):
+        inside = self._names[name]
+        return _of_arrow(self._file.read([inside], use_threads=False).column(0))
+
+    def __iter__(self):
+        return iter(self._names)
+
+    def __len__(self):
+        return len(self._names)
+
+    def beginning(self, prefix):
+        """Columns whose names begin so, under the rest of them."""
+        names = {
+            name[len(prefix) :]: inside for name, inside in self._names.items() if name.startswith(prefix)
+        }
+        return Columns(self._file, names)
+
+
+class Group(dict):
+    """Values of some rows by the name of their column, each read when it is asked for: lists, or None."""
+
+    def __init__(self, file, number):
+        """Rows of one group of a pyarrow.parquet.ParquetFile."""
+        super().__init__()
+        self._file, self._number = file, number
+        self._names = set(file.schema_arrow.names)
+
+    def __missing__(self, name):
+        self[name] = self._read(name)
+        return self[name]
+
+    def __len__(self):
+        return self._file.metadata.row_group(self._number).num_rows
+
+    def _read(self, name):
+        """A column; short lists come as tuples of their elements' columns."""
+        if name in self._names:
+            return self._file.read_row_group(self._number, [name], use_threads=False)[name].to_pylist()
+        elements = []
+        while f"{name}.{len(elements)}" in self._names:
+            elements.append(self[f"{name}.{len(elements)}"])
+        return list(zip(*elements, strict=True)) if elements else None
 
 
 def _of_arrow(values):
-    """What `_column` makes of a column of Parquet."""
+    """Array of a column of Parquet."""
     import pyarrow as pa
 
     if pa.types.is_string(values.type):
@@ -210,5 +308,5 @@ def _of_arrow(values):
     if pa.types.is_boolean(values.type) and values.null_count:
         values = values.cast(pa.int8())
     plain = values.to_numpy()
-    whole = plain.dtype == bool or (plain.dtype.kind == "i" and not values.null_count)
-    return plain if whole else plain.astype(float)
+    is_whole = plain.dtype == bool or (plain.dtype.kind == "i" and not values.null_count)
+    return plain if is_whole else plain.astype(float)

@@ -63,7 +63,7 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     """
     for runs, following in _legs(request, store):
         ended = running.fly(request._replace(runs=runs, keep=()), store, show, stopped, crew)
-        found = _verdicts(store) if ended.rows else ()
+        found = _verdicts(store) if ended.done else ()
         if ended.interrupted or ended.lost:
             return Flown(ended, found, runs, runs)
         if not any(one.verdict == verdicts.MORE for one in found):

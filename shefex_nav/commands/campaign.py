@@ -198,12 +198,11 @@ def _result(ended, folder, runs, as_json):
     for one in ended.unlogged[:MOST_LOST]:
         say(f"run {one.run} has no log: {one.reason}")
     if ended.interrupted:
-        say(f"interrupted; {len(ended.rows)} of {runs} runs are kept, the same command goes on from there")
+        say(f"interrupted; {ended.done} of {runs} runs are kept, the same command goes on from there")
         return 130
-    if ended.rows or as_json:
+    if ended.done or as_json:
         _show(folder, ended, as_json)
-    failed = sum(row["status"] == "failed" for row in ended.rows)
-    return 1 if failed or ended.lost else 0
+    return 1 if ended.failed or ended.lost else 0
 
 
 def _show(folder, ended, as_json):
@@ -211,7 +210,7 @@ def _show(folder, ended, as_json):
     from shefex_nav.campaign import over_time, store, summary
     from shefex_nav.campaign.results import open_campaign
 
-    if not ended.rows:
+    if not ended.done:
         print_json(summary.of_nothing(store.read_head(folder), len(ended.lost), ended.digest))
         return
     done = open_campaign(folder)

@@ -14,6 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
+from shefex_nav.campaign.flight import Flown
+from shefex_nav.campaign.plan import FORMAT
+from shefex_nav.campaign.store import Store
 from shefex_nav.records import Phase
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
@@ -39,25 +42,29 @@ def source():
 
 def write(folder, n, *, seed=1, truth_over_sigma=1.0, breaks=False, with_series=True, **head):
     """Write the folder of a campaign of n runs. -> folder"""
-    runs = folder / "runs"
-    runs.mkdir(parents=True)
+    folder.mkdir(parents=True)
     kept = {
-        "format": 1, "scenario": "synthetic", "source": source(), "digest": "", "seed": seed, "runs": n,
+        "format": FORMAT, "scenario": "synthetic", "source": source(), "digest": "", "seed": seed, "runs": n,
         "sampling": "random", "flight": "dispersed", "rate": 1.0 / STEP_S, "dispersions": {},
         "versions": {}, "wall_s": 123.0, "timed": {"runs": n, "wall_s": 120.0},
     }  # fmt: skip
     (folder / "campaign.json").write_text(json.dumps(kept | head))
-    for run in range(n):
-        rng = np.random.default_rng([seed, run])
-        record = one_record(run, rng, breaks=breaks)
-        if with_series and record["status"] == "succeeded":
-            (runs / f"{run:06d}.npz").write_bytes(series(rng, truth_over_sigma))
-        (runs / f"{run:06d}.json").write_text(json.dumps(record))
+    with Store(folder) as store:
+        store.runs.keep((one, None) for one in flown(n, seed, truth_over_sigma, breaks, with_series))
     return folder
 
 
+def flown(n, seed, truth_over_sigma, breaks, with_series):
+    """Flown of each run."""
+    for run in range(n):
+        rng = np.random.default_rng([seed, run])
+        record = one_record(run, rng, breaks=breaks)
+        has_series = with_series and record["status"] == "succeeded"
+        yield Flown(record, series(rng, truth_over_sigma) if has_series else None)
+
+
 def one_record(run, rng, *, breaks=False):
-    """Object of one runs/*.json."""
+    """Record of a run."""
     u, v, w = rng.standard_normal(3)
     draws = {
         "vehicle.payload.mass": MASS + MASS_SIGMA * u,
@@ -123,7 +130,7 @@ def summary(rng, u, v, w):
 
 
 def series(rng, truth_over_sigma):
-    """Bytes of one runs/*.npz."""
+    """Bytes of the series of a run."""
     arrays = {"t_s": -3.0 + STEP_S * np.arange(T), "phase": np.full(T, Phase.COAST, np.int8)}
     arrays["phase"][T // 2 :] = Phase.DESCENT
     z = {name: gauss_markov(rng) * truth_over_sigma for name in SIGMAS}

@@ -3,7 +3,9 @@
 import json
 from concurrent.futures.process import BrokenProcessPool
 
+import keeping
 import pytest
+from keeping import rows
 from short_campaign import HereLane, Show, fly, request, write
 from typer.testing import CliRunner
 
@@ -34,16 +36,20 @@ class Deadly(HereLane):
 def test_a_killed_worker_costs_nothing_unless_it_is_killed_again_and_again(whole, scenario, tmp_path):
     plan, sampler = running.prepared(scenario, RUNS, 1)
     lane = Deadly(plan, {0: 1, 2: 2})
-    with store.Store(tmp_path / "some") as kept:
-        engine.fly((sampler.job(run) for run in range(RUNS)), [lane], kept.keep)
+    with store.Store(tmp_path / "some") as folder:
+        engine.fly((sampler.job(run) for run in range(RUNS)), [lane], folder.keep)
         assert lane.renewed == 3
-        assert kept.tabulate(RUNS)[1] == whole[1].digest
-    with store.Store(tmp_path / "all") as kept:
+        assert folder.tabulate().digest == whole[1].digest
+    with store.Store(tmp_path / "all") as folder:
         jobs = (sampler.job(run) for run in range(RUNS))
-        lost = engine.fly(jobs, [Deadly(plan, {1: 3})], kept.keep)
-        rows, _ = kept.tabulate(RUNS)
+        lost = engine.fly(jobs, [Deadly(plan, {1: 3})], folder.keep)
+        folder.tabulate()
     assert lost == [engine.Lost(1, "its worker was killed, in each of 3 attempts", deadly=True)]
-    assert [row["run"] for row in rows] == [0, 2, 3]  # no result: it is flown when the campaign goes on
+    assert [row["run"] for row in rows(tmp_path / "all")] == [
+        0,
+        2,
+        3,
+    ]  # no result: it is flown when the campaign goes on
 
 
 def deadly(scenario, folder, deaths, runs=RUNS, **kept):
@@ -60,25 +66,26 @@ def test_a_run_that_kills_its_workers_in_two_sessions_has_failed(whole, scenario
     killers = {run: 3 for run in (0, 2, 3)}
     first = deadly(scenario, tmp_path, killers)
     assert [one.run for one in first.lost] == [0, 2, 3] and all(one.deadly for one in first.lost)
-    assert [row["run"] for row in first.rows] == [1]
+    assert [row["run"] for row in rows(tmp_path)] == [1]
     second = deadly(scenario, tmp_path, killers)
-    assert second.lost == () and [row["run"] for row in second.rows] == list(range(RUNS))
-    failed = [row for row in second.rows if row["status"] == "failed"]
+    assert second.lost == () and [row["run"] for row in rows(tmp_path)] == list(range(RUNS))
+    before = keeping.state(tmp_path)
+    failed = [row for row in rows(tmp_path) if row["status"] == "failed"]
     assert [row["run"] for row in failed] == [0, 2, 3]
     assert {row["reason"] for row in failed} == {"its worker was killed, in each of 3 attempts of 2 sessions"}
-    assert failed[0]["draw.ground.latitude"] == whole[1].rows[0]["draw.ground.latitude"]
-    assert deadly(scenario, tmp_path, killers).rows == second.rows  # it is done, and not flown again
-    assert not list(tmp_path.rglob("*.lost"))
+    assert failed[0]["draw.ground.latitude"] == rows(whole[0])[0]["draw.ground.latitude"]
+    assert deadly(scenario, tmp_path, killers).digest == second.digest
+    assert keeping.state(tmp_path) == before  # they are done, and not flown again
 
 
 def test_a_spoilt_run_that_kills_its_workers_now_has_failed_as_well(scenario, tmp_path):
     """Its old record stands, without series, until there is another one."""
     fly(scenario, tmp_path, 1)
-    (tmp_path / "runs" / "000000.npz").write_bytes(b"")
+    keeping.spoil(tmp_path, 0)
     first = deadly(scenario, tmp_path, {0: 3}, runs=1)
-    assert [one.run for one in first.lost] == [0] and first.rows[0]["status"] == "succeeded"
+    assert [one.run for one in first.lost] == [0] and rows(tmp_path)[0]["status"] == "succeeded"
     second = deadly(scenario, tmp_path, {0: 3}, runs=1)
-    assert second.lost == () and second.rows[0]["reason"].endswith("3 attempts of 2 sessions")
+    assert second.lost == () and rows(tmp_path)[0]["reason"].endswith("3 attempts of 2 sessions")
 
 
 def test_a_run_that_outlives_its_second_session_is_a_result(whole, scenario, tmp_path):
@@ -88,7 +95,7 @@ def test_a_run_that_outlives_its_second_session_is_a_result(whole, scenario, tmp
     told = summary.summary_object(found)
     assert (told["runs"], told["asked"], told["lost"]) == (RUNS - 1, RUNS, 1)
     assert deadly(scenario, tmp_path, {1: 2}).digest == whole[1].digest
-    assert results.open_campaign(tmp_path).lost == {} and not list(tmp_path.rglob("*.lost"))
+    assert results.open_campaign(tmp_path).lost == {}
 
 
 def test_trouble_now_and_then_is_no_fault_of_the_run(scenario, tmp_path):
@@ -103,12 +110,15 @@ def test_trouble_now_and_then_is_no_fault_of_the_run(scenario, tmp_path):
             return future
 
     for _ in range(3):
-        with store.Store(tmp_path) as kept:
+        with store.Store(tmp_path) as folder:
             ended = running.fly(
-                request(scenario, 1), kept, Show(lambda text: None), crew=lambda plan, n: [Poor(plan, {0: 2})]
+                request(scenario, 1),
+                folder,
+                Show(lambda text: None),
+                crew=lambda plan, n: [Poor(plan, {0: 2})],
             )
         (lost,) = ended.lost
-        assert not ended.rows and not lost.deadly
+        assert not ended.done and not lost.deadly
         assert lost.reason.startswith("3 attempts: its worker was killed; its worker was killed; MemoryError")
 
 
@@ -117,7 +127,7 @@ def test_a_log_that_could_not_be_had_is_no_lost_run(whole, scenario, tmp_path, m
     fly(scenario, tmp_path, RUNS)
     ended = deadly(scenario, tmp_path, {run: 3 for run in range(RUNS)}, keep=(running.Keep("worst", 1),))
     (without,) = ended.unlogged
-    assert ended.lost == () and ended.digest == whole[1].digest and not list(tmp_path.rglob("*.lost"))
+    assert ended.lost == () and ended.digest == whole[1].digest
     monkeypatch.setattr(running, "_lanes_here", lambda r, p, n: [Deadly(p, {run: 3 for run in range(RUNS)})])
     arguments = ["campaign", str(write(tmp_path)), "--runs", str(RUNS), "--out", str(tmp_path), "--json"]
     told = CliRunner().invoke(app, [*arguments, "--keep", "worst:1"])
@@ -131,10 +141,10 @@ def test_a_run_that_fails_before_its_first_record_has_no_log_and_that_is_told(tm
     more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
     breaks = load.load(write(tmp_path, more), ["star_tracker.exposure.shortest=10 ms"])
     ended = fly(breaks, tmp_path / "kept", 2, keep=(running.Keep("failed"),))
-    assert ended.rows[1]["status"] == "failed"
+    assert rows(tmp_path / "kept")[1]["status"] == "failed"
     (without,) = ended.unlogged
     assert without.run == 1 and without.reason.startswith("it failed before its first record: ")
-    assert ended.rows[1]["reason"] in without.reason
+    assert rows(tmp_path / "kept")[1]["reason"] in without.reason
 
 
 def test_lost_runs_are_in_the_object_also_where_there_is_nothing_else(tmp_path, monkeypatch):

@@ -1,12 +1,17 @@
 """Containment, NEES and NIS over the runs: right covariances pass, wrong ones are found."""
 
+import io
+
+import keeping
 import numpy as np
 import pytest
 import synthetic_campaign
 from scipy import stats
 
 from shefex_nav.campaign import over_time, parts
+from shefex_nav.campaign.flight import Flown
 from shefex_nav.campaign.results import open_campaign
+from shefex_nav.campaign.store import Store
 
 
 def series_of(folder, n=120, **options):
@@ -32,10 +37,11 @@ def test_epochs_of_all_runs_coincide(right):
 
 def test_runs_of_different_length_are_put_at_their_times(tmp_path):
     campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 3))
-    path = campaign.folder / "runs" / "000001.npz"
     kept = campaign.series(1)
-    late = {name: values[5:30] for name, values in kept.items()}
-    np.savez_compressed(path, **late)
+    late = io.BytesIO()
+    np.savez_compressed(late, **{name: values[5:30] for name, values in kept.items()})
+    with Store(campaign.folder) as store:
+        store.keep(Flown(campaign.record(1), late.getvalue()))
     series = over_time.read(campaign)
     assert len(series.t_s) == synthetic_campaign.T
     assert np.isnan(series.errors[1, :5]).all() and np.isnan(series.errors[1, 30:]).all()
@@ -183,21 +189,26 @@ def test_what_chance_excludes_is_not_called_chance(tmp_path, factor, words, show
 
 def test_series_that_are_missing_or_spoilt_are_left_out_and_counted(tmp_path):
     campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 6))
-    runs = campaign.folder / "runs"
-    (runs / "000000.npz").unlink()
-    (runs / "000002.npz").write_bytes(b"")
-    whole = (runs / "000003.npz").read_bytes()
-    (runs / "000003.npz").write_bytes(whole[: len(whole) // 2])
-    middle = (runs / "000004.npz").read_bytes()
-    at = middle.index(b"position_error")  # the values of one array, not its name or the times before it
-    (runs / "000004.npz").write_bytes(middle[: at + 400] + bytes(100) + middle[at + 500 :])
+    keeping.say(campaign.folder, "DELETE FROM series WHERE run = 0")
+    keeping.spoil(campaign.folder, 2)
+    whole = keeping.content(campaign.folder, 3)
+    keeping.spoil(campaign.folder, 3, whole[: len(whole) // 2])
+    with Store(campaign.folder) as store:  # as if it had been written so
+        store.keep(Flown(campaign.record(4), whole[: len(whole) // 2]))
     series = over_time.read(campaign)
     assert series.runs.tolist() == [1, 5] and series.unread == 4
     assert series.errors.shape[0] == series.nis_sum["gps"].shape[0] == 2
     assert np.allclose(series.errors[1, :, 2], campaign.series(5)["position_error_i"], rtol=1e-6)
     assert "4 runs have no series" in parts.covariance(campaign, series).lines[0]
-    for path in runs.glob("*.npz"):
-        path.unlink()
+    with pytest.raises(
+        KeyError, match=r'the series of run 2 are spoilt; .* "DELETE FROM runs WHERE run = 2"'
+    ):
+        campaign.series(2)
+    with pytest.raises(KeyError, match="the series of run 4 cannot be read"):
+        campaign.series(4)
+    with pytest.raises(KeyError, match="the series of run 0 were deleted"):
+        campaign.series(0)
+    keeping.without_series(campaign.folder)
     assert over_time.read(campaign) is None
     (said,) = [part for part in parts.parts(campaign, None) if part.title == parts.DESCRIBED]
     assert said.lines == ("All 6 runs have no series that could be read: nothing is said of it.",)

@@ -11,10 +11,11 @@ import sys
 import time
 from pathlib import Path
 
+import keeping
 import pytest
 from short_campaign import fly, write
 
-from shefex_nav.campaign import engine, running, store, table
+from shefex_nav.campaign import engine, running, store
 from shefex_nav.scenario import load
 
 ROOT = Path(__file__).parents[2]
@@ -56,7 +57,7 @@ def campaign(path, folder, *more, **how):
 def wait_for(what, process, folder):
     """Until so many runs are done; the process must live."""
     end = time.monotonic() + PATIENCE_S
-    while len(list((folder / "runs").glob("*.json"))) < what:
+    while keeping.done(folder) < what:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < end
         time.sleep(0.02)
@@ -84,7 +85,7 @@ def test_interrupted_then_killed_then_finished(path, digest, tmp_path):
     first.send_signal(signal.SIGINT)
     _, said = first.communicate(timeout=PATIENCE_S)
     assert first.returncode == 130
-    done = len(list(table.load(folder / "results.parquet")))
+    done = len(keeping.rows(folder))
     assert f"interrupted; {done} of {RUNS} runs are kept, the same command goes on from there" in said
     if done < RUNS - 1:
         second = campaign(path, folder, "--workers", 1)
@@ -114,10 +115,10 @@ def test_two_workers_of_which_one_is_killed(path, digest, tmp_path):
                     os.kill(pid, signal.SIGKILL)
 
         engine.fly((sampler.job(run) for run in range(RUNS)), lanes, take)
-        rows, found = kept.tabulate(RUNS)
+        made = kept.tabulate()
     assert len(killed) == 1
-    assert [row["status"] for row in rows] == ["succeeded"] * RUNS
-    assert found == digest
+    assert [row["status"] for row in keeping.rows(tmp_path)] == ["succeeded"] * RUNS
+    assert made.digest == digest
 
 
 def free_port():

@@ -2,6 +2,7 @@
 
 import json
 
+import keeping
 import pytest
 from short_campaign import HereLane, fly, write
 from typer.testing import CliRunner
@@ -13,20 +14,23 @@ from shefex_nav.scenario import load
 RUNS = 4
 
 
+def larger(record):
+    """A run whose largest error is not what it was."""
+    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
+
+
 def test_repeat_says_whether_it_is_the_same(whole, tmp_path, scenario):
     folder, _ = whole
     repeated = repeating.repeat(folder, 3, lane=HereLane)
     assert repeated.same and repeated.words() == "run 3: succeeded; the same as its row"
     fly(scenario, tmp_path, 1)
-    record = json.loads((tmp_path / "runs" / "000000.json").read_text())
-    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
-    (tmp_path / "runs" / "000000.json").write_text(json.dumps(record))
+    keeping.change(tmp_path, 0, larger)
     changed = repeating.repeat(tmp_path, 0, lane=HereLane)
     assert list(changed.differences) == ["summary.navigation.velocity_error_m_s.max"] and not changed.same
     with pytest.raises(store.StoreError, match="has runs 0 to 0, there is no run 1"):
         repeating.repeat(tmp_path, 1)
     with pytest.raises(store.StoreError, match=r"there is no campaign\.json"):
-        repeating.repeat(tmp_path / "runs", 0)
+        repeating.repeat(tmp_path / "logs", 0)
 
 
 def test_an_old_log_is_not_called_the_new_one(tmp_path):
@@ -44,14 +48,14 @@ def test_an_old_log_is_not_called_the_new_one(tmp_path):
 
 def test_a_log_has_more_than_the_figures_of_a_campaign_and_that_is_said(whole, tmp_path, monkeypatch):
     """A row against `report` of the log of its run, as people compare them: near, not the same."""
-    folder, ended = whole
+    folder, _ = whole
     monkeypatch.setattr(repeating.repeat, "__kwdefaults__", {"lane": HereLane})
     arguments = ["repeat", str(folder), "1", "--log", str(tmp_path / "1.mcap")]
     said = CliRunner().invoke(app, arguments)
     assert said.exit_code == 0 and "the same as its row" in said.stdout
     assert "the log has truth and solution at 100 Hz, a campaign's figures are of 10 Hz" in said.stderr
     told = json.loads(CliRunner().invoke(app, ["report", str(tmp_path / "1.mcap"), "--json"]).stdout)
-    row = ended.rows[1]
+    row = keeping.rows(folder)[1]
     for name in ("position_error_m", "velocity_error_m_s", "attitude_error_deg"):
         rms, largest = (row[f"summary.navigation.{name}.{what}"] for what in ("rms", "max"))
         assert told["navigation"][name]["rms"] == pytest.approx(rms, rel=0.1)

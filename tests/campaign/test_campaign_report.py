@@ -2,13 +2,16 @@
 
 import json
 
+import keeping
 import numpy as np
 import pytest
 import synthetic_campaign
 from typer.testing import CliRunner
 
 from shefex_nav.campaign import figures, over_time, parts, summary
+from shefex_nav.campaign.engine import Lost
 from shefex_nav.campaign.results import open_campaign
+from shefex_nav.campaign.store import Store
 from shefex_nav.commands.main import app
 from shefex_nav.report import requirements
 from shefex_nav.scenario import load
@@ -77,13 +80,11 @@ def test_warnings_of_the_programme_are_counted_over_the_runs(tmp_path):
     assert title not in CliRunner().invoke(app, ["report", str(folder)]).stdout
     late, gas = "until", "propellant"
     for run in (2, 5, 9):
-        path = folder / "runs" / f"{run:06d}.json"
-        record = json.loads(path.read_text())
         text = f"384 s is {run}.1 s after the entry at T+38{run}.9 s: cold gas steers against the air"
-        record["summary"]["warnings"] = [{"field": "programme.entry_slew.until", "text": text}] * 2
+        warnings = [{"field": "programme.entry_slew.until", "text": text}] * 2
         if run == 5:
-            record["summary"]["warnings"].append({"field": "vehicle.cold_gas.propellant", "text": "used up"})
-        path.write_text(json.dumps(record))
+            warnings.append({"field": "vehicle.cold_gas.propellant", "text": "used up"})
+        keeping.change(folder, run, lambda record, said=warnings: record["summary"].update(warnings=said))
     campaign = open_campaign(folder)
     found = {cause.words.partition(":")[0].rpartition(".")[2]: cause.runs for cause in campaign.warnings()}
     assert found == {late: (2, 5, 9), gas: (5,)}
@@ -101,7 +102,8 @@ def test_an_unfinished_campaign_says_so(tmp_path):
     (folder / "campaign.json").write_text(json.dumps(head | {"runs": 9}))
     result = CliRunner().invoke(app, ["report", str(folder)])
     assert result.exit_code == 0 and "4 of 9, the campaign is not finished" in result.stdout
-    (folder / "runs" / "000007.lost").write_text('{"reason": "its worker was killed", "deadly": 1}')
+    with Store(folder) as store:
+        store.runs.lose(Lost(7, "its worker was killed", deadly=True))
     result = CliRunner().invoke(app, ["report", str(folder)])
     lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
     assert "run 7 was lost its worker was killed" in lines
@@ -109,13 +111,9 @@ def test_an_unfinished_campaign_says_so(tmp_path):
 
 def test_a_campaign_of_failures_alone_is_told(tmp_path):
     folder = synthetic_campaign.write(tmp_path / "c", 2, with_series=False)
-    for path in (folder / "runs").glob("*.json"):
-        record = json.loads(path.read_text()) | {
-            "status": "failed",
-            "reason": "FlightError: no",
-            "summary": {},
-        }
-        path.write_text(json.dumps(record))
+    failed = {"status": "failed", "reason": "FlightError: no", "summary": {}}
+    for run in range(2):
+        keeping.change(folder, run, lambda record: record.update(failed))
     result = CliRunner().invoke(app, ["report", str(folder)])
     assert result.exit_code == 0 and "FlightError: no" in result.stdout
     result = CliRunner().invoke(app, ["report", str(folder), "--json"])
@@ -172,7 +170,8 @@ def test_the_worst_runs_are_those_that_miss_most(folder):
 def test_without_requirements_the_worst_runs_have_the_largest_errors(tmp_path):
     source = load.load(synthetic_campaign.SCENARIO, ["requirements=null"]).source
     campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 8, source=source))
-    campaign.columns["summary.navigation.attitude_error_deg.rms"] = np.array([3.0, 1, 4, 1, 5, 9, 2, 6])
+    rms_deg = {"summary.navigation.attitude_error_deg.rms": np.array([3.0, 1, 4, 1, 5, 9, 2, 6])}
+    campaign.columns = dict(campaign.columns) | rms_deg
     assert [one.run for one in summary.worst_runs(campaign, 3)] == [5, 7, 4]
     (first,) = summary.worst_runs(campaign, 1)
     assert first.words == "attitude error 9 deg rms; the scenario requires nothing"

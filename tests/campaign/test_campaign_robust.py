@@ -3,9 +3,14 @@
 import json
 import math
 import os
+import re
+import sqlite3
+import subprocess
 import sys
 from concurrent.futures import Future
+from contextlib import closing
 
+import keeping
 import numpy as np
 import pytest
 from short_campaign import HereLane, fly, write
@@ -55,7 +60,7 @@ def test_trouble_of_the_machine_is_no_result(whole, scenario, tmp_path, monkeypa
 
     monkeypatch.setattr(flight.Pilot, "_mission", troubled)
     ended = fly(scenario, tmp_path, RUNS)
-    assert [row["run"] for row in ended.rows] == [0, 2]
+    assert [row["run"] for row in keeping.rows(tmp_path)] == [0, 2]
     (lost,) = ended.lost
     assert lost.run == 1 and type(trouble).__name__ in lost.reason and "in each of 3 attempts" in lost.reason
     monkeypatch.undo()
@@ -135,20 +140,38 @@ def spoil(path):
     path.write_bytes(path.read_bytes()[:-1] + b"?")
 
 
-@pytest.mark.parametrize("harm", [spoil, lambda path: path.write_bytes(b"")])
+@pytest.mark.parametrize(
+    "harm", [lambda content: content[:-1] + b"?", lambda content: b"", lambda content: None]
+)
 def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path, harm):
     fly(scenario, tmp_path, RUNS)
-    harm(tmp_path / "runs" / "000001.npz")
+    keeping.spoil(tmp_path, 1, harm(keeping.content(tmp_path, 1)))
     flown = []
     again = fly(scenario, tmp_path, RUNS, before=flown.append)
     assert [job.run for job in flown] == [1] and again.digest == whole[1].digest
-    assert (tmp_path / "runs" / "000001.npz").read_bytes() == (whole[0] / "runs" / "000001.npz").read_bytes()
+    assert keeping.content(tmp_path, 1) == keeping.content(whole[0], 1)
+
+
+def test_a_session_looks_at_the_series_of_the_first_runs_alone(scenario, tmp_path, monkeypatch):
+    """Those that a report reads; of the others it is told when they are read, with what to do."""
+    monkeypatch.setattr(running, "CHECKED", 1)
+    fly(scenario, tmp_path, RUNS)
+    keeping.spoil(tmp_path, 0)
+    keeping.spoil(tmp_path, 2)
+    flown = []
+    fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
+    assert flown == [0]
+    with pytest.raises(KeyError) as told:
+        results.open_campaign(tmp_path).series(2)
+    (advice,) = re.findall(r'sqlite3 \S+ \\?"(.*?)\\?"', str(told.value))
+    keeping.say(tmp_path, advice)
+    fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
+    assert flown == [0, 2] and results.open_campaign(tmp_path).series(2)
 
 
 def test_series_that_were_deleted_are_not_flown_again(whole, scenario, tmp_path):
     digest = fly(scenario, tmp_path, RUNS).digest
-    for path in (tmp_path / "runs").glob("*.npz"):
-        path.unlink()
+    keeping.without_series(tmp_path)
     flown = []
     assert fly(scenario, tmp_path, RUNS, before=flown.append).digest == digest and not flown
 
@@ -159,45 +182,118 @@ def test_a_table_that_cannot_be_read_or_is_old_is_made_of_the_records(whole, sce
     kept = path.read_bytes()
     for content in (b"", kept[: len(kept) // 2], b"PAR1" + b"\0" * 100 + b"PAR1"):
         path.write_bytes(content)
-        os.utime(path, (2e9, 2e9))
         assert results.open_campaign(tmp_path).digest == digest
     path.write_bytes(kept)
-    record = json.loads((tmp_path / "runs" / "000000.json").read_text())
-    record["summary"]["navigation"]["position_error_m"]["rms"] += 1.0
-    (tmp_path / "runs" / "000000.json").write_text(json.dumps(record))
-    os.utime(path, (1e9, 1e9))
+    assert results.open_campaign(tmp_path)._path == path  # nothing has changed since: it is read
+    keeping.change(tmp_path, 0, errs)
     assert results.open_campaign(tmp_path).digest != digest
-    os.utime(path, (2e9, 2e9))
-    assert results.open_campaign(tmp_path).digest == digest  # as fast as before where nothing is newer
-    (tmp_path / "runs" / "000002.json").unlink()
+    keeping.forget(tmp_path, 2)
     assert len(results.open_campaign(tmp_path)) == RUNS - 1
+    (tmp_path / "runs.sqlite").unlink()  # where the table alone was kept, it counts
+    assert results.open_campaign(tmp_path).digest == digest
 
 
-def test_files_are_on_the_disk_before_their_names(tmp_path, monkeypatch):
-    """The order that outlives a power failure: content, name, folder."""
-    done = []
-    fsync, replace = os.fsync, os.replace
-    monkeypatch.setattr(os, "fsync", lambda n: (done.append(os.readlink(f"/proc/self/fd/{n}")), fsync(n)))
-    monkeypatch.setattr(os, "replace", lambda a, b: (done.append(str(b)), replace(a, b)))
-    if not os.path.exists("/proc/self/fd"):
-        pytest.skip("no /proc, which tells what was brought to the disk")
-    with store.Store(tmp_path) as kept:
-        kept.keep(flight.Flown({"run": 7}, b"series"))
-    runs = tmp_path / "runs"
-    assert done == [
-        f"{runs}/000007.npz.part", f"{runs}/000007.npz",
-        f"{runs}/000007.json.part", f"{runs}/000007.json", str(runs),
-    ]  # fmt: skip
+def errs(record):
+    record["summary"]["navigation"]["position_error_m"]["rms"] += 1.0
 
 
-def test_a_disk_that_is_full_is_one_message(scenario, tmp_path, monkeypatch):
-    def full(path, content):
-        raise OSError(28, "No space left on device")
+FILL = """
+import sys
+from pathlib import Path
+from shefex_nav.campaign import flight, store
+with store.Store(Path(sys.argv[1])) as folder:
+    folder.runs._db.execute("PRAGMA wal_autocheckpoint = 4")
+    for run in range(1000):
+        folder.keep(flight.Flown({"run": run, "status": "succeeded"}, run.to_bytes(2, "big") * 5000))
+        print(run, flush=True)
+"""
 
-    with store.Store(tmp_path) as kept:
-        monkeypatch.setattr(store, "put", full)
-        with pytest.raises(store.StoreError, match="No space left on device; what is there is kept"):
-            kept.keep(flight.Flown({"run": 0}, None))
+
+def test_a_killed_process_loses_no_run_that_counted_as_done(tmp_path):
+    """kill -9 at any instant, also of a checkpoint: what it had said is there, the rest is whole or not."""
+    command = [sys.executable, "-c", FILL, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        said = [process.stdout.readline() for _ in range(30)]
+        process.kill()
+        said += process.stdout.readlines()
+    runs = store.Store(tmp_path).runs
+    last = int(said[-1])
+    assert runs.done() in (set(range(last + 1)), set(range(last + 2)))
+    for run in runs.done():
+        assert runs.record(run)["run"] == run and runs.series(run) == run.to_bytes(2, "big") * 5000
+    assert keeping.sound(tmp_path)
+
+
+def test_a_disk_that_is_full_is_one_message(tmp_path):
+    """SQLite's own words; what was kept before is there, and there is room again."""
+    with store.Store(tmp_path) as folder:
+        folder.keep(flight.Flown({"run": 0}, None))
+        pages = folder.runs._one("PRAGMA page_count")
+        folder.runs._db.execute(f"PRAGMA max_page_count = {pages}")
+        with pytest.raises(
+            store.StoreError, match="database or disk is full; what is there is kept, the same"
+        ):
+            folder.keep(flight.Flown({"run": 1}, bytes(10**6)))
+        assert folder.runs.done() == {0}
+        folder.runs._db.execute(f"PRAGMA max_page_count = {pages + 100}")
+        folder.keep(flight.Flown({"run": 1}, bytes(10**6)))
+    assert keeping.done(tmp_path) == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no limit of the size of files")
+def test_a_disk_that_refuses_to_write_is_one_message(tmp_path):
+    code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))\n" + FILL
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True)
+    last = done.stderr.splitlines()[-1]
+    assert "StoreError: cannot use" in last and last.endswith("kept, the same command goes on"), done.stderr
+    assert keeping.done(tmp_path) == len(done.stdout.splitlines()) > 0 and keeping.sound(tmp_path)
+
+
+@pytest.mark.parametrize("where", [0, 20_000])
+def test_a_file_that_is_damaged_or_of_another_program_is_one_message(scenario, tmp_path, where):
+    fly(scenario, tmp_path, RUNS)
+    path = tmp_path / "runs.sqlite"
+    content = path.read_bytes()
+    path.write_bytes(content[:where] + b"\xff" * 40_000 + content[where + 40_000 :])
+    with pytest.raises(store.StoreError, match=r"runs\.sqlite: is damaged, or no file of runs \("):
+        fly(scenario, tmp_path, RUNS)
+    path.unlink()
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("CREATE TABLE runs (name)")
+    with pytest.raises(store.StoreError, match=r"runs\.sqlite: is another program's"):
+        fly(scenario, tmp_path, RUNS)
+
+
+def test_a_record_that_a_disk_spoilt_is_told(scenario, tmp_path):
+    fly(scenario, tmp_path, RUNS)
+    keeping.say(tmp_path, "UPDATE records SET record = x'00' WHERE run = 1")
+    with pytest.raises(
+        store.StoreError, match="the record of run 1 is spoilt; the same campaign command flies"
+    ):
+        results.open_campaign(tmp_path).record(1)
+
+
+def test_a_report_reads_while_a_campaign_writes(scenario, tmp_path):
+    """Before and after a transaction, and while one is open."""
+    with store.Store(tmp_path) as folder:
+        folder.keep(flight.Flown({"run": 0}, b"series"))
+        reader = store.Store(tmp_path)
+        with reader.runs.unchanged():
+            assert reader.runs.done() == {0}
+            folder.keep(flight.Flown({"run": 1}, b"series"))
+            assert reader.runs.done() == {0}
+        assert reader.runs.done() == {0, 1}
+    reader.runs.close()
+    (tmp_path / "begun").mkdir()
+    (tmp_path / "begun" / "runs.sqlite").touch()  # as it is for an instant when a campaign begins
+    assert keeping.done(tmp_path / "begun") == 0
+
+
+def test_a_folder_that_cannot_be_written_can_be_read(scenario, tmp_path):
+    """After a session the runs are one file, without a journal beside it."""
+    fly(scenario, tmp_path, RUNS)
+    assert sorted(path.name for path in tmp_path.glob("runs*")) == ["runs.sqlite"]
+    assert (tmp_path / "runs.sqlite").read_bytes()[18:20] == b"\x01\x01"  # version of the format: no WAL
 
 
 def test_what_json_cannot_hold_is_a_failed_run(scenario, tmp_path, monkeypatch):
@@ -210,8 +306,9 @@ def test_what_json_cannot_hold_is_a_failed_run(scenario, tmp_path, monkeypatch):
 
     monkeypatch.setattr(flight.Pilot, "_mission", infinite)
     ended = fly(scenario, tmp_path, 2)
-    assert [row["status"] for row in ended.rows] == ["succeeded", "failed"]
-    assert ended.rows[1]["reason"].startswith("ValueError: Out of range float values")
+    rows = keeping.rows(tmp_path)
+    assert [row["status"] for row in rows] == ["succeeded", "failed"] and ended.failed == 1
+    assert rows[1]["reason"].startswith("ValueError: Out of range float values")
     plan, sampler = running.prepared(scenario, 1, 1)
     job = sampler.job(0)
     endless = job._replace(draws=job.draws | {"imu.gyro.bias": math.inf})
@@ -237,18 +334,19 @@ def test_a_shared_flight_that_is_spoilt_is_made_again(tmp_path):
 
 def test_a_head_of_another_kind_is_refused(tmp_path):
     (tmp_path / "campaign.json").write_text("[1, 2]")
-    with pytest.raises(store.StoreError, match="its format is None, expected 1"):
+    with pytest.raises(store.StoreError, match="its format is None, expected 2"):
         store.read_head(tmp_path)
     with pytest.raises(store.StoreError, match="is a file; expected the folder of a campaign"):
         store.read_head(tmp_path / "campaign.json")
 
 
+def larger(record):
+    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
+
+
 def test_a_log_is_kept_only_of_a_run_that_is_as_its_row(whole, scenario, tmp_path):
     fly(scenario, tmp_path, 1)
-    path = tmp_path / "runs" / "000000.json"
-    record = json.loads(path.read_text())
-    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
-    path.write_text(json.dumps(record))
+    keeping.change(tmp_path, 0, larger)
     said = []
     fly(scenario, tmp_path, 1, keep=(running.Keep("worst", 1),), say=said.append)
     assert (
@@ -280,7 +378,7 @@ def test_the_digest_of_series_is_of_numbers_not_of_their_packing():
 def test_a_column_of_words_and_numbers_has_one_digest(tmp_path):
     rows = [{"run": k, "draw.x": value} for k, value in enumerate(("auto", 5.0, 5, "5", True, None))]
     rows = [{name: None for name in table.HEAD} | row for row in rows]
-    made = table.unmixed([dict(row) for row in rows])
+    made = list(table.unmixed([dict(row) for row in rows], table.kinds(rows)))
     assert [row["draw.x"] for row in made] == ['"auto"', "5.0", "5", '"5"', "true", None]
     table.save(made, tmp_path / "results.parquet")
     assert table.digest(list(table.load(tmp_path / "results.parquet"))) == table.digest(made)

@@ -3,7 +3,10 @@
 import csv
 import json
 import shutil
+import subprocess
+import sys
 
+import keeping
 import numpy as np
 import pyarrow.parquet
 import pytest
@@ -35,7 +38,7 @@ RUNS = 4
 
 def test_every_run_is_a_row_with_its_draws(whole, scenario):
     folder, ended = whole
-    rows = list(table.load(folder / "results.parquet"))
+    rows = keeping.rows(folder)
     assert [row["run"] for row in rows] == list(range(RUNS))
     assert {row["status"] for row in rows} == {"succeeded"}
     assert not ended.interrupted and ended.digest == table.digest(rows)
@@ -51,17 +54,17 @@ def test_every_run_is_a_row_with_its_draws(whole, scenario):
 def test_series_of_a_run_are_its_errors(whole, scenario):
     """Against the same mission flown with a log: errors, sigmas, NEES and NIS at every half second."""
     folder, _ = whole
-    kept = np.load(folder / "runs" / "000002.npz")
+    found = keeping.series(folder, 2)
     log = folder / "two.mcap"
     assert repeating.repeat(folder, 2, log, lane=HereLane).same
     data = reader.read(log)
     log.unlink()
     errors = metrics.navigation_errors(data)
-    assert kept["t_s"] == pytest.approx([0.5, 1.0, 1.5, 2.0])
-    k = np.searchsorted(errors.t_s, kept["t_s"] - 1e-6)
-    assert kept["position_error_i"] == pytest.approx(errors.position_i[k], abs=1e-9)
-    assert kept["attitude_error_b"] == pytest.approx(errors.attitude_b[k], abs=1e-12)
-    j = np.searchsorted(data.covariance.t_s, kept["t_s"] - 1e-6)
+    assert found["t_s"] == pytest.approx([0.5, 1.0, 1.5, 2.0])
+    k = np.searchsorted(errors.t_s, found["t_s"] - 1e-6)
+    assert found["position_error_i"] == pytest.approx(errors.position_i[k], abs=1e-9)
+    assert found["attitude_error_b"] == pytest.approx(errors.attitude_b[k], abs=1e-12)
+    j = np.searchsorted(data.covariance.t_s, found["t_s"] - 1e-6)
     P = data.covariance.P[j]
     for column, place, name in (
         (0, 6, "attitude_error_b"),
@@ -69,20 +72,20 @@ def test_series_of_a_run_are_its_errors(whole, scenario):
         (2, 0, "position_error_i"),
     ):
         block = slice(place, place + 3)
-        expected = [e @ np.linalg.solve(M, e) for e, M in zip(kept[name], P[:, block, block], strict=True)]
-        assert kept["nees"][:, column] == pytest.approx(expected, rel=1e-6)
+        expected = [e @ np.linalg.solve(M, e) for e, M in zip(found[name], P[:, block, block], strict=True)]
+        assert found["nees"][:, column] == pytest.approx(expected, rel=1e-6)
     gates = [gate for gate in data.gates if gate.sensor == "gps_position" and gate.dof > 0]
-    assert kept["nis_sum.gps_position"].sum() == pytest.approx(sum(gate.nis for gate in gates))
-    assert kept["nis_dof.gps_position"].sum() == sum(gate.dof for gate in gates) == 3 * len(gates) > 0
-    assert (folder / "runs" / "000002.npz").stat().st_size < 20_000
+    assert found["nis_sum.gps_position"].sum() == pytest.approx(sum(gate.nis for gate in gates))
+    assert found["nis_dof.gps_position"].sum() == sum(gate.dof for gate in gates) == 3 * len(gates) > 0
+    assert len(keeping.content(folder, 2)) < 20_000
 
 
 def test_true_biases_stand_in_the_series(whole, scenario):
     """Error plus estimate is the bias that was drawn: constant but for what changes in the run."""
     folder, _ = whole
-    kept = np.load(folder / "runs" / "000000.npz")
-    assert np.abs(kept["gyro_bias_error"]).max() < 5.0 * kept["gyro_bias_sigma"].max()
-    assert 0.0 < np.abs(kept["accel_bias_error"]).max() < 5.0 * kept["accel_bias_sigma"].max()
+    found = keeping.series(folder, 0)
+    assert np.abs(found["gyro_bias_error"]).max() < 5.0 * found["gyro_bias_sigma"].max()
+    assert 0.0 < np.abs(found["accel_bias_error"]).max() < 5.0 * found["accel_bias_sigma"].max()
 
 
 class Backwards(HereLane):
@@ -94,22 +97,20 @@ class Backwards(HereLane):
 def test_order_of_completion_and_number_of_lanes_do_not_matter(whole, scenario, tmp_path):
     plan, sampler = running.prepared(scenario, RUNS, 1)
     jobs = [sampler.job(run) for run in reversed(range(RUNS))]
-    with store.Store(tmp_path) as kept:
-        kept.begin(plan, {})
-        engine.fly(jobs, [HereLane(plan), Backwards(plan)], kept.keep)
-        assert kept.tabulate(RUNS)[1] == whole[1].digest
+    with store.Store(tmp_path) as folder:
+        folder.begin(plan, {})
+        engine.fly(jobs, [HereLane(plan), Backwards(plan)], folder.keep)
+        assert folder.tabulate().digest == whole[1].digest
 
 
 def test_an_interrupted_campaign_goes_on_to_the_same_result(whole, scenario, tmp_path):
     looks = iter([False, False, True])
     first = fly(scenario, tmp_path, RUNS, stopped=lambda: next(looks))
-    assert first.interrupted and 0 < len(first.rows) < RUNS
-    assert [row["run"] for row in table.load(tmp_path / "results.parquet")] == [
-        row["run"] for row in first.rows
-    ]
+    assert first.interrupted and 0 < first.done < RUNS
+    assert {row["run"] for row in keeping.rows(tmp_path)} == store.Store(tmp_path).runs.done()
     flown = []
     second = fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
-    assert len(flown) == RUNS - len(first.rows)
+    assert len(flown) == RUNS - first.done
     assert second.digest == whole[1].digest
     assert second.wall_s > first.wall_s
 
@@ -131,17 +132,26 @@ def test_a_killed_session_leaves_what_it_took(scenario, tmp_path, monkeypatch):
     assert head["timed"]["runs"] == 3 and head["timed"]["wall_s"] < head["wall_s"] == ended.wall_s  # a log
 
 
-def test_half_a_file_counts_for_nothing(whole, scenario, tmp_path):
-    """What a power failure or a kill may leave: parts of files, a record without its end."""
+def test_half_a_run_counts_for_nothing(whole, scenario, tmp_path):
+    """Killed between the record and the end of its transaction, with a table half written."""
     fly(scenario, tmp_path, RUNS)
-    record = tmp_path / "runs" / "000001.json"
-    record.write_text(record.read_text()[:100])
-    (tmp_path / "runs" / "000002.json").rename(tmp_path / "runs" / "000002.json.part")
+    keeping.forget(tmp_path, 1)
+    (tmp_path / "results.parquet.part").write_bytes(b"half")
+    half = (
+        "import os; from pathlib import Path; from shefex_nav.campaign import flight, store\n"
+        f"runs = store.Store(Path({str(tmp_path)!r})).__enter__().runs\n"
+        "one = (flight.Flown({'run': 1, 'status': 'succeeded'}, b'series'), None)\n"
+        "runs.keep(one if k == 0 else os._exit(9) for k in range(2))\n"
+    )
+    assert subprocess.run([sys.executable, "-c", half], check=False).returncode == 9
+    assert keeping.done(tmp_path) == RUNS - 1
     flown = []
     again = fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
-    assert sorted(flown) == [1, 2]
+    assert flown == [1]
     assert again.digest == whole[1].digest
-    assert not list(tmp_path.rglob("*.part"))
+    assert {path.name for path in tmp_path.iterdir()} == {
+        ".lock", "campaign.json", "results.parquet", "runs.sqlite",
+    }  # fmt: skip
 
 
 def test_more_runs_add_to_what_is_there(whole, scenario, tmp_path):
@@ -208,27 +218,26 @@ def test_what_was_there_before_stays_when_a_campaign_cannot_go_on(scenario, tmp_
     assert (tmp_path / "campaign.json").read_bytes() == before
     with pytest.raises(engine.EngineError), store.Store(tmp_path / "new") as kept:
         kept.begin(plan, {})
-        kept.lose(engine.Lost(0, "its worker was killed", True))
+        kept.runs.lose(engine.Lost(0, "its worker was killed", True))
         raise engine.EngineError("no workers")
-    assert set(kept.lost()) == {0} and kept.head() is not None
+    assert set(kept.runs.lost()) == {0} and kept.head() is not None
 
 
 def test_every_fifth_run_fails_and_says_why(tmp_path):
     """An exposure longer than the longest contradicts another field: an error of the run that draws it."""
-    rows = "\n".join("0.06" if run % 5 == 4 else "0.02" for run in range(10))
-    (tmp_path / "step.csv").write_text(f"step_s\n{rows}\n")
+    steps = "\n".join("0.06" if run % 5 == 4 else "0.02" for run in range(10))
+    (tmp_path / "step.csv").write_text(f"step_s\n{steps}\n")
     more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
     scenario = load.load(write(tmp_path, more), ["star_tracker.exposure.shortest=10 ms"])
     ended = fly(scenario, tmp_path / "campaign", 10, keep=(running.Keep("failed"),))
-    failed = [row for row in ended.rows if row["status"] == "failed"]
-    assert [row["run"] for row in failed] == [4, 9]
+    rows = keeping.rows(tmp_path / "campaign")
+    failed = [row for row in rows if row["status"] == "failed"]
+    assert [row["run"] for row in failed] == [4, 9] and (ended.done, ended.failed) == (10, 2)
     for row in failed:
         assert row["reason"].startswith("ScenarioError: drawn: star_tracker.exposure.start:")
         assert 'File "shefex_nav/' in row["traceback"] and "60 ms" in row["reason"]
         assert row["draw.star_tracker.exposure.start"] == 0.06
-    assert all(
-        row["summary.navigation.position_error_m.rms"] < 100.0 for row in ended.rows if row not in failed
-    )
+    assert all(row["summary.navigation.position_error_m.rms"] < 100.0 for row in rows if row not in failed)
     result = summary.summary_object(results.open_campaign(tmp_path / "campaign"))
     assert (result["runs"], result["succeeded"], result["failed"]) == (10, 8, 2)
     assert json.loads(json.dumps(result, allow_nan=False))["results_digest"] == ended.digest
@@ -280,11 +289,11 @@ def listed(tmp_path_factory):
 
 def test_lists_that_were_drawn_are_in_table_and_digest(listed):
     _, folder, ended = listed
-    rows = list(table.load(folder / "results.parquet"))
+    rows = keeping.rows(folder)
     assert {row["status"] for row in rows} == {"succeeded"} and table.digest(rows) == ended.digest
     column = f"{results.DRAW}vehicle.imu"
     for row in rows:
-        drawn = store.read_record(folder, row["run"])["draws"]
+        drawn = keeping.record(folder, row["run"])["draws"]
         assert json.loads(row[column]) == drawn["vehicle.imu"]
         if drawn["wind"] == "none":
             assert row["draw.wind"] == "none" and row["draw.wind.from"] is None
@@ -336,11 +345,11 @@ def at_ten_hertz(data):
 def test_the_worst_run_gets_a_log(whole, scenario, tmp_path):
     """Flown again exactly: the log, which has more, gives the summary that the record has."""
     ended = fly(scenario, tmp_path, RUNS, keep=(running.Keep("worst", 1),))
-    worst = max(ended.rows, key=lambda row: row["summary.navigation.attitude_error_deg.rms"])
+    worst = max(keeping.rows(tmp_path), key=lambda row: row["summary.navigation.attitude_error_deg.rms"])
     (log,) = (tmp_path / "logs").iterdir()
     assert log.name == f"{worst['run']:06d}.mcap"
     found = metrics.summarise(at_ten_hertz(reader.read(log)))
-    kept = store.read_record(tmp_path, worst["run"])["summary"]
+    kept = keeping.record(tmp_path, worst["run"])["summary"]
     timed = ("log", "wall_s", "setup_s", "real_time_factor", "star_tracker")
     assert {k: v for k, v in found.items() if k not in timed} == {
         k: v for k, v in kept.items() if k not in timed
@@ -355,9 +364,12 @@ def test_a_shared_flight_is_flown_once(tmp_path):
     shared = load.load(path, ["campaign.flight=shared"])
     fly(shared, tmp_path / "campaign", 1)
     flown = (tmp_path / "campaign" / "flight.npz").read_bytes()
-    ended = fly(shared, tmp_path / "campaign", 3)
+    fly(shared, tmp_path / "campaign", 3)
     assert (tmp_path / "campaign" / "flight.npz").read_bytes() == flown
-    assert len({row["summary.navigation.position_error_m.rms"] for row in ended.rows}) == 3
+    assert (
+        len({row["summary.navigation.position_error_m.rms"] for row in keeping.rows(tmp_path / "campaign")})
+        == 3
+    )
     assert repeating.repeat(tmp_path / "campaign", 2, lane=HereLane).same
 
 
@@ -439,11 +451,11 @@ def test_another_catalogue_or_field_is_another_program(name, differs, tmp_path, 
 
 def test_files_of_others_are_left_alone(scenario, tmp_path):
     """Also those that end as half-written ones of a campaign do."""
-    theirs = [tmp_path / "film.mkv.part", tmp_path / "runs" / "notes.part", tmp_path / "deep" / "000001.part"]
+    theirs = [tmp_path / "film.mkv.part", tmp_path / "mine" / "notes.part", tmp_path / "deep" / "000001.part"]
     for path in theirs:
         path.parent.mkdir(exist_ok=True)
         path.write_text("mine")
-    (tmp_path / "runs" / "notes.part").rename(tmp_path / "notes.part")
+    (tmp_path / "mine" / "notes.part").rename(tmp_path / "notes.part")
     fly(scenario, tmp_path, 1)
     assert (
         (tmp_path / "film.mkv.part").read_text() == (tmp_path / "deep" / "000001.part").read_text() == "mine"

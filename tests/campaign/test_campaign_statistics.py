@@ -1,7 +1,6 @@
 """Statistics of a campaign whose answers are known, and how often their intervals hold the truth."""
 
-import json
-
+import keeping
 import numpy as np
 import pytest
 import synthetic_campaign
@@ -49,18 +48,15 @@ def test_known_probabilities_lie_in_the_intervals(campaign):
 
 def test_a_run_without_the_figure_has_not_passed(campaign, tmp_path):
     folder = synthetic_campaign.write(tmp_path / "gaps", 10, with_series=False)
-    path = folder / "runs" / "000004.json"
-    record = json.loads(path.read_text())
-    record["summary"]["navigation"]["at_entry"] = None
-    path.write_text(json.dumps(record))
+    keeping.change(folder, 4, lambda record: record["summary"]["navigation"].update(at_entry=None))
     one = success(open_campaign(folder), "position_at_entry")
     assert (one.passed, one.of, one.without) == (9, 10, 1)
 
 
 def test_requirements_are_named_when_every_run_failed(tmp_path):
     folder = synthetic_campaign.write(tmp_path / "none", 2, with_series=False)
-    for path in (folder / "runs").glob("*.json"):
-        path.write_text(json.dumps(json.loads(path.read_text()) | {"status": "failed", "summary": {}}))
+    for run in range(2):
+        keeping.change(folder, run, lambda record: record.update(status="failed", summary={}))
     one = success(open_campaign(folder), "position_at_entry")
     assert (one.passed, one.of, one.ci95) == (0, 0, None)
 
@@ -109,7 +105,7 @@ def test_wrong_fixes_outside_the_window_and_a_window_without_gaps(campaign, monk
     n = int(campaign.succeeded.sum())
     other = {"solved": 3, "in_window": 3, "fixes": 50, "wrong": 4}
     columns = {f"summary.star_tracker.{name}": np.full(len(campaign), value) for name, value in other.items()}
-    monkeypatch.setattr(campaign, "columns", campaign.columns | columns)
+    monkeypatch.setattr(campaign, "columns", dict(campaign.columns) | columns)
     found = statistics.star_fixes(campaign)
     assert found.wrong == 4 * n
     most = stats.beta.ppf(0.95, 4 * n + 1, 50 * n - 4 * n)  # Clopper & Pearson, one-sided

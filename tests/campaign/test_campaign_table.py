@@ -5,15 +5,18 @@ import json
 import math
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 import synthetic_campaign
 
 from shefex_nav.campaign import store, table
+from shefex_nav.campaign.plan import FORMAT
 from shefex_nav.campaign.results import open_campaign
 
 
 def records(n=6, **options):
-    return [synthetic_campaign.one_record(k, np.random.default_rng(k), **options) for k in range(n)]
+    made = (synthetic_campaign.one_record(k, np.random.default_rng(k), **options) for k in range(n))
+    return [json.loads(json.dumps(one)) for one in made]
 
 
 def test_scalars_and_short_vectors_are_columns():
@@ -72,16 +75,32 @@ def test_parquet_gives_back_the_same_digest(tmp_path):
     rows = [table.row(record) for record in records(8, breaks=True)]
     rows[2]["seed"] = 2**63 + 11  # a seed that no float and no int64 holds
     rows[1]["summary.star_tracker.wrong"] = 0.5  # whole numbers and others in one column
-    table.save(list(reversed(rows)), tmp_path / "results.parquet")
+    table.save(rows, tmp_path / "results.parquet", state="7 8")
     again = list(table.load(tmp_path / "results.parquet"))
     assert [row["run"] for row in again] == list(range(8))
     assert table.digest(again) == table.digest(rows)
+    assert table.made(tmp_path / "results.parquet") == (8, table.digest(rows), "7 8")
 
 
-def test_columns_of_numbers_with_gaps_and_of_words():
-    found = table.columns(
-        [{"run": 0, "a": 1, "w": "x"}, {"run": 1, "a": None, "w": None}, {"run": 2, "a": 2.5}]
-    )
+def test_more_rows_than_a_batch_are_the_same_table(tmp_path, monkeypatch):
+    """A kind that comes in the last batch alone counts for all of them."""
+    rows = [table.row(record) for record in records(7)]
+    rows[6]["draw.imu.gyro.bias"] = "none"
+    path = tmp_path / "results.parquet"
+    table.save([dict(row) for row in rows], path)
+    whole = list(table.load(path)), table.made(path)
+    assert whole[0][0]["draw.imu.gyro.bias"] == json.dumps(rows[0]["draw.imu.gyro.bias"])
+    monkeypatch.setattr(table, "BATCH", 2)
+    table.save([dict(row) for row in rows], path)
+    assert pyarrow.parquet.ParquetFile(path).num_row_groups == 4
+    assert (list(table.load(path)), table.made(path)) == whole
+
+
+def test_columns_of_numbers_with_gaps_and_of_words(tmp_path):
+    rows = [{"run": 0, "a": 1, "w": "x"}, {"run": 1, "a": None, "w": None}, {"run": 2, "a": 2.5}]
+    table.save(rows, tmp_path / "table.parquet")
+    file = pyarrow.parquet.ParquetFile(tmp_path / "table.parquet")
+    found = table.Columns(file, {name: name for name in file.schema_arrow.names})
     assert found["run"].dtype == np.int64
     assert found["a"][0] == 1.0 and math.isnan(found["a"][1])
     assert found["w"].tolist() == ["x", None, None]
@@ -94,7 +113,7 @@ def folder(tmp_path_factory):
 
 def test_an_unfinished_campaign_opens_and_the_finished_one_is_the_same(folder):
     before = open_campaign(folder)
-    _, digest = store.Store(folder).tabulate(30)
+    digest = store.Store(folder).tabulate().digest
     after = open_campaign(folder)
     assert len(before) == len(after) == 30
     assert before.digest == after.digest == digest
@@ -109,7 +128,8 @@ def test_an_unfinished_campaign_opens_and_the_finished_one_is_the_same(folder):
 
 
 def test_a_table_that_lacks_runs_is_not_believed(folder):
-    table.save([table.row(record) for record in store.Store(folder).records(20)], folder / "results.parquet")
+    rows = [table.row(record) for record in store.Store(folder).runs.records()][:20]
+    table.save(rows, folder / "results.parquet")
     assert len(open_campaign(folder)) == 30
 
 
@@ -144,10 +164,15 @@ def test_what_is_no_campaign_is_refused(tmp_path):
     (tmp_path / "campaign.json").write_text("{")
     with pytest.raises(store.StoreError, match="cannot be read"):
         open_campaign(tmp_path)
-    (tmp_path / "campaign.json").write_text(json.dumps({"format": 1}))
+    (tmp_path / "campaign.json").write_text(json.dumps({"format": FORMAT}))
     with pytest.raises(store.StoreError, match="damaged or another program's, scenario, source, seed, runs"):
         open_campaign(tmp_path)
-    head = dict.fromkeys(store.HEAD) | {"format": 1, "runs": 3}
+    (tmp_path / "campaign.json").write_text(json.dumps({"format": FORMAT - 1}))  # with two files a run
+    with pytest.raises(
+        store.StoreError, match=r"campaign\.json: its format is 1, expected 2; fly it in another"
+    ):
+        open_campaign(tmp_path)
+    head = dict.fromkeys(store.HEAD) | {"format": FORMAT, "runs": 3}
     (tmp_path / "campaign.json").write_text(json.dumps(head))
     with pytest.raises(store.StoreError, match="no run"):
         open_campaign(tmp_path)

@@ -7,6 +7,7 @@ which of the two is better is known beforehand, and the figures follow from the 
 import json
 import re
 
+import keeping
 import numpy as np
 import plugin_tables
 import pytest
@@ -182,8 +183,7 @@ def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole
     del b.runs[tuple(b.runs)[-1]]
     assert "1 run of B has no seed in A: left out" in comparison.compare(a, b).notes
     kept = [
-        [json.loads((path / "runs" / f"{k:06d}.json").read_text())["summary"] for k in range(RUNS)]
-        for path in (folder, tmp_path / "other")
+        [keeping.record(path, k)["summary"] for k in range(RUNS)] for path in (folder, tmp_path / "other")
     ]
     x, y = (np.array([one["navigation"]["velocity_error_m_s"]["rms"] for one in side]) for side in kept)
     one = next(r for r in found.rows if r.quantity.name == "velocity, rms of the run")
@@ -237,13 +237,13 @@ def test_two_logs_are_one_pair_without_intervals(tmp_path, command):
 
 def test_a_log_is_paired_with_the_run_of_its_seed(whole, tmp_path, command):
     """Figures are those of the log, at 100 Hz; how long it took is not compared with a run without a log."""
-    folder, ended = whole
+    folder, _ = whole
     log = tmp_path / "2.mcap"
     assert command("repeat", str(folder), "2", "--log", str(log)).code == 0
     run = command("compare", str(folder), str(log), "--json")
     assert run.code == 0, run.err
     (found,) = json.loads(run.out)["comparisons"]
-    assert found["seeds"] == [ended.rows[2]["seed"]]
+    assert found["seeds"] == [keeping.rows(folder)[2]["seed"]]
     assert f"{RUNS - 1} runs of A have no seed in B: left out" in found["notes"]
     one = row(found, "position, rms of the run")
     assert one["b"]["median"] == pytest.approx(one["a"]["median"], rel=0.1)
@@ -297,13 +297,12 @@ def test_software_is_flown_compared_and_not_flown_again(tmp_path, command):
     assert "A better" in text and text.count("<img") == 2 and "own.py:Standing" in text
     folders = sorted((tmp_path / "flown").iterdir())
     assert [re.sub("-[0-9a-f]{8}$", "", one.name) for one in folders] == ["built-in", "own.py-Standing"]
-    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("flown/*/runs/*.json")}
+    before = {(path, run): keeping.record(path, run) for path in folders for run in range(SIX)}
     again = command(*words)
-    assert again.code == 0 and "A better" in again.out and len(before) == 2 * SIX
-    assert before == {path: path.stat().st_mtime_ns for path in tmp_path.glob("flown/*/runs/*.json")}
+    assert again.code == 0 and "A better" in again.out
     more = command(*words, "--runs", str(SIX + 1))
     assert f"{SIX + 1} pairs" in more.out
-    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+    assert before == {(path, run): keeping.record(path, run) for path, run in before}  # timing too
 
 
 def test_fewer_runs_than_flown_name_the_command_that_compares_them(tmp_path, command):
@@ -312,8 +311,8 @@ def test_fewer_runs_than_flown_name_the_command_that_compares_them(tmp_path, com
     words += ("--out", str(tmp_path / "flown"), "--workers", "1")
     assert command(*words, "--runs", "2").code == 0
     folders = [str(path) for path in sorted((tmp_path / "flown").iterdir())]
-    for path in (tmp_path / "flown").glob("own*/runs/000001.json"):
-        path.unlink()  # as if it had been interrupted
+    (own_folder,) = (tmp_path / "flown").glob("own*")
+    keeping.forget(own_folder, 1)  # as if it had been interrupted
     fewer = command(*words, "--runs", "1")
     assert fewer.code == 2 and "was asked for 2 runs, --runs 1 would take some away" in fewer.err
     told = re.search("`shefex-nav (compare .*)` compares the runs that have flown", fewer.err).group(1)

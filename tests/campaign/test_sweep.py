@@ -195,9 +195,9 @@ def test_combinations_are_told_apart_by_what_the_stars_give():
 
 
 def test_progress_counts_what_misses_a_requirement():
-    tally = progress.Tally(3, badness=lambda record: record["bad"], clock=lambda: 0.0)
+    tally = progress.Tally(3, clock=lambda: 0.0)
     for run, bad in enumerate([(0.4, 1.0), (2.1, 1.0)]):
-        tally.take({"run": run, "status": "succeeded", "bad": bad})
+        tally.take({"run": run, "status": "succeeded"}, bad)
     assert tally.words().startswith("100.0 % flew to their end, 1 misses a requirement, worst run 1")
-    tally.take({"run": 2, "status": "failed", "bad": None})
+    tally.take({"run": 2, "status": "failed"})
     assert tally.words().startswith("66.7 % flew to their end, 1 misses")

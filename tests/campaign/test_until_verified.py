@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+import keeping
 import numpy as np
 import pytest
 from short_campaign import HereLane, Show, fly, request, write
@@ -79,7 +80,7 @@ def test_runs_that_break_count_and_the_first_look_that_decides_does(tmp_path):
     found = verified(scenario, tmp_path / "kept")
     (one,) = found.verdicts
     assert (one.verdict, one.runs, one.missed, one.looks) == ("pass", 9, 2, 3)
-    assert found.all_pass and found.asked == len(found.ended.rows) == 9
+    assert found.all_pass and found.asked == found.ended.done == 9
     fly(scenario, tmp_path / "kept", 15)
     assert results.open_campaign(tmp_path / "kept").verdicts == [one]
 
@@ -99,7 +100,7 @@ def test_a_session_that_dies_changes_no_verdict(last, tmp_path):
     found = verified(scenario, tmp_path / "killed")
     (one,) = found.verdicts
     assert (one.verdict, one.runs, one.missed, one.looks) == ("pass", 9, 2, 3)
-    assert len(found.ended.rows) == 9
+    assert found.ended.done == 9
 
 
 def test_a_maximum_leaves_it_undecided_and_a_larger_one_goes_on(tmp_path):
@@ -127,7 +128,7 @@ def test_the_command_killed_and_given_again(tmp_path):
     command = [str(word) for word in (sys.executable, "-m", "shefex_nav", *fixed, "--out", tmp_path / "kept")]
     first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     end = time.monotonic() + PATIENCE_S
-    while len(list((tmp_path / "kept" / "runs").glob("*.json"))) < 5:  # in the second leg
+    while keeping.done(tmp_path / "kept") < 5:  # in the second leg
         assert first.poll() is None and time.monotonic() < end
         time.sleep(0.02)
     first.kill()

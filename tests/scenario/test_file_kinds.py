@@ -46,7 +46,7 @@ def test_the_files_of_others_commands_are_named(tmp_path):
     statistics = SCENARIOS / "data" / "star_tracker_shefex2.json"
     assert the_message(statistics).startswith(f"{statistics}: holds the statistics of a star tracker")
     head = tmp_path / "campaign.json"
-    head.write_text('{"format": 1, "digest": "a", "source": "b", "sampling": "random"}', encoding="utf-8")
+    head.write_text('{"format": 2, "digest": "a", "source": "b", "sampling": "random"}', encoding="utf-8")
     assert f"`shefex-nav report {tmp_path}` reads" in the_message(head)
     assert the_message(tmp_path).startswith(f"{tmp_path}: is the folder of a campaign, expected a scenario")
 

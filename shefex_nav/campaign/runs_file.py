@@ -1,0 +1,235 @@
+"""The runs of a campaign in one file of SQLite: what is known of each, record, series, why it was lost.
+
+A run is kept in one transaction: all of it is there, or nothing. Table `runs` has what a session that goes on
+needs to know of each run and is small; records and series are read run by run.
+
+The journal is a write-ahead log (WAL), so that a report reads while a campaign writes; at the end of a
+session the file is one file again. `synchronous=FULL`: the log is on the disk before a run counts as done.
+"""
+
+import json
+import sqlite3
+import weakref
+import zlib
+from contextlib import contextmanager, suppress
+from typing import NamedTuple
+
+from shefex_nav.campaign.plan import digest
+from shefex_nav.errors import UserError
+
+NAME = "runs.sqlite"
+FILES = (NAME, f"{NAME}-wal", f"{NAME}-shm", f"{NAME}-journal")
+KIND = 0x53484658  # `application_id` of the file
+PAGE = 16384  # bytes; the small table of a million runs has then 2000 pages
+PATIENCE_S = 60.0  # for a lock that another program holds
+LEVEL = 1  # of zlib; 6 takes twice the time for 8 % less
+TABLES = (
+    "CREATE TABLE runs (run INTEGER PRIMARY KEY, failed INTEGER, severity REAL, rms_deg REAL)",
+    "CREATE TABLE records (run INTEGER PRIMARY KEY, record BLOB)",  # zlib of JSON
+    "CREATE TABLE series (run INTEGER PRIMARY KEY, sha256 TEXT, arrays BLOB)",  # an .npz file
+    "CREATE TABLE lost (run INTEGER PRIMARY KEY, reason TEXT, deadly INTEGER)",
+)
+
+WORST_FIRST = "ORDER BY severity DESC, rms_deg DESC, run"
+
+
+class StoreError(UserError):
+    """A folder that cannot be used; the message says why and what to do."""
+
+
+class Standing(NamedTuple):
+    """What is known of the runs that are done, together."""
+
+    done: int
+    failed: int
+    missed: int  # that do not meet a requirement
+    worst: tuple | None  # ((severity, rms_deg), run)
+
+
+class RunsFile:
+    """The file of a folder, open. Errors of SQLite and of the disk are StoreErrors."""
+
+    def __init__(self, folder, *, write=False):
+        """write : whether runs are to be kept in it. Without a file one is made, or an empty one read."""
+        self.path, self._writes = folder / NAME, write
+        address = f"{self.path.absolute().as_uri()}?mode={'rwc' if write else 'ro'}"
+        if not write and not (self.path.exists() and self.path.stat().st_size):
+            address = "file::memory:"
+        with self._told():
+            self._db = sqlite3.connect(
+                address, uri=True, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False
+            )
+            weakref.finalize(self, self._db.close)  # a reader's lock would outlive it: sqlite3 has a cycle
+            self._db.execute(f"PRAGMA page_size = {PAGE}")
+            if not self._one("PRAGMA schema_version"):
+                self._make()
+            if self._one("PRAGMA application_id") != KIND:
+                raise StoreError(f"{self.path}: is another program's; expected the runs of a campaign")
+            if write:
+                self._db.execute("PRAGMA journal_mode = WAL")
+                self._db.execute("PRAGMA synchronous = FULL")
+
+    def _make(self):
+        """Tables of a new file."""
+        with self._transaction():
+            for table in TABLES:
+                self._db.execute(table)
+            self._db.execute(f"PRAGMA application_id = {KIND}")
+
+    def close(self):
+        """End the use of the file; after writing it is one file again, unless somebody reads it now."""
+        with suppress(sqlite3.Error):
+            if self._writes:
+                self._db.execute("PRAGMA busy_timeout = 0")
+                self._db.execute("PRAGMA journal_mode = DELETE")
+        self._db.close()
+
+    @contextmanager
+    def _told(self):
+        """An error of SQLite becomes a StoreError."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            words = f"cannot use {self.path}: {error}"
+            raise StoreError(f"{words}; what is there is kept, the same command goes on") from None
+        except sqlite3.DatabaseError as error:
+            words = "restore it from a copy, or fly a new campaign with --out"
+            raise StoreError(f"{self.path}: is damaged, or no file of runs ({error}); {words}") from None
+
+    @contextmanager
+    def _transaction(self, kind="IMMEDIATE"):
+        """All of it, or nothing."""
+        self._db.execute(f"BEGIN {kind}")
+        try:
+            yield
+            self._db.execute("COMMIT")
+        except BaseException:
+            if self._db.in_transaction:  # a full disk may have ended it
+                self._db.execute("ROLLBACK")
+            raise
+
+    def _one(self, question, *values):
+        """The first value of the first row; None without any."""
+        return next(iter(self._db.execute(question, values).fetchone() or (None,)))
+
+    def _all(self, question, *values):
+        with self._told():
+            return self._db.execute(question, values).fetchall()
+
+    @contextmanager
+    def unchanged(self):
+        """What is read meanwhile is of one instant."""
+        with self._told(), self._transaction("DEFERRED"):
+            yield
+
+    # ---- write -------------------------------------------------------------------------------------------
+
+    def keep(self, many):
+        """Keep runs in one transaction. many : iterable of (Flown, (severity, rms_deg) or None)"""
+        with self._told(), self._transaction():
+            for flown, bad in many:
+                self._keep(flown, bad)
+            self._db.execute(f"PRAGMA user_version = {self._one('PRAGMA user_version') + 1}")
+
+    def _keep(self, flown, bad):
+        run, say = flown.record["run"], self._db.execute
+        packed = zlib.compress(json.dumps(flown.record, allow_nan=False).encode(), LEVEL)
+        is_failed = flown.record.get("status") == "failed"
+        say("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?)", (run, is_failed, *(bad or (None, None))))
+        say("INSERT OR REPLACE INTO records VALUES (?, ?)", (run, packed))
+        say("DELETE FROM lost WHERE run = ?", (run,))
+        if flown.series is None:
+            say("DELETE FROM series WHERE run = ?", (run,))
+        else:
+            row = run, digest(flown.series), flown.series
+            say("INSERT OR REPLACE INTO series VALUES (?, ?, ?)", row)
+
+    def lose(self, lost):
+        """Keep why a run was lost. engine.Lost -> in how many sessions it killed its worker each time"""
+        with self._told(), self._transaction():
+            before = self._one("SELECT deadly FROM lost WHERE run = ?", lost.run) or 0
+            row = lost.run, lost.reason, before + lost.deadly
+            self._db.execute("INSERT OR REPLACE INTO lost VALUES (?, ?, ?)", row)
+        return row[-1]
+
+    # ---- read --------------------------------------------------------------------------------------------
+
+    def state(self):
+        """Text that is another one after each change of what is kept."""
+        with self._told():
+            return f"{self._one('PRAGMA user_version')} {self._one('SELECT count(*) FROM runs')}"
+
+    def done(self):
+        """Numbers of the runs that are done: set."""
+        return {run for (run,) in self._all("SELECT run FROM runs")}
+
+    def standing(self, without=()):
+        """Standing of the runs that are done, but for a few."""
+        others = f"run NOT IN ({', '.join(str(int(run)) for run in without)})"
+        ((done, failed, missed),) = self._all(
+            f"SELECT count(*), total(failed), total(severity >= 1.0) FROM runs WHERE {others}"
+        )
+        known = f"WHERE severity NOTNULL AND {others}"
+        worst = self._all(f"SELECT severity, rms_deg, run FROM runs {known} {WORST_FIRST} LIMIT 1")
+        worst = (worst[0][:2], worst[0][2]) if worst else None
+        return Standing(done, int(failed), int(missed), worst)
+
+    def worst(self, most):
+        """Numbers of the worst runs that flew to their end, the worst first: list."""
+        question = f"SELECT run FROM runs WHERE NOT failed {WORST_FIRST} LIMIT ?"
+        return [run for (run,) in self._all(question, most)]
+
+    def failed(self):
+        """Numbers of the runs that failed: list."""
+        return [run for (run,) in self._all("SELECT run FROM runs WHERE failed ORDER BY run")]
+
+    def lost(self):
+        """Runs that were lost and have no record since: dict run -> {"reason", "deadly": sessions}."""
+        rows = self._all("SELECT * FROM lost WHERE run NOT IN (SELECT run FROM runs) ORDER BY run")
+        return {run: {"reason": reason, "deadly": deadly} for run, reason, deadly in rows}
+
+    def record(self, run):
+        """Record of a run; None if it is not done."""
+        question = "SELECT record FROM records JOIN runs USING (run) WHERE run = ?"
+        rows = self._all(question, int(run))
+        return self._unpacked(run, rows[0][0]) if rows else None
+
+    def records(self):
+        """Records of the runs that are done, in order: iterator."""
+        question = "SELECT run, record FROM runs JOIN records USING (run) ORDER BY run"
+        with self._told():
+            for run, packed in self._db.execute(question):
+                yield self._unpacked(run, packed)
+
+    def _unpacked(self, run, packed):
+        """Record of what is kept of it; StoreError if a disk has spoilt it."""
+        try:
+            record = json.loads(zlib.decompress(packed))
+        except (zlib.error, ValueError, TypeError):
+            raise StoreError(f"{self.path}: the record of run {run} is spoilt; {self._anew(run)}") from None
+        return record
+
+    def series(self, run):
+        """Series of a run, bytes of an .npz file; None if there is none. StoreError if a disk spoilt it."""
+        rows = self._all("SELECT sha256, arrays FROM series WHERE run = ?", int(run))
+        if not rows:
+            return None
+        (expected, content) = rows[0]
+        if not isinstance(content, bytes) or digest(content) != expected:
+            raise StoreError(f"{self.path}: the series of run {run} are spoilt; {self._anew(run)}")
+        return content
+
+    def _anew(self, run):
+        """What to do about a run that a disk has spoilt."""
+        words = "the same campaign command flies it again after"
+        return f'{words} `sqlite3 {self.path} "DELETE FROM runs WHERE run = {run}"`'
+
+    def spoilt(self, first):
+        """Numbers of those of the first runs whose series a disk has spoilt: list."""
+        found = []
+        for (run,) in self._all("SELECT run FROM series JOIN runs USING (run) WHERE run < ?", first):
+            try:
+                self.series(run)
+            except StoreError:
+                found.append(run)
+        return found
