@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from navigation_flight import PARAMS
 from scipy import stats
 
 from shefex_nav.onboard.navigation import aiding, integrity, integrity_protection, integrity_watch, sensor
@@ -49,10 +50,8 @@ def test_a_reading_that_is_used_ends_it():
 
 
 def test_the_filter_cannot_know_which_of_the_two_is_right():
-    watch = SimpleNamespace(
-        constants=SimpleNamespace(found=""), step=None, alarms=set(), moved=None, reasons={}, drifts={}
-    )
-    doubt = partial(integrity_watch.Watch.graver_doubts, watch, imu_blind=False)
+    watch = integrity_watch.start(PARAMS)
+    doubt = partial(watch.graver_doubts, imu_blind=False)
     assert doubt(refused(2)).tolist() == [Doubt.NONE] * 3
     assert doubt(refused(3)).tolist() == [Doubt.CONTRADICTED] * 3
 
