@@ -24,6 +24,10 @@ class Block(BaseModel):
         """Keys as they are written in a scenario file: {key: FieldInfo}."""
         return {field.alias or name: field for name, field in cls.model_fields.items()}
 
+    def with_sections(self, **sections):
+        """The same with others in their place, of which no text says anything: for a step of the program."""
+        return BaseModel.model_copy(self, update=sections)
+
 
 def is_tag(part):
     """Whether a part of an error's location names a form (`<file>`), not a key of the scenario."""

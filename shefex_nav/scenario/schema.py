@@ -105,10 +105,6 @@ class Sections(Block):
             )
         return super().model_copy(deep=deep)
 
-    def with_sections(self, **sections):
-        """The same with other sections, of which its text says nothing: for one step within the program."""
-        return super().model_copy(update=sections)
-
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""

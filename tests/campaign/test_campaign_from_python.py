@@ -137,7 +137,7 @@ def test_pictures_by_name_and_the_table(tmp_path):
 
 
 def test_a_campaign_without_dispersions_says_why_nothing_explains_it(tmp_path, monkeypatch):
-    campaign = shefex_nav.open_campaign(write_synthetic(tmp_path, 12))
+    campaign = shefex_nav.open_campaign(write_synthetic(tmp_path / "campaign", 12))
     monkeypatch.setattr(results.Campaign, "draws", {})
     assert "sensitivity" not in dir(campaign.plot) and "errors" in dir(campaign.plot)
     with pytest.raises(LookupError, match=r"'sensitivity': the scenario has no dispersions"):
@@ -146,7 +146,7 @@ def test_a_campaign_without_dispersions_says_why_nothing_explains_it(tmp_path, m
 
 
 def test_the_mean_of_squares_ends_where_half_of_the_runs_have_landed(tmp_path):
-    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path, 12)))
+    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path / "campaign", 12)))
     T = len(series.t_s)
     few, half = np.s_[:7, T - 5 :], np.s_[:6, T - 10 :]  # 5 of 12 fly the last five epochs, 6 the five before
     for landed in (half, few):
@@ -156,7 +156,7 @@ def test_the_mean_of_squares_ends_where_half_of_the_runs_have_landed(tmp_path):
 
 
 def test_the_scale_of_errors_is_told_where_it_has_decades(tmp_path):
-    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path, 12)))
+    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path / "campaign", 12)))
     first = series.t_s < series.t_s[len(series.t_s) // 4]
     series.errors[:, first] *= 100.0
     series.sigmas[:, first] *= 100.0
