@@ -77,7 +77,7 @@ def _warnings(found):
 def _told(found):
     """What the computer on board is told of its sensors and is not true."""
     if found:
-        words = element("strong", "The computer on board is told otherwise than the sensors are:")
+        words = element("strong", "The computer on board is told figures that are not those of the sensors:")
         yield element("div", words, _fields(found), class_="verdict open")
 
 

@@ -96,6 +96,8 @@ class Sections(Block):
         file = self.files[0][0] if self.files else ""
         return f"<Scenario {self.mission.name}{file and f', from {file}'}>"
 
+    __str__ = __repr__
+
     def model_copy(self, *, update=None, deep=False):
         """The same scenario; TypeError with an `update`, of which its text and the log would know nothing."""
         if update:

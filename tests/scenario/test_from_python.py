@@ -19,7 +19,7 @@ def test_scenarios_with_the_same_values_are_equal():
 
 def test_a_scenario_prints_as_a_line():
     assert repr(Scenario.load(NAME)).startswith("<Scenario night_sky, from ")
-    assert repr(Scenario.load(NAME)).endswith("night_sky.yaml>")
+    assert str(Scenario.load(NAME)).endswith("night_sky.yaml>")
 
 
 def test_a_copy_whose_text_would_not_follow_is_refused():

@@ -39,7 +39,7 @@ SMALLEST_STEP = 1e-6  # s; a step is accepted by then: what is left is a jump in
 FIRST_STEP = 0.01  # s, tried at the start of a section
 TIME_EPS = 1e-9  # s, instants closer than this are one sample
 EVENT_EPS = 1e-12  # s, to which an end that depends on the state is found
-FREE_STEPS, STEPS_PER_S = 100_000, 2000.0  # of a section at most; a spin of 250 rad/s needs as many
+FREE_STEPS, STEPS_PER_S = 100_000, 7000.0  # of a section at most; a spin of 250 rad/s (40 rev/s) needs 5700
 T_END, EVENT, STOP, TOO_FAST = 0, 1, 2, 3  # how a section ends
 
 _SAFETY, _SHRINK, _GROW, _BETA = 0.9, 0.2, 10.0, 0.04  # of the step size control
