@@ -81,6 +81,11 @@ def export(
             "nothing to write: name at least one of --csv DIR, --parquet DIR, --replay DIR, --kml FILE, "
             "--geojson FILE, --frames DIR"
         )
+    given = [path.resolve() for path in (*folders.values(), *([frames] if frames else ()))]
+    if len(set(given)) < len(given):
+        raise typer.BadParameter(
+            "two of --csv, --parquet, --replay and --frames name one folder; give each its own"
+        )
     for kind, path in (*folders.items(), *([("frames", frames)] if frames else ())):
         _check_folder(path, f"--{kind}", force=force)
     for kind, path in maps.items():

@@ -16,16 +16,18 @@ from shefex_nav.errors import UserError
 from shefex_nav.files import put, whole
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.instruments import BUILT_IN
-from shefex_nav.replay import schema
+from shefex_nav.replay import load, schema
 from shefex_nav.report.track import earth_fixed
+from shefex_nav.scenario import layers
 
 REPLAY = "replay.yaml"
 ALIGNED = {"level": "0.05 deg", "azimuth": "0.5 deg", "position": "5 m", "velocity": "0.1 m/s"}  # [E]
-LONGEST_GAP_S = 0.1  # that a replay bridges unless it is told of a longer one
+BRIDGED_S, MOST_BRIDGED_S = 0.1, 0.99  # without IMU samples: unless a replay is told of more, and at most
 TIME_AND_PLACE = "t_s", "latitude_deg", "longitude_deg", "height_m"
 VELOCITY = "vn_m_s", "ve_m_s", "vd_m_s"
 ATTITUDE = "roll_deg", "pitch_deg", "heading_deg"
 SIGMAS = *(f"sigma_{axis}_m" for axis in "ned"), *(f"sigma_v{axis}_m_s" for axis in "ned")
+TRUE = "t_s", "r_i", "v_i", "q_ib"
 LEFT_OUT = "told", "software", "stars", "gps"  # of `navigation`: what a replay decides by itself
 
 
@@ -40,15 +42,17 @@ def write(data, folder):
     if not any(fix.valid for fix in data.gps):
         raise NoDataError("has no GPS fix")
     imu, gap_s = _imu(data.imu)
-    files = {"imu.csv": imu, "gnss.csv": _gnss(data.gps), "truth.csv": _truth(data)}
+    truth = _truth(data, imu["t_s"][0])
+    files = {"imu.csv": imu, "gnss.csv": _gnss(data.gps), "truth.csv": truth}
     read = [one for one in BUILT_IN.values() if one.data and len(data.readings[one.name].t_valid_s)]
     files |= {f"{one.name}.csv": _readings(one, data.readings[one.name]) for one in read}
     folder.mkdir(exist_ok=True)
     for name, columns in files.items():
         _put_csv(folder / name, columns)
-    described = _described(data, read, imu["t_s"], gap_s)
+    described = _described(data, read, imu["t_s"], truth["t_s"][0], gap_s)
     text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, default_flow_style=None, width=100)
     put(folder / REPLAY, f"# shefex-nav replay {REPLAY}\n\n{text}")
+    load.load(str(folder / REPLAY))
     return [*files, REPLAY]
 
 
@@ -73,8 +77,15 @@ def _imu(blocks):
     ends_s = blocks.t_valid_s[:, None] - np.arange(samples - 1, -1, -1) * np.reshape(blocks.dt_s, (-1, 1))
     kept = np.repeat(np.asarray(blocks.valid, dtype=bool), samples)
     t_s = ends_s.ravel()[kept]
+    if len(t_s) < 2:
+        raise NoDataError("has no samples of the IMU")
+    at = int(np.argmax(np.diff(t_s)))
+    if (gap_s := float(t_s[at + 1] - t_s[at])) > MOST_BRIDGED_S:
+        raise NoDataError(
+            f"has no sample of the IMU for {gap_s:.3g} s after T{t_s[at]:+.2f} s, too long to bridge"
+        )
     turn, gain = blocks.dtheta_b.reshape(-1, 3)[kept], blocks.dv_b.reshape(-1, 3)[kept]
-    return {"t_s": t_s} | _axes("dtheta_rad", turn) | _axes("dv_m_s", gain), float(np.diff(t_s).max())
+    return {"t_s": t_s} | _axes("dtheta_rad", turn) | _axes("dv_m_s", gain), gap_s
 
 
 def _gnss(fixes):
@@ -105,9 +116,10 @@ def _of_fixes(data):
     return said
 
 
-def _truth(data):
-    """Columns of place, velocity and attitude in level axes."""
-    truth, earth = data.truth, data.mission.earth
+def _truth(data, from_s):
+    """Columns of place, velocity and attitude in level axes, from a mission time on."""
+    earth, since = data.mission.earth, np.searchsorted(data.truth.t_s, from_s)
+    truth = data.truth._replace(**{name: getattr(data.truth, name)[since:] for name in TRUE})
     track = earth_fixed(earth, truth)
     rows = np.empty((len(truth.t_s), 10))
     rows[:, 0], rows[:, 3] = truth.t_s, track.height
@@ -184,10 +196,11 @@ def _only(section, model):
     return {key: value for key, value in section.items() if key in model.keys()}
 
 
-def _described(data, read, t_s, gap_s):
+def _described(data, read, t_s, true_from_s, gap_s):
     """The replay file, as YAML has it.
 
-    read : instruments of which there are readings;  t_s : (N,) of the IMU samples;  gap_s : the longest
+    read : instruments of which there are readings;  t_s : (N,) of the IMU samples;  gap_s : the longest time
+    without one
     """
     gnss = _of_fixes(data)
     imu = {"file": "imu.csv", "rate": f"{1.0 / np.median(np.diff(t_s)):.6g} Hz", "time": "t_s"}
@@ -196,7 +209,7 @@ def _described(data, read, t_s, gap_s):
     truth = {"file": "truth.csv", "time": "t_s", "position": list(TIME_AND_PLACE[1:])}
     truth |= {"velocity": [*VELOCITY], "attitude": [*ATTITUDE]}
     others = {one.name: _of_readings(one) for one in read}
-    bridged = {"longest_gap": f"{1.01 * gap_s:.3g} s"} if gap_s > LONGEST_GAP_S else {}
+    bridged = {"longest_gap": f"{1.01 * gap_s:.3g} s"} if gap_s > BRIDGED_S else {}
     begins = datetime.fromisoformat(data.mission.epoch_utc).replace(tzinfo=UTC) + timedelta(
         seconds=float(t_s[0])
     )
@@ -205,8 +218,8 @@ def _described(data, read, t_s, gap_s):
             "name": data.mission.scenario,
             "description": f"Measurements of seed {data.mission.seed}, without star fixes",
             "epoch": begins.isoformat().replace("+00:00", "Z"),
-            "start": f"{data.truth.t_s[0] - t_s[0]:.6g} s",  # where the truth begins
+            "start": f"{true_from_s - t_s[0]:.6g} s",
         },
         "data": {"format": "csv", **bridged, "imu": imu, "gnss": gnss, "truth": truth, **others},
-        **_of_mission(yaml.safe_load(data.mission.scenario_text), read),
+        **_of_mission(layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, read),
     }

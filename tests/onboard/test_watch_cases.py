@@ -54,11 +54,24 @@ def test_without_specific_force_the_attitude_is_what_gyros_and_stars_say():
     assert doubts(blind=integrity_watch.Blind.TO_FORCE, star_tracker=BAD) == "IIC"
     assert doubts(blind=integrity_watch.Blind.TO_FORCE, gps_velocity=BAD) == "IIC"
     assert doubts(blind=integrity_watch.Blind.TO_RATE, star_tracker=BAD) == "III"
+    of_force = np.eye(6, dtype=int)[3]
+    assert integrity_watch.blind(of_force, tied=True) == integrity_watch.Blind.TO_RATE
     one = watch()
     one.unread = integrity_watch.Blind.TO_FORCE
     assert doubts(one, blind=None) == "II-"
     one.distrusted = True
     assert doubts(one, blind=None) == "III"
+
+
+@pytest.mark.parametrize("deg_h_gee, tied", [(0.5, False), (0.9, False), (1.1, True), (36.0, True)])
+def test_gyros_that_turn_by_the_specific_force_are_tied_to_it(deg_h_gee, tied):
+    """Known as noise of the model, or estimated as a block of states."""
+    known = np.radians(deg_h_gee / 3600.0) / 9.80665
+    model = PARAMS.imu._replace(gyro_g_sensitivity=known)
+    assert integrity_watch.start(PARAMS._replace(imu=model)).tied == tied
+    model = PARAMS.imu._replace(gyro_g_sensitivity=0.0)
+    blocks = PARAMS.sigma_blocks | {"gyro_g_sensitivity": np.full(9, known)}
+    assert integrity_watch.start(PARAMS._replace(imu=model, sigma_blocks=blocks)).tied == tied
 
 
 @pytest.mark.parametrize(

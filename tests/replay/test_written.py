@@ -112,6 +112,38 @@ def test_logs_that_hold_no_whole_measurements_are_refused(tmp_path):
     assert not (tmp_path / "no").exists()
     told = CliRunner().invoke(app, ["export", str(tmp_path / "thin.mcap"), "--replay", str(tmp_path / "no")])
     assert told.exit_code == 2 and "thin.mcap: does not hold every sample" in told.output
+    twice = ["--csv", str(tmp_path / "both"), "--replay", str(tmp_path / "both")]
+    told = CliRunner().invoke(app, ["export", str(tmp_path / "thin.mcap"), *twice])
+    assert told.exit_code == 2 and "name one folder" in " ".join(told.output.replace("│", " ").split())
     blind = flown.data._replace(truth=flown.data.truth._replace(t_s=np.zeros(0)))
     with pytest.raises(measured.NoDataError, match="without truth"):
         measured.write(blind, tmp_path / "no")
+
+
+def test_what_is_written_loads_whatever_fails_and_whatever_is_off(tmp_path):
+    """A quantum that is `off`, an IMU silent at the start and for 0.3 s later."""
+    silent = [
+        {"fault": "dropout", "from": "-10 s", "until": "-6 s"},
+        {"fault": "dropout", "from": "0.5 s", "until": "0.8 s"},
+    ]
+    asked = {"imu.gyro.quantum": "off", "faults.imu": silent}
+    flown = runs.fly(missions.Scenario.load("rexus_like", asked), 1, until_s=2.0)
+    measured.write(flown.data, tmp_path / "measured")
+    scenario, files = load.load(str(tmp_path / "measured" / measured.REPLAY))
+    assert (
+        yaml.safe_load((tmp_path / "measured" / measured.REPLAY).read_text())["imu"]["gyro"]["quantum"]
+        == "off"
+    )
+    back = dataset.read(scenario, files)
+    assert back.imu.bridged.sum() == 120 and back.truth.t_s[0] == pytest.approx(scenario.mission.start)
+
+
+def test_an_imu_that_is_silent_for_too_long_is_refused(tmp_path):
+    for from_s, until_s, words in (
+        (1.0, 4.0, r"no sample of the IMU for 3 s after T\+1"),
+        (-20.0, 99.0, "no samples"),
+    ):
+        gap = [{"fault": "dropout", "from": f"{from_s} s", "until": f"{until_s} s"}]
+        flown = runs.fly(missions.Scenario.load("rexus_like", {"faults.imu": gap}), 1, until_s=5.0)
+        with pytest.raises(measured.NoDataError, match=words):
+            measured.write(flown.data, tmp_path / "no")

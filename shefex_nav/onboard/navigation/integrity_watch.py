@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_drift,
@@ -30,6 +31,7 @@ ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
 BACK = 0.3  # [E] share of a step, to within which one back ends it
 OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
+TIED = np.radians(1.0 / 3600.0) / STANDARD_GRAVITY  # rad s/m [E]: 10 gee in 10 s turn by 0.03 deg
 ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
 MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
 
@@ -72,6 +74,7 @@ class Watch:
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
         self.learnt = integrity_learnt.Learnt()
         self.unread = Blind.NOT  # by readings of an axis that are replaced, or are at the end of its range
+        self.tied = False  # whether gyros turn by the specific force, more than TIED
         self.replaced = False  # whether some have been replaced: axes that are silent or stuck
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
@@ -127,7 +130,7 @@ class Watch:
     def _changed(self, changes):
         """The state of axes of the unit has changed."""
         self.pending += changes
-        self.unread = blind(self.imu.state)
+        self.unread = blind(self.imu.state, self.tied)
         self.replaced = integrity_imu.replaced(self.imu.state)
         self.gyros.forget()
 
@@ -199,10 +202,11 @@ class Watch:
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
 
         {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the gyros do not measure
-        all three run away, without specific force position and velocity alone: the attitude is what gyros
-        and stars say. A star tracker that contradicts says that the attitude is wrong, or itself;
-        position and velocity are checked by GPS, where there is any. A GPS velocity contradicts an attitude
-        as well, by the direction of the thrust: any other sensor makes all three doubtful. A GPS position
+        all three run away, without specific force position and velocity alone, unless the gyros are `tied`
+        to it: the attitude is what gyros and stars say. A star tracker that contradicts says that the
+        attitude is wrong, or itself; position and velocity are checked by GPS, where there is any. A GPS
+        velocity contradicts an attitude as well, by the direction of the thrust: any other sensor makes all
+        three doubtful. A GPS position
         whose velocity goes on contradicts the position alone: most likely it has jumped, but the filter may
         have followed it before. So does one that was believed in the end.
         """
@@ -258,9 +262,12 @@ class Watch:
         return changes
 
 
-def blind(state):
-    """Blind, of the states (6,) of the axes of gyros and accelerometers."""
-    if state[:3].any():
+def blind(state, tied=False):
+    """Blind, of the states (6,) of the axes of gyros and accelerometers.
+
+    tied : gyros turn by the specific force; what is not read of it is missing in what is taken off them
+    """
+    if state[:3].any() or (tied and state[3:].any()):
         return Blind.TO_RATE
     return Blind.TO_FORCE if state[3:].any() else Blind.NOT
 
@@ -271,6 +278,7 @@ def start(params):
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
     limit = chi_square_limit(integrity_gps.DRIFT_PROBABILITY, 3)
     watch = Watch(params.integrity or DEFAULT, limit, gyros)
+    watch.tied = sensed > TIED
     watch.drifts = {aid.name: integrity_drift.Drift(aid.drift) for aid in params.aids if aid.drift}
     return watch
 
