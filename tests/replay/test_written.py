@@ -130,10 +130,8 @@ def test_what_is_written_loads_whatever_fails_and_whatever_is_off(tmp_path):
     flown = runs.fly(missions.Scenario.load("rexus_like", asked), 1, until_s=2.0)
     measured.write(flown.data, tmp_path / "measured")
     scenario, files = load.load(str(tmp_path / "measured" / measured.REPLAY))
-    assert (
-        yaml.safe_load((tmp_path / "measured" / measured.REPLAY).read_text())["imu"]["gyro"]["quantum"]
-        == "off"
-    )
+    said = yaml.safe_load((tmp_path / "measured" / measured.REPLAY).read_text())
+    assert said["imu"]["gyro"]["quantum"] == "off"
     back = dataset.read(scenario, files)
     assert back.imu.bridged.sum() == 120 and back.truth.t_s[0] == pytest.approx(scenario.mission.start)
 

@@ -32,10 +32,9 @@ however errors grow, (F e)^T (F P F^T + Q)^-1 (F e) <= e^T P^-1 e; so w of the v
 does [E: as if it were all of e], and w of the position by that of the velocity times the time. That of the
 attitude stays: gyros hold it, and the axes that it is about turn with the body.
 
-What an instrument that drifts may have done, in all of its readings, is of `integrity_drift`.
-
-Two faults at once, and one that is common to all fixes (a star camera that has moved by less than the gate
-notices), are beyond this.
+What an instrument that drifts may have done, in all of its readings, is of `integrity_drift`. Two faults at
+once, and one that is common to all fixes (a star camera that has moved by less than the gate notices), are
+beyond this.
 """
 
 from typing import NamedTuple
