@@ -15,17 +15,10 @@ from pathlib import Path
 
 
 def fly_campaign(
-    scenario,
-    runs: int | None = None,
-    *,
-    folder: str | Path,
-    seed: int = 1,
-    workers: int | None = None,
-    engine: str | None = None,
-    keep: Sequence[str] = (),
-    say: Callable[[str], object] = print,
+    scenario, runs: int | None = None, *, folder: str | Path, seed: int = 1, workers: int | None = None,
+    engine: str | None = None, keep: Sequence[str] = (), say: Callable[[str], object] = print,
     until_verified: bool = False,
-):
+):  # fmt: skip
     """Fly a scenario many times; what the folder has of the same campaign already is not flown again.
 
     Parameters

@@ -81,13 +81,7 @@ def export(
             "nothing to write: name at least one of --csv DIR, --parquet DIR, --replay DIR, --kml FILE, "
             "--geojson FILE, --frames DIR"
         )
-    given = [path.resolve() for path in (*folders.values(), *([frames] if frames else ()))]
-    if len(set(given)) < len(given):
-        raise typer.BadParameter(
-            "two of --csv, --parquet, --replay and --frames name one folder; give each its own"
-        )
-    for kind, path in (*folders.items(), *([("frames", frames)] if frames else ())):
-        _check_folder(path, f"--{kind}", force=force)
+    _check_folders(folders | ({} if frames is None else {"frames": frames}), force=force)
     for kind, path in maps.items():
         check_file(path, f"--{kind}", force=force, given=[source])
     wanted = _Frames(frames, format, from_, until, every, seed, tuple(overrides or ()))
@@ -130,6 +124,15 @@ def _write_replay(log, data, folder):
     except written.NoDataError as error:
         raise written.NoDataError(f"{log}: {error}") from None
     say(f"wrote {', '.join(names)} into {folder}; shefex-nav replay {folder / names[-1]}")
+
+
+def _check_folders(folders, *, force):
+    """Refuse folders {kind: path} of which two are one, or one cannot be written into."""
+    if len({path.resolve() for path in folders.values()}) < len(folders):
+        options = " and ".join(f"--{kind}" for kind in folders)
+        raise typer.BadParameter(f"{options} name one folder; give each its own")
+    for kind, path in folders.items():
+        _check_folder(path, f"--{kind}", force=force)
 
 
 def _check_folder(path, option, *, force):

@@ -65,14 +65,9 @@ class Record:
 
 
 def solve_image(
-    image,
-    *,
-    camera=None,
-    fov_deg: float | None = None,
-    epoch: float | None = None,
-    taken=None,
+    image, *, camera=None, fov_deg: float | None = None, epoch: float | None = None, taken=None,
     mirrored: bool = False,
-) -> ImageSolution:
+) -> ImageSolution:  # fmt: skip
     """Attitude, field of view and stars of a picture of the night sky.
 
     The field of view across may be 5 to 70 degrees, told 2 to 70. The lens may be anything between a pinhole
