@@ -20,7 +20,7 @@ from shefex_nav.solve import search as searching
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.header import Taken, of_header, says_day, this_year
 from shefex_nav.solve.orientation import AS_STORED, ON_ITS_SIDE
-from shefex_nav.solve.solution import ImageSolution, failed
+from shefex_nav.solve.solution import failed
 
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it
 EDGE = 1.02  # factor beyond both: proposals scatter, and no lens has quite the focal length of a pinhole
@@ -64,10 +64,7 @@ class Record:
     u_i: object = None  # (k, 3) directions of their stars in the catalogue, without aberration
 
 
-def solve_image(
-    image, *, camera=None, fov_deg: float | None = None, epoch: float | None = None, taken=None,
-    mirrored: bool = False,
-) -> ImageSolution:  # fmt: skip
+def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mirrored=False):
     """Attitude, field of view and stars of a picture of the night sky.
 
     The field of view across may be 5 to 70 degrees, told 2 to 70. The lens may be anything between a pinhole
