@@ -59,6 +59,11 @@ def test_each_dependency_has_its_reason():
     assert {normalised(one) for one in project["dependencies"]} <= named
 
 
+def is_for_checkers(node):
+    """Whether a statement is there for type checkers alone, and never runs."""
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
 def own_imports():
     """{module of the package: modules of it that are imported anywhere in it}."""
     paths = {}
@@ -66,8 +71,9 @@ def own_imports():
         paths[".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")] = path
     found = {}
     for module, path in paths.items():
-        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        froms = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 0]
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree.body = [node for node in tree.body if not is_for_checkers(node)]
+        froms = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level == 0]
         named = [(node.module, f"{node.module}.{alias.name}") for node in froms for alias in node.names]
         found[module] = {inner if inner in paths else outer for outer, inner in named} & set(paths)
     return found

@@ -35,8 +35,8 @@ REFUSALS = {
     (
         "export",
         LOG,
-    ): "nothing to write: name at least one of --csv DIR, --parquet DIR, --kml FILE, --geojson FILE, "
-    "--frames DIR",
+    ): "nothing to write: name at least one of --csv DIR, --parquet DIR, --replay DIR, --kml FILE, "
+    "--geojson FILE, --frames DIR",
     ("view", LOG, "--at", "3 s"): "--at: 3 s is the time of a picture; name it with --screenshot",
     (
         "view",
