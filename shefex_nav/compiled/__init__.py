@@ -17,6 +17,8 @@ This file imports numba when the first kernel is marked, not before: `target` ha
 
 from functools import cached_property, update_wrapper
 
+from shefex_nav.compiled.lending import lent as lent
+
 DEFAULTS = {
     "nopython": True,
     "boundscheck": None,
@@ -93,17 +95,6 @@ def entry(kernel, *args):
     these. Of defaults that are not among these arguments it has to be given the value all the same.
     """
     return kernel.entry(*args) if hasattr(kernel, "entry") else kernel
-
-
-def lent(value):
-    """For kernels: the same array, or tuple of whatever with arrays in it, without a count of its references.
-
-    A kernel counts the references to its arrays whenever one gets a name or goes into a function, all those
-    of a tuple at once, in a way that is safe between threads: 10 ns and more each. Who is given arrays may
-    lend them on, as its caller keeps them until it returns: at the beginning of a function, only of its own
-    arguments, and never what it returns.
-    """
-    return value
 
 
 def rows(fields, align=False):

@@ -31,7 +31,8 @@ from numba.core.dispatcher import Dispatcher, _FunctionCompiler
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.extending import intrinsic, overload
 
-from shefex_nav.compiled import digest, lent, machine_code, signature
+from shefex_nav.compiled import digest, machine_code, signature
+from shefex_nav.compiled.lending import lent
 from shefex_nav.compiled.store import Store
 
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
