@@ -38,6 +38,6 @@ def chain(data):
     share.set_xlabel("time [ms]")
     share.set_ylabel("frames done [%]")
     style.legend_above(share)
-    words = "Times by the clock: steps of some ms, alike for frames of all kinds, are turns of other programs"
+    words = "Wall-clock times: what other programs used of the processor meanwhile is in them"
     figure.text(0.01, 0.01, words, ha="left", va="bottom", fontsize=9, color=style.GREY)
     return figure
