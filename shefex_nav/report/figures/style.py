@@ -217,7 +217,8 @@ def log_scale(axes, bottom=None, top=None):
     axes.set_ylim(bottom, top)
     low, high = axes.get_ylim()
     decades = np.log10(high / low)
-    axes.yaxis.set_major_locator(LogLocator(10.0, numticks=8))
+    subs = (1.0,) if decades > 1.5 else (1.0, 2.0, 5.0)  # one number alone is no scale
+    axes.yaxis.set_major_locator(LogLocator(10.0, subs, numticks=8))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     if decades > 1.5:
         axes.yaxis.set_minor_locator(NullLocator())
