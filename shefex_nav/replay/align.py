@@ -8,7 +8,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
-from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
+from shefex_nav.onboard.navigation.hypotheses import UNKNOWN, wide_angles
 from shefex_nav.records import Alignment
 from shefex_nav.replay import align_motion, align_rail, reference
 from shefex_nav.scenario.data_table import DataError
@@ -23,7 +23,15 @@ def align(scenario, data, earth):
 
     It is valid at the sample of the IMU that begins the navigation.
     """
-    return METHODS[scenario.alignment.method](scenario, data, earth)
+    found = METHODS[scenario.alignment.method](scenario, data, earth)
+    if wide_angles(found) > 1:
+        sigmas = ", ".join(f"{one:.1f}" for one in np.degrees(np.sqrt(np.linalg.eigvalsh(found.P_theta_b))))
+        raise DataError(
+            f"{scenario.alignment.method} alignment: the attitude would be known to {sigmas} deg (1 sigma); "
+            "the navigation needs two of the three within 20 deg: check the errors in alignment, "
+            "imu.accelerometer.bias and alignment.duration"
+        )
+    return found
 
 
 def first_sample(imu, start_s):

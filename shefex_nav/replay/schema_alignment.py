@@ -13,7 +13,7 @@ class FromReference(Block):
     """Position, velocity and attitude are those of the truth, and known as well as is said here (1 sigma)."""
 
     method: Literal["reference"]
-    level: Quantity("rad", "1 deg", "about north and about east", positive=True)
+    level: Quantity("rad", "1 deg", "about north and about east", positive=True, at_most="20 deg")
     azimuth: Quantity("rad", "2 deg", "about the vertical", positive=True)
     position: Quantity("m", "5 m", "each axis", positive=True)
     velocity: Quantity("m/s", "0.1 m/s", "each axis", positive=True)

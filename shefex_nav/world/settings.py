@@ -77,7 +77,7 @@ class PadAlignment(Settings):
     For a rocket that is what the launch crew knows about it on the pad.
     """
 
-    level: float = quantity("rad", "0.05 deg", "about north and about east", positive=True)
+    level: float = quantity("rad", "0.05 deg", "about north and about east", positive=True, at_most="20 deg")
     azimuth: float = quantity("rad", "0.3 deg", "about the vertical", positive=True, words=NOT_KNOWN)
     position: float = quantity("m", "1 m", "each axis", positive=True)
     velocity: float = quantity("m/s", "0.01 m/s", "each axis", positive=True)

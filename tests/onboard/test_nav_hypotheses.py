@@ -54,6 +54,8 @@ def test_parts_of_a_wide_gaussian_have_its_mean_and_variance():
 def test_what_is_wide():
     assert not hypotheses.is_wide(alignment(np.radians(19.0)))
     assert hypotheses.is_wide(alignment(np.radians(21.0)))
+    ends = np.diag(np.radians([20.0, 20.0, 100.0]) ** 2)  # the largest level error that a scenario may state
+    assert hypotheses.wide_angles(alignment(1.0)._replace(P_theta_b=ends)) == 1
     lost = alignment(2.0)._replace(P_theta_b=np.diag([LEVEL2, 4.0, 4.0]))
     with pytest.raises(ValueError, match="two angles"):
         split(lost)

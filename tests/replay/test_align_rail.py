@@ -88,3 +88,12 @@ def test_a_unit_of_the_gyros_that_makes_rest_a_turn_is_named(tmp_path):
         ScenarioError, match=r"data\.imu\.gyro_unit: is missing; expected .* 'gyro_unit: deg/s'"
     ):
         aligned(tmp_path, overrides=["data.imu.gyro_unit=null"])
+
+
+def test_an_attitude_of_which_two_angles_would_be_unknown_is_refused(tmp_path):
+    """A single linear filter, or several along one angle, cannot start from it."""
+    rail = RAIL.replace("azimuth_error: 2 deg", "azimuth_error: 150 deg").replace(
+        "elevation_error: 0.5 deg", "elevation_error: 60 deg"
+    )
+    with pytest.raises(DataError, match="needs two of the three within 20 deg: check the errors"):
+        aligned(tmp_path, alignment=rail, overrides=["imu.accelerometer.bias=600 mgee"])

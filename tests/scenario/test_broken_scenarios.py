@@ -250,6 +250,12 @@ BROKEN = {
         "launch.latitude",
         "must be at most 90 deg, got '169 deg'",
     ),
+    "level": (  # two angles that no linear filter can start from
+        "level: 0.05 deg",
+        "level: @21 deg",
+        "pad_alignment.level",
+        "must be at most 20 deg, got '21 deg'",
+    ),
     "date": (
         "epoch: 2012-06-22",
         "epoch: @2012-06-32",

@@ -52,16 +52,22 @@ class Member(NamedTuple):
     number: int
 
 
+def wide_angles(alignment):
+    """How many angles of an attitude are too little known for one filter: 0 to 3. `split` takes one."""
+    rounding = 1.0 + 1e-9
+    return int(np.sum(np.linalg.eigvalsh(alignment.P_theta_b) > rounding * WIDE**2))
+
+
 def is_wide(alignment):
     """Whether an attitude is too little known for one filter."""
-    return bool(np.linalg.eigvalsh(alignment.P_theta_b)[-1] > WIDE**2)
+    return wide_angles(alignment) > 0
 
 
 def split(alignment):
     """Parts of an Alignment along the angle that is known least. ValueError if a second one is not known."""
-    variances, axes = np.linalg.eigh(alignment.P_theta_b)
-    if variances[1] > WIDE**2:
+    if wide_angles(alignment) > 1:
         raise ValueError("two angles of the attitude are not known")
+    variances, axes = np.linalg.eigh(alignment.P_theta_b)
     u, sigma = axes[:, 2], float(np.sqrt(variances[2]))
     step = 2.0 * np.pi / MEMBERS
     if sigma >= 0.9 * UNKNOWN:
