@@ -71,7 +71,9 @@ class Uniform(Block):
 class LogNormal(Block):
     """The value of the scenario times a positive factor whose logarithm is Gaussian with mean 0."""
 
-    log_normal: Quantity("", "20 %", "standard deviation of the natural logarithm", positive=True)
+    log_normal: Quantity(
+        "", "20 %", "standard deviation of the natural logarithm", positive=True, at_most="1000 %"
+    )
 
 
 class Choice(Block):

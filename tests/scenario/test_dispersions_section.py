@@ -173,6 +173,7 @@ BAD = {
     "launch.elevation={truncated_normal: 1 mdeg, high: -11 deg}": "high: '-11 deg' cuts off all but what",
     "launch.elevation={choice: [80 deg, 95 deg]}": "must be at most 90 deg, got '95.0 deg'",
     "launch.elevation={choice: [80 deg, 85 deg], weights: [1]}": "1 weights for 2 values; give one for each",
+    "launch.elevation={log_normal: 2e6 %}": "must be at most 1000 %, got '2e6 %'",
     "launch.elevation={log_normal: 5}": "5 has no unit; write it with one, for example '5 %'",
     "launch.elevation={table: {file: nope.csv, column: x}}": "'nope.csv' there is no such file",
     "launch.elevation={table: {file: nope.csv}}": "column: is missing",
