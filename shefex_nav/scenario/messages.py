@@ -20,6 +20,8 @@ WITHOUT = {  # how to fly without what a section describes, which has to be ther
         "without stars a mission is flown with star_tracker.enabled: false",
     ),
 }
+TIMES = "from", "until"  # an outage at given times is a fault
+FAULT = "an outage at given times is a fault: 'faults: {gps: [{fault: outage, from: 100 s, until: 130 s}]}'"
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 
@@ -31,11 +33,13 @@ class Places:
         self.keys = {(): root}
         self.values = {(): root}
         self.made = set()  # paths of sections that are there because `--set` has put a value into them
+        self.replaced = set()  # of those in whose place `--set` has put another whole one
 
     def copy(self):
         """The same places, to be changed."""
         other = Places(None)
-        other.keys, other.values, other.made = dict(self.keys), dict(self.values), set(self.made)
+        other.keys, other.values = dict(self.keys), dict(self.values)
+        other.made, other.replaced = set(self.made), set(self.replaced)
         return other
 
     def key(self, path):
@@ -53,6 +57,7 @@ class Places:
             for old in [known for known in marks if len(known) >= max(n, 1) and known[:n] == path]:
                 del marks[old]
         self.made = {known for known in self.made if known[:n] != path}
+        self.replaced = {known for known in self.replaced if known[:n] != path}
         self.keys.update({(*path, *inner): mark for inner, mark in keys.items()})
         self.values.update({(*path, *inner): mark for inner, mark in values.items()})
 
@@ -119,6 +124,9 @@ def lines(model, validation_error, places):
     for section in [one for one in absent if absent[one] and plain(one) in places.made]:
         found.append((places.key(plain(section)), _all_required(model, section)))
         absent[section] = ()
+    for section in [one for one in absent if len(absent[one]) > 1 and plain(one) in places.replaced]:
+        found.append((places.key(plain(section)), _incomplete(plain(section), absent[section], errors)))
+        absent[section] = ()
     for error in errors:
         location = error["loc"]
         if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
@@ -167,6 +175,16 @@ def _all_required(model, section):
     return (
         f"{name}: the scenario has no {name} yet; a section needs all of its required fields, for example "
         f"'{name.split('.')[-1]}: {{{', '.join(required)}}}'"
+    )
+
+
+def _incomplete(section, absent, errors):
+    """About a section that was given anew with a part of its fields."""
+    name = dotted(section)
+    given = next(one["input"] for one in errors if plain(one["loc"]) == (*section, absent[0]))
+    return (
+        f"{name}: this replaces the whole section, and {', '.join(absent)} are missing; to change single "
+        f"values give each by its own path, as in '{name}.{next(iter(given), absent[0])}'"
     )
 
 
@@ -232,6 +250,8 @@ def _unknown(model, error):
     known = field_at(model, location[:-1])[0].keys()
     if said := moved.words(plain(location), error["input"]):
         return said
+    if plain(location)[:2] == ("gps", "outages") and location[-1] in TIMES:
+        return f"unknown key; {FAULT}"
     if is_tag(location[-2] if len(location) > 1 else ""):
         forms = [bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]
         if any(is_model(form) and location[-1] in form.keys() for form in forms):

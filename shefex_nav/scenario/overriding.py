@@ -151,8 +151,11 @@ def _put(tree, parts, value, mark, places):
             places.put(path, {}, {})
             return None
         if depth + 1 == len(parts):
+            had = node[part] if isinstance(node, list) else node.get(part)
             node[part] = value
             places.put(path, {(): mark}, {(): mark})
+            if isinstance(value, dict) and isinstance(had, dict):
+                places.replaced.add(path)
         elif isinstance(node, dict) and part not in node:
             node[part] = {}
             places.put(path, {(): mark}, {(): mark})

@@ -107,6 +107,21 @@ def test_a_section_that_is_there_for_one_value_of_it_is_said_to_be_new():
     assert any("magnetometer.hard_iron: is missing; expected for example" in line for line in said)
 
 
+def test_a_section_that_was_replaced_in_part_is_one_line():
+    """A dict in the place of a section takes all the rest away, which its author seldom wants."""
+    said = messages(DEFAULT, ["imu.vibration={}", "gps.clock={bias: 2 us}", "imu.gyro={bias: 3 deg/h}"])
+    (gyro,) = [line for line in said if "gyro" in line]
+    assert gyro.startswith("--set imu.gyro: this replaces the whole section, and in_run_bias, ")
+    assert gyro.endswith("quantum are missing; to change single values give each by its own path, as in "
+                         "'imu.gyro.bias'")  # fmt: skip
+    assert not any("gps.clock" in line for line in said)  # its fields have defaults
+
+
+def test_an_outage_at_given_times_is_shown_its_place():
+    said = messages(DEFAULT, ["gps.outages=[{from: 10 s, until: 20 s}]"])
+    assert sum("an outage at given times is a fault: 'faults: {gps: [" in line for line in said) == 2
+
+
 def test_a_check_that_needs_what_is_not_there_ends_without_a_word():
     part = partial.validated(Scenario, {"mission": {"start": 5}}, [("mission", "start")])
 
