@@ -20,7 +20,8 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import decimal_comma
 from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
-LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
+LARGEST = 1e30  # [E] of a value in SI: nothing is so large, and computing with it stays among the numbers
+SMALLEST = 1e-60  # [E] but zero, for the same reason
 MOST_COUNT = 1_000_000_000  # of a whole number: kernels count in 32 or 64 bits
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
@@ -85,6 +86,14 @@ def _dimension(unit):
     if name == "dimensionless":
         return "a plain ratio"
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+
+
+def check_size(number, value, unit=""):
+    """A refusal of what is so large or so small that computing with it leaves the numbers there are."""
+    if abs(number) > LARGEST:
+        raise refuse(f"must be less than {LARGEST:g}{unit} in size, got {quoted(value)}")
+    if 0.0 < abs(number) < SMALLEST:
+        raise refuse(f"must be 0 or more than {SMALLEST:g}{unit} in size, got {quoted(value)}")
 
 
 def refuse(message):
@@ -210,6 +219,7 @@ class QuantitySpec:
         si = self._by_astropy(number, unit_text, value) if factor is None else factor * number
         if not math.isfinite(si):
             raise refuse(f"must be a finite number, got {quoted(value)}")
+        check_size(si, value, f" {self.unit}" if self.unit else "")
         return si
 
     def _by_astropy(self, number, unit_text, value):
@@ -289,8 +299,9 @@ class NumberSpec:
         kind = "a whole number" if self.whole else "a number"
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise refuse(f"expected {kind} without unit such as {self.example}, got {describe(value)}")
-        if not abs(value) <= LARGEST:
+        if not abs(value) < math.inf:
             raise refuse(f"must be a finite number, got {quoted(value)}")
+        check_size(value, value)
         return value
 
     def read(self, value):
