@@ -203,7 +203,8 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
         return places.key(path), f"{quoted(value)} must be one word of letters, digits, '-' and '_'"
     mark = places.value(path)
     if kind in ("missing", "too_short", "too_long", "tuple_type", "list_type"):
-        return mark, f"expected {_list_words(model, error, location)}, got {_length(value)}"
+        shown = _example_list(field_at(model, location)[0])
+        return mark, f"expected {_list_words(model, error, location)}, got {_length(value)}{shown}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return mark, f"expected a section with keys of its own, got {describe(value)}"
     if kind == "literal_error":
@@ -298,6 +299,14 @@ def _list_words(model, error, location):
         return f"a list of {len(arguments)} values"
     fewest = error.get("ctx", {}).get("min_length", 0)
     return f"a list of at least {fewest} values" if fewest > 1 else "a list"
+
+
+def _example_list(annotation):
+    """`; for example [0.3 m, 0.3 m, 0.3 m]` of a list with a fixed number of values, else nothing."""
+    items = get_args(annotation)
+    examples = [one.example for item in items for one in bare(item)[1] if hasattr(one, "example")]
+    whole = get_origin(annotation) is tuple and len(examples) == len(items)
+    return f"; for example [{', '.join(examples)}]" if whole else ""
 
 
 def _length(value):

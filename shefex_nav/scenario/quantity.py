@@ -254,6 +254,8 @@ class QuantitySpec:
         gram = _unit("g")
         if unit.is_equivalent(gram) and target.is_equivalent(_unit("gee")):
             hint = "; g is the gram, standard gravity is written gee"
+        if unit == _unit("pix") and target.is_equivalent(_unit("m")):
+            hint = "; a number of pixels times the pixel size is a length"
         expected = f"{_dimension(target)} such as '{self.example}'"  # its number is of something else
         return f"{quoted(value)} is {_dimension(unit)}, expected {expected}{hint}"
 

@@ -53,7 +53,7 @@ class Optics(Settings):
             "k2",
             "p1",
             "p2",
-            "k3",
+            "k3; 0 where a calibration has four coefficients",
         ),
         None,
     )

@@ -145,7 +145,10 @@ def test_a_picture_that_folds_is_refused_with_the_place():
 @pytest.mark.parametrize(
     "overrides, says",
     [
-        (["star_camera.optics.distortion=[0.1, 0, 0]"], "expected a list of 5 values"),
+        (
+            ["star_camera.optics.distortion=[0.1, 0, 0]"],
+            "expected a list of 5 values, got 3 values; for example [-0.3, 0.1, ",
+        ),
         (["star_camera.optics.principal_point=[700 pix, 1 pix]"], "is not on a detector of 659 x 493 pixels"),
         (
             ["navigation.told.star_camera.optics.principal_point=[1 pix, 500 pix]"],

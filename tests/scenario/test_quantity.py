@@ -96,6 +96,11 @@ REFUSED = [
     ("mag", "6 dB", "'6 dB' is a level in dB, expected a magnitude"),
     ("dB", "6 mag", "'6 mag' is a magnitude, expected a level in dB"),
     ("", "0.1", "has no unit"),
+    (
+        "m",
+        "3018 pix",
+        "is a quantity in pix, expected a length such as '25 mm'; a number of pixels times the",
+    ),
     ("Hz", "5 Hzz", "'Hzz' is not a unit; expected one as in '25 mm'; did you mean Hz?"),
     ("m", "fast", "cannot read 'fast': expected a quantity such as '25 mm'"),
     ("m", "1.2.3 m", "cannot read '1.2.3 m'"),
