@@ -107,6 +107,10 @@ class Sections(Block):
             )
         return super().model_copy(deep=deep)
 
+    def copy(self, **wanted):
+        """As `model_copy`, which has taken its place in pydantic."""
+        return self.model_copy(**wanted)
+
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""

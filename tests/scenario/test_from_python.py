@@ -26,6 +26,8 @@ def test_a_copy_whose_text_would_not_follow_is_refused():
     one = Scenario.load(NAME)
     with pytest.raises(TypeError, match=r"Scenario\.load\(path, \{'imu\.gyro\.random_walk'"):
         one.model_copy(update={"imu": one.imu})
+    with pytest.raises(TypeError, match="is changed where it is loaded"):
+        one.copy(update={"imu": one.imu})
     assert one.model_copy() == one and one.model_copy().source == one.source
 
 
