@@ -20,8 +20,12 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import decimal_comma
 from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
-LARGEST = 1e30  # [E] of a value in SI: nothing is so large, and computing with it stays among the numbers
-SMALLEST = 1e-60  # [E] but zero, for the same reason
+LARGEST = 1e15  # [E] of a value in SI of another unit than these; what is computed with it is a number yet
+LARGEST_OF = {  # [E] nothing in a mission is as large
+    "rad": 1e4, "rad/s": 1e4, "rad/sqrt(s)": 1e2, "rad/s2": 1e6, "rad s/m": 1e2, "rad s3/m2": 1e2,
+    "m": 1e12, "m/s": 1e5, "m/s2": 1e5, "m/s(3/2)": 1e3, "s": 1e10, "K": 1e5, "T": 1e2, "": 1e9,
+}  # fmt: skip
+SMALLEST = 1e-40  # [E] of a value but zero, for the same reason
 MOST_COUNT = 1_000_000_000  # of a whole number: kernels count in 32 or 64 bits
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
@@ -89,11 +93,12 @@ def _dimension(unit):
 
 
 def check_size(number, value, unit=""):
-    """A refusal of what is so large or so small that computing with it leaves the numbers there are."""
-    if abs(number) > LARGEST:
-        raise refuse(f"must be less than {LARGEST:g}{unit} in size, got {quoted(value)}")
+    """A refusal of what is larger than anything in a mission, or so small that dividing by it makes it so."""
+    largest, name = LARGEST_OF.get(unit, LARGEST), f" {unit}" if unit else ""
+    if abs(number) > largest:
+        raise refuse(f"must be less than {largest:g}{name} in size, got {quoted(value)}")
     if 0.0 < abs(number) < SMALLEST:
-        raise refuse(f"must be 0 or more than {SMALLEST:g}{unit} in size, got {quoted(value)}")
+        raise refuse(f"must be 0 or more than {SMALLEST:g}{name} in size, got {quoted(value)}")
 
 
 def refuse(message):
@@ -146,6 +151,7 @@ class QuantitySpec:
         limit = self._broken_limit(si)
         if limit:
             raise refuse(f"must {limit}, got {quoted(value)}")
+        check_size(si, value, self.unit)
         return si
 
     def write(self, si):
@@ -219,7 +225,6 @@ class QuantitySpec:
         si = self._by_astropy(number, unit_text, value) if factor is None else factor * number
         if not math.isfinite(si):
             raise refuse(f"must be a finite number, got {quoted(value)}")
-        check_size(si, value, f" {self.unit}" if self.unit else "")
         return si
 
     def _by_astropy(self, number, unit_text, value):
@@ -303,7 +308,6 @@ class NumberSpec:
             raise refuse(f"expected {kind} without unit such as {self.example}, got {describe(value)}")
         if not abs(value) < math.inf:
             raise refuse(f"must be a finite number, got {quoted(value)}")
-        check_size(value, value)
         return value
 
     def read(self, value):
@@ -316,6 +320,7 @@ class NumberSpec:
         if self.whole and abs(value) > MOST_COUNT:
             bound = f"be at most {MOST_COUNT}" if value > 0 else f"not be below {-MOST_COUNT}"
             raise refuse(f"must {bound}, got {quoted(value)}")
+        check_size(value, value)
         if self.positive and not value > 0:
             raise refuse(f"must be greater than zero, got {quoted(value)}")
         if self.non_negative and value < 0:
