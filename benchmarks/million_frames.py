@@ -46,8 +46,8 @@ def fast(rng):
 
 
 def exposed(rng):
-    """One exposure of 15 to 150 ms, whatever the picture looks like."""
-    time_ms = f"{15.0 * 10.0 ** rng.uniform(0.0, 1.0):.1f} ms"
+    """One exposure of 15 to 75 ms, whatever the picture looks like; more do not fit between two frames."""
+    time_ms = f"{15.0 * 5.0 ** rng.random():.1f} ms"
     return {f"{EXPOSURE}.{key}": time_ms for key in ("start", "shortest", "longest")}
 
 
