@@ -1,13 +1,14 @@
-"""Spoilt scenarios, logs, pictures and recorded data: is each of them read, or refused in words?
+"""Spoilt scenarios, logs, pictures, recorded data, answers and commands: is each read, or refused in words?
 
-uv run python benchmarks/fuzz.py [scenarios flights logs pictures data ...] [--first 0] [--cases 1000]
-                                 [--minutes M] [--whole N] [--json FILE]
+uv run python benchmarks/fuzz.py [scenarios flights logs pictures data answers commands ...] [--first 0]
+                                 [--cases 1000] [--minutes M] [--whole N] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
 third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
 are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read;
-pictures are solved; recorded data are replayed. Bad: an exception that is no UserError, more than 10 s of the
+pictures are solved; recorded data are replayed; a second is flown with what navigation software answers in
+its own process; command lines are carried out. Bad: an exception that is no UserError, more than 10 s of the
 processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what a flight or a
 replay logs or in a warning. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A
 case that does not end ends the study with a traceback; its folder, which is printed at first, then stays,
@@ -29,6 +30,7 @@ import warnings
 from functools import cache
 from pathlib import Path
 
+import fuzz_programs
 import mutations
 import numpy as np
 
@@ -124,9 +126,13 @@ def _check_run(data, names):
         _check_numbers(name, getattr(data, name))
 
 
-def _check_numbers(name, record):
-    """ValueError for NaN in a record of arrays; the sigma of a block that is not estimated may be."""
-    for field, column in ((one, getattr(record, one)) for one in NUMBERS.get(name, record._fields)):
+def _check_numbers(name, record, but=()):
+    """ValueError for NaN in a record of arrays; the sigma of a block that is not estimated may be.
+
+    but : beginnings of names of fields that may
+    """
+    fields = [one for one in NUMBERS.get(name, record._fields) if not one.startswith(but)]
+    for field, column in ((one, getattr(record, one)) for one in fields):
         if column.dtype.kind == "f" and not np.isfinite(column).all():
             at_s = record.t_s[np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1))]
             raise ValueError(f"{name}.{field} at T{at_s:+.2f} s is NaN")
@@ -204,7 +210,49 @@ class Data(Kind):
         _check_run(kept.build(), ("nav", "covariance"))
 
 
-KINDS = {"scenarios": Scenarios, "flights": Flights, "logs": Logs, "pictures": Pictures, "data": Data}
+class Answers(Kind):
+    """What navigation software answers on the wire."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.scenario = fuzz_programs.software_scenario()
+        self.content = fuzz_programs.answers(self.scenario)
+
+    def case(self, rng):
+        self.spoilt = mutations.data(rng, self.content)
+
+    def read(self, _rng):
+        nav = fuzz_programs.fly(self.scenario, fuzz_programs.Playback(self.spoilt)).nav
+        _check_numbers("nav", nav, but=("sigma", "protection"))  # which software need not say
+
+
+class Commands(Kind):
+    """Command lines of a second or two, in a folder with a log and a picture."""
+
+    longest_s = 30.0
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        fuzz_programs.carry_out("run night_sky --until 3s --out whole.mcap".split(), folder)
+        _picture(self.folder / "picture.png")
+
+    def case(self, rng):
+        self.words = fuzz_programs.command_line(rng)
+        (self.folder / "case.txt").write_text("\n".join(self.words))
+
+    def read(self, _rng):
+        fuzz_programs.carry_out(self.words, self.folder)
+
+
+KINDS = {
+    "scenarios": Scenarios,
+    "flights": Flights,
+    "logs": Logs,
+    "pictures": Pictures,
+    "data": Data,
+    "answers": Answers,
+    "commands": Commands,
+}
 
 
 def _own(path):

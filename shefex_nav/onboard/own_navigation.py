@@ -238,6 +238,7 @@ class OwnNavigation:
         if isinstance(record, NavSolution):
             if missing := [name for name, value in record._asdict().items() if value is None]:
                 raise self._error(f"gave a NavSolution without {missing[0]}")
+            self._check_numbers(record)
             self._own.quaternion(self.now_s, "q_ib of its NavSolution", record.q_ib)
             usable = (not getattr(record, f"do_not_use_{one}") for one in QUANTITIES)
             self._check_conventions(record, *usable)
@@ -245,6 +246,16 @@ class OwnNavigation:
             if fault := covariance_fault(np.asarray(record.P)):
                 raise self._error(f"P of its NavCovariance {fault}")
         return record
+
+    def _check_numbers(self, given):
+        """SoftwareError for a NavSolution that is not finite, or that is surer than sure."""
+        for name, size in FIELDS.items():
+            shape = (size,) if size > 1 else ()
+            value, what = getattr(given, name), f"{name} of its NavSolution"
+            if not name.startswith(("sigma", "protection")):
+                self._own.numbers(self.now_s, what, value, *shape)
+            elif np.shape(value) != shape or (np.asarray(value) < 0.0).any():  # NaN: it does not say
+                raise self._error(f"{what} must be of shape {shape} and not negative, got {value!r}")
 
     def _checked_context(self, context):
         """What the software says of a picture itself."""

@@ -100,9 +100,13 @@ class ReplayGnss(Block):
 class ReplayGyro(Gyro):
     """Gyro triad; what is not given is zero."""
 
-    scale_factor_roll: Quantity("", "30 ppm", "of the forward axis", non_negative=True) = "0 ppm"
-    scale_factor: Quantity("", "100 ppm", "of the others", non_negative=True) = "0 ppm"
-    misalignment: Quantity("rad", "0.1 mrad", "each axis towards each other", non_negative=True) = "0 rad"
+    scale_factor_roll: Quantity("", "30 ppm", "of the forward axis", non_negative=True, at_most="100 %") = (
+        "0 ppm"
+    )
+    scale_factor: Quantity("", "100 ppm", "of the others", non_negative=True, at_most="100 %") = "0 ppm"
+    misalignment: Quantity(
+        "rad", "0.1 mrad", "each axis towards each other", non_negative=True, at_most="1 rad"
+    ) = "0 rad"
     g_sensitivity: Quantity("rad s/m", "0.5 deg/h/gee", "", non_negative=True) = "0 deg/h/gee"
     vibration_rectification: Quantity("rad s3/m2", "0.03 deg/h/gee2", "", non_negative=True) = "0 deg/h/gee2"
     range: Quantity("rad/s", "1000 deg/s", "", positive=True, words=UNLIMITED) = "unlimited"
@@ -112,8 +116,8 @@ class ReplayGyro(Gyro):
 class ReplayAccelerometer(Accelerometer):
     """Accelerometer triad; what is not given is zero."""
 
-    scale_factor: Quantity("", "300 ppm", "", non_negative=True) = "0 ppm"
-    misalignment: Quantity("rad", "0.1 mrad", "", non_negative=True) = "0 rad"
+    scale_factor: Quantity("", "300 ppm", "", non_negative=True, at_most="100 %") = "0 ppm"
+    misalignment: Quantity("rad", "0.1 mrad", "", non_negative=True, at_most="1 rad") = "0 rad"
     vibration_rectification: Quantity("s2/m", "20 ugee/gee2", "", non_negative=True) = "0 ugee/gee2"
     range: Quantity("m/s2", "20 gee", "", positive=True, words=UNLIMITED) = "unlimited"
     quantum: Quantity("m/s", "0.1 mm/s", "", positive=True, words=OFF) = "off"

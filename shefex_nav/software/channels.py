@@ -35,7 +35,7 @@ class Pipe:
         self._in, self._out = self._process.stdin.fileno(), self._process.stdout.fileno()
         os.set_blocking(self._in, False)
         os.set_blocking(self._out, False)
-        self._buffer = _Buffer()
+        self._buffer = Buffer()
 
     def send(self, data, until_s):
         """All of some bytes, before time.monotonic() is until_s."""
@@ -83,7 +83,7 @@ class Stream:
         self._read, self._write, self.close = read, write, close
         os.set_blocking(read, False)
         os.set_blocking(write, False)
-        self._buffer = _Buffer()
+        self._buffer = Buffer()
 
     @classmethod
     def of_socket(cls, one):
@@ -119,7 +119,7 @@ class Datagrams:
     """UDP: what is sent at once is one datagram. one : socket; to : address, None: of who was heard last"""
 
     def __init__(self, one, to=None):
-        self._socket, self._to, self._waiting = one, to, deque()
+        self._socket, self._to, self._buffer = one, to, Buffer()
 
     def send(self, data, until_s=None):
         """As of Pipe."""
@@ -129,14 +129,16 @@ class Datagrams:
 
     def receive(self, until_s=None):
         """As of Pipe."""
-        while not self._waiting:
+        while (message := self._buffer.next()) is None:
             _wait([self._socket], [], until_s)
             try:
                 data, self._to = self._socket.recvfrom(CHUNK)
             except ConnectionError:
                 raise Silent("nobody listens there") from None
-            self._waiting.extend(split(data))
-        return self._waiting.popleft()
+            self._buffer.add(data)
+            if self._buffer.begun:
+                raise Silent("a datagram of its own ends in the middle of a message")
+        return message
 
     def close(self):
         """Close the socket."""
@@ -211,7 +213,7 @@ def _wait(read, write, until_s):
         raise Late
 
 
-class _Buffer:
+class Buffer:
     """Bytes that have come, and the messages in them."""
 
     def __init__(self):
@@ -231,6 +233,11 @@ class _Buffer:
             self._messages.extend(split(data[at:end]))
             at = end
         self._data = data[at:]
+
+    @property
+    def begun(self):
+        """Whether a part of a message has come."""
+        return bool(self._data)
 
     def next(self):
         """The next whole message, or None."""

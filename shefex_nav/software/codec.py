@@ -111,6 +111,8 @@ def _varint(data, at):
     while True:
         at += 1
         byte = data[at]
+        if shift > 63:
+            raise ValueError("a number of more than 64 bits")
         value |= (byte & 0x7F) << shift
         if byte < 0x80:
             return value, at + 1

@@ -264,7 +264,7 @@ def split(data):
     while at < len(data):
         length, n = HEAD.unpack_from(data, at)
         begin = at + HEAD.size
-        yield data[begin : begin + n].decode("ascii"), data[begin + n : at + 4 + length]
+        yield data[begin : begin + n].decode("ascii", "replace"), data[begin + n : at + 4 + length]
         at += 4 + length
 
 

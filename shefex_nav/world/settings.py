@@ -17,12 +17,14 @@ class Gyro(Settings):
     in_run_bias_time: float = quantity("s", "300 s", "correlation time of the in-run bias", positive=True)
     random_walk: float = quantity("rad/sqrt(s)", "0.02 deg/sqrt(h)", "angular random walk", non_negative=True)
     scale_factor_roll: float = quantity(
-        "", "30 ppm", "scale factor error of the roll (x) gyro", non_negative=True
+        "", "30 ppm", "scale factor error of the roll (x) gyro", non_negative=True, at_most="100 %"
     )
     scale_factor: float = quantity(
-        "", "100 ppm", "scale factor error of the y and z gyros", non_negative=True
+        "", "100 ppm", "scale factor error of the y and z gyros", non_negative=True, at_most="100 %"
     )
-    misalignment: float = quantity("rad", "0.1 mrad", "each axis towards each other", non_negative=True)
+    misalignment: float = quantity(
+        "rad", "0.1 mrad", "each axis towards each other", non_negative=True, at_most="1 rad"
+    )
     g_sensitivity: float = quantity(
         "rad s/m", "0.5 deg/h/gee", "rate error per specific force", non_negative=True
     )
@@ -40,8 +42,10 @@ class Accelerometer(Settings):
     in_run_bias: float = quantity("m/s2", "20 ugee", "bias that wanders during the run", non_negative=True)
     in_run_bias_time: float = quantity("s", "300 s", "correlation time of the in-run bias", positive=True)
     random_walk: float = quantity("m/s(3/2)", "0.03 m/s/sqrt(h)", "velocity random walk", non_negative=True)
-    scale_factor: float = quantity("", "300 ppm", "scale factor error", non_negative=True)
-    misalignment: float = quantity("rad", "0.1 mrad", "each axis towards each other", non_negative=True)
+    scale_factor: float = quantity("", "300 ppm", "scale factor error", non_negative=True, at_most="100 %")
+    misalignment: float = quantity(
+        "rad", "0.1 mrad", "each axis towards each other", non_negative=True, at_most="1 rad"
+    )
     vibration_rectification: float = quantity(
         "s2/m", "20 ugee/gee2", "bias per square of the vibration level", non_negative=True
     )

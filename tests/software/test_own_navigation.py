@@ -89,6 +89,10 @@ def test_the_star_tracker_is_told_what_the_software_knows(tmp_path):
     assert len(fixes) > 15 and all(one.reason == 0 for one in fixes)
 
 
+NAV_SOLUTION = (
+    "from numpy import inf, nan, zeros; from shefex_nav.onboard.own_navigation import solution; return "
+    "[solution(Estimate(self.r, self.v, self.q), imu.t_valid_s, zeros(3), self.mission.earth)._replace"
+)
 WRONG = (
     (
         "if self.ticks == 50: 1 / 0",
@@ -100,6 +104,12 @@ WRONG = (
     ("if self.ticks == 50: self.r = self.r[:2]", r"r_i of its Estimate must be finite, shape \(3,\)"),
     ("if self.ticks == 50: self.v = self.v * float('nan')", r"v_i of its Estimate must be finite"),
     ("if self.ticks == 50: self.q = 2.0 * self.q", r"must be a unit quaternion, its norm is 2"),
+    (f"{NAV_SOLUTION}(v_i=[nan, 0, 0])]", r"v_i of its NavSolution must be finite, shape \(3,\)"),
+    (f"{NAV_SOLUTION}(heading=inf)]", r"heading of its NavSolution must be finite"),
+    (
+        f"{NAV_SOLUTION}(sigma_r_e=zeros(3) - 1)]",
+        r"sigma_r_e of its NavSolution must be of shape \(3,\) and not",
+    ),
     (
         "from shefex_nav.records import NavHealth; return [NavHealth(0.49, 'a', True, '')]",
         r"gave a NavHealth of T\+0.490000 s, of another tick",

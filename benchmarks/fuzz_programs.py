@@ -1,0 +1,162 @@
+"""Spoilt answers of navigation software, and spoilt command lines, for `fuzz`."""
+
+import contextlib
+import io
+import os
+import shlex
+import socket
+import threading
+import time
+
+import mutations
+import typer
+
+from shefex_nav.errors import UserError
+from shefex_nav.scenario import load
+
+FLOWN_S = 0.3  # with the answers
+SETTINGS = ("navigation.software={connect: tcp://127.0.0.1:9}",)
+ODD_WORDS = (
+    "", " ", "-", "--", "-1", "0", "nan", "1e308", "99999999999999999999", "T+1s", "[bold]", "[/]",
+    "\x1b[31m", "ü", "x" * 300, "a=b", "=", "imu", "imu.gyro.bias", "seed=", "..", "/", "/dev/null",
+    "/etc/passwd", "nowhere.yaml", "night_sky", "{", "[", "--json", "--seed", "--set", "--out",
+    "--until", "--help",
+)  # fmt: skip
+COMMANDS = (  # which end in a second or two; what they write goes into the folder of the case
+    "run night_sky --until 1s --seed 3 --set gps.rate='5 Hz' --out out.mcap --overwrite",
+    "check night_sky --set gps.rate='5 Hz' --json",
+    "report whole.mcap --json",
+    "report whole.mcap --html page.html",
+    "export whole.mcap --csv tables",
+    "export whole.mcap --kml track.kml",
+    "show whole.mcap --at 2s --out picture.png",
+    "scenarios --json",
+    "instruments",
+    "schema",
+    "new scenario mine.yaml",
+    "solve picture.png --fov 20deg --json",
+    "vehicle shefex2_andoya --json",
+    "compare whole.mcap whole.mcap --json",
+)
+
+
+class Playback:
+    """Channel to a program that answers what it is made of, whatever it is asked."""
+
+    def __init__(self, answers):
+        from shefex_nav.software import channels
+
+        self._buffer, self._answers, self._gone = channels.Buffer(), answers, channels.Silent
+
+    def send(self, data, until_s):
+        """Nobody listens."""
+
+    def receive(self, until_s):
+        """The next message; some bytes come at once, as they do from a program."""
+        while (message := self._buffer.next()) is None:
+            if not self._answers:
+                raise self._gone("the connection has been closed")
+            self._buffer.add(self._answers[:4096])
+            self._answers = self._answers[4096:]
+        return message
+
+    def close(self):
+        """Nothing is open."""
+
+
+class _Recorded:
+    """A channel that keeps what it receives."""
+
+    def __init__(self, channel):
+        self._channel, self.send, self.close = channel, channel.send, channel.close
+        self.bytes = b""
+
+    def receive(self, until_s):
+        from shefex_nav.software.messages import HEAD
+
+        name, body = self._channel.receive(until_s)
+        head = name.encode("ascii")
+        self.bytes += HEAD.pack(1 + len(head) + len(body), len(head)) + head + body
+        return name, body
+
+
+def answers(scenario):
+    """Bytes that the built-in filter answers in a flight, as a program that is spoken to by TCP."""
+    from shefex_nav.software import channels, serve
+    from shefex_nav.software.built_in import BuiltIn
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+    program = threading.Thread(target=serve, args=(BuiltIn(), address), daemon=True)
+    program.start()
+    heard = None
+    while heard is None:
+        try:
+            heard = _Recorded(channels.connected(address, time.monotonic() + 1.0))
+        except channels.Silent:  # it does not listen yet
+            time.sleep(0.05)
+    fly(scenario, heard)
+    program.join(10.0)
+    return heard.bytes
+
+
+def fly(scenario, channel):
+    """RunData of a short flight with navigation software that is reached by a channel."""
+    from shefex_nav import runs
+    from shefex_nav.software import channels
+
+    before, channels.connected = channels.connected, lambda address, until_s: channel
+    try:
+        return runs.fly(scenario, 1, until_s=scenario.mission.start + FLOWN_S).data
+    finally:
+        channels.connected = before
+
+
+def software_scenario():
+    """The scenario whose navigation is a program."""
+    return load.load("night_sky", SETTINGS, trust=True)
+
+
+def command_line(rng):
+    """Words of a command, of which one to three are changed."""
+    words = shlex.split(COMMANDS[rng.integers(len(COMMANDS))])
+    for _ in range(1 + rng.integers(mutations.MOST)):
+        at, way = int(rng.integers(len(words) + 1)), rng.integers(5)
+        odd = ODD_WORDS[rng.integers(len(ODD_WORDS))]
+        if way == 0:
+            words.insert(at, odd)
+        elif way == 1:
+            words[at : at + 1] = [odd]
+        elif way == 2:
+            del words[at : at + 1]
+        elif way == 3 and at < len(words):
+            words.append(words[at])
+        elif at < len(words):
+            words[at] = mutations.data(rng, words[at].encode()).decode(errors="replace").replace("\0", "")
+    return words
+
+
+def carry_out(words, folder):
+    """Carry out a command in a folder; UserError where it is refused. What it prints is thrown away."""
+    from shefex_nav.commands.main import app
+
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+            code = _code(app, words)
+    finally:
+        os.chdir(before)
+    if code:
+        raise UserError(said.getvalue())
+
+
+def _code(app, words):
+    """Exit code of a command line."""
+    try:
+        app(words)
+    except SystemExit as ended:
+        return 0 if ended.code is None else ended.code
+    except typer.Exit as ended:
+        return ended.exit_code
+    return 0
