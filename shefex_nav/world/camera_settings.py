@@ -133,17 +133,19 @@ class Artefacts(Settings):
     false_objects: int = count(
         "200", "point sources in no catalogue, on the whole sky", non_negative=True, at_most=1_000_000
     )
-    spikes_per_frame: float = number("0.2", "spots in a single frame, mean number", non_negative=True)
+    spikes_per_frame: float = number(
+        "0.2", "spots in a single frame, mean number", non_negative=True, at_most=10_000
+    )
     false_brightest: float = quantity("mag", "3 mag", "brightness of both, from")
     false_faintest: float = quantity("mag", "6 mag", "to")
     hot_pixel_smear: float = quantity(
         "", "10 %", "of a hot pixel's charge, left in its column", "0 %", non_negative=True, at_most="90 %"
     )
     upsets_per_frame: float = number(
-        "2", "particles that hit a pixel or a few, mean number", 0.0, non_negative=True
+        "2", "particles that hit a pixel or a few, mean number", 0.0, non_negative=True, at_most=1_000_000
     )
     trails_per_frame: float = number(
-        "0.5", "particles along the detector, mean number", 0.0, non_negative=True
+        "0.5", "particles along the detector, mean number", 0.0, non_negative=True, at_most=10_000
     )
     particle_weakest: float = quantity(
         "electron",

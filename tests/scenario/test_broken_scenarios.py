@@ -250,6 +250,18 @@ BROKEN = {
         "launch.latitude",
         "must be at most 90 deg, got '169 deg'",
     ),
+    "spikes": (  # 17 s and 10 GB for a frame
+        "spikes_per_frame: 0.2",
+        "spikes_per_frame: @2e8",
+        "star_camera.artefacts.spikes_per_frame",
+        "must be at most 10000, got 200000000.0",
+    ),
+    "misalignment": (  # the filter divided by zero
+        "misalignment: 0.05 mrad",
+        "misalignment: @1e9 mrad",
+        "imu.gyro.misalignment",
+        "must be at most 1 rad, got '1e9 mrad'",
+    ),
     "level": (  # two angles that no linear filter can start from
         "level: 0.05 deg",
         "level: @21 deg",
