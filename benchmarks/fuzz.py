@@ -1,7 +1,7 @@
 """Spoilt scenarios, logs, pictures, recorded data, answers and commands: is each read, or refused in words?
 
-uv run python benchmarks/fuzz.py [scenarios flights logs pictures data answers commands ...] [--first 0]
-                                 [--cases 1000] [--minutes M] [--whole N] [--json FILE]
+uv run python benchmarks/fuzz.py [scenarios flights extremes logs pictures data answers commands ...]
+                                 [--first 0] [--cases 1000] [--minutes M] [--whole N] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
@@ -118,6 +118,19 @@ class Flights(Scenarios):
             self.loaded, int(rng.integers(1000)), until_s=mission.start + LOOKED_AT_S if far else np.inf
         )
         _check_run(run.data, ("truth", "imu", "nav", "covariance"))
+
+
+class Extremes(Flights):
+    """Scenarios of which one number is far too large, too small, or has the other sign, flown if good."""
+
+    def case(self, rng):
+        spoilt = mutations.extreme(rng, _whole(SCENARIOS[rng.integers(len(SCENARIOS))]))
+        (self.folder / "case.yaml").write_text(_text(spoilt))
+        self.loaded = None
+
+    def read(self, rng):
+        self.loaded = load.load(str(self.folder / "case.yaml"))
+        super().read(rng)
 
 
 def _check_run(data, names):
@@ -247,6 +260,7 @@ class Commands(Kind):
 KINDS = {
     "scenarios": Scenarios,
     "flights": Flights,
+    "extremes": Extremes,
     "logs": Logs,
     "pictures": Pictures,
     "data": Data,

@@ -68,6 +68,23 @@ def _quantity(rng, text):
     return text.replace(number, f"{float(number) * 10.0 ** rng.uniform(-decades, decades):.6g}", 1)
 
 
+def extreme(rng, whole):
+    """A YAML tree of which one number is 1e9 times as large or as small, 0, or of the other sign."""
+    spoilt = copy.deepcopy(whole)
+    holder, key, number = None, None, None
+    while number is None:
+        holder, key = _place(rng, spoilt)
+        value = holder[key]
+        is_one = isinstance(value, (int, float, str)) and not isinstance(value, bool)
+        number = NUMBER.match(str(value)) if is_one else None
+    value, way = float(number.group()), rng.integers(4)
+    other = (value * 1e9, value * 1e-9, 0.0, -value)[way]
+    text = f"{other:.9g}{str(holder[key])[number.end() :]}"
+    is_plain = not isinstance(holder[key], str)
+    holder[key] = (int(other) if isinstance(holder[key], int) else other) if is_plain else text
+    return spoilt
+
+
 def data(rng, content):
     """Bytes with some of them flipped, overwritten, left out, doubled, or cut off."""
     spoilt = bytearray(content)

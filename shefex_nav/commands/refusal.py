@@ -149,9 +149,9 @@ def _bad_value(error):
     told = getattr(error.__cause__, "errors", None)
     if told is not None:
         first = told()[0]
-        words = _KINDS.get(first["type"], first["msg"].removeprefix("Value error, ")).format(
-            **first.get("ctx", {})
-        )
+        words = first["msg"].removeprefix("Value error, ")
+        if first["type"] in _KINDS:
+            words = _KINDS[first["type"]].format(**first.get("ctx", {}))
         return f"{_name(error)} {first['input']}: {words}"
     name = _name(error)
     return f"{name}: {error.message}" if name.startswith("-") else error.message

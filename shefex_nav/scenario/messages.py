@@ -107,6 +107,12 @@ def is_model(annotation):
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
+def is_section(annotation):
+    """Whether an annotation is a section, in one form or in several."""
+    annotation, _ = bare(annotation)
+    return is_model(annotation) or any(is_model(bare(option)[0]) for option in get_args(annotation))
+
+
 def _meant(model, error):
     """suggest.Meant of the unknown key of an error."""
     location = error["loc"]
@@ -272,7 +278,7 @@ def _example(model, location):
         return f"; choose from: {', '.join(map(str, get_args(annotation)))}"
     if any(hasattr(one, "example") for one in metadata):
         return f"; expected for example '{_line(model, location)}'"
-    if is_model(annotation) or get_origin(annotation) is dict or _is_form(annotation):
+    if is_section(annotation) or get_origin(annotation) is dict:
         how = WITHOUT.get(plain(location))
         return f"; this section is required{f'; {how}' if how else ''}"
     return ""
@@ -285,11 +291,6 @@ def _line(model, location):
     if get_origin(annotation) is Literal:
         examples += get_args(annotation)
     return f"{location[-1]}: {examples[0] if examples else '...'}"
-
-
-def _is_form(annotation):
-    """Whether an annotation is a section that comes in several forms."""
-    return any(is_model(bare(option)[0]) for option in get_args(annotation))
 
 
 def _list_words(model, error, location):

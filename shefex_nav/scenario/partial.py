@@ -84,6 +84,8 @@ def _adapter(annotation, metadata):
 def _items(annotation, values, path, bad):
     """A list of sections with the good values of each; _Unknown if it is one of anything else."""
     found = []
+    if not messages.is_section(annotation):
+        raise _Unknown
     for k, value in enumerate(values):
         if not isinstance(value, dict):
             raise _Unknown

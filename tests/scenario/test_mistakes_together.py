@@ -65,6 +65,7 @@ def test_every_pair_of_a_wrong_value_and_a_contradiction_is_told(tmp_path):
         "wind=3",
         "orbit=3",
         "dispersions=3",
+        "vehicle.stages.S40M.aerodynamics.mach=[{a: 1}, {a: 2}]",
     ):
         found = fields_of(path, [override])
         assert "log.rate" in found and len(found) > 1, override
