@@ -55,6 +55,9 @@ def test_stray_light_over_the_angle_to_the_sun():
     assert np.all(np.diff(rates) <= 0.0)
     saturating = 255 * 7.4 / 2e-3  # electrons/s that fill 8 bits at 24 dB in 2 ms
     assert np.all(rates[angles < 50.0] > saturating)
+    edge = replace(PARAMS.stray_light, tenfold_angle=1e-10)  # of a baffle that has one
+    inside, outside = (optics.stray_light(angle * DEG, 90 * DEG, 50 * DEG, edge) for angle in (89.0, 91.0))
+    assert (inside, outside) == (edge.direct_rate, 0.0)
 
 
 def test_limb_is_bright_by_day_and_dark_at_night():

@@ -56,5 +56,5 @@ def stray_light(angle, exclusion, baffle, settings):
     """
     if angle <= baffle:
         return settings.direct_rate
-    decades = (exclusion - angle) / settings.tenfold_angle
+    decades = min((exclusion - angle) / settings.tenfold_angle, 300.0)  # more are no number
     return min(settings.direct_rate, settings.rate_at_exclusion * 10.0**decades)
