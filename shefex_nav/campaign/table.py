@@ -249,13 +249,31 @@ class Columns(Mapping):
     bool, with gaps it is float (1, 0, NaN). Texts are object arrays with None.
     """
 
-    def __init__(self, file, names):
-        """file : pyarrow.parquet.ParquetFile;  names : {name: name in the file}"""
+    def __init__(self, file, names, groups=None):
+        """file : pyarrow.parquet.ParquetFile;  names : {name: name in the file};  groups : of rows, first ones
+        that are read; None: all
+        """
         self._file, self._names = file, names
+        self._groups = list(range(file.num_row_groups)) if groups is None else groups
 
     def __getitem__(self, name):
-        inside = self._names[name]
-        return _of_arrow(self._file.read([inside], use_threads=False).column(0))
+        found = self._file.read_row_groups(self._groups, [self._names[name]], use_threads=False)
+        return _of_arrow(found.column(0))
+
+    def numbers(self, name):
+        """(N,) float of a column of numbers; all NaN if there is none of that name or if it holds texts."""
+        values = self.get(name)
+        if values is None or values.dtype == object:
+            return np.full(sum(self._file.metadata.row_group(k).num_rows for k in self._groups), np.nan)
+        return values.astype(float)
+
+    def first(self, runs):
+        """Columns of the first groups of rows that have so many runs together."""
+        ends = np.cumsum([self._file.metadata.row_group(k).num_rows for k in self._groups])
+        return Columns(self._file, self._names, self._groups[: int(np.searchsorted(ends, runs)) + 1])
+
+    def __contains__(self, name):  # that of a Mapping reads the column
+        return name in self._names
 
     def __iter__(self):
         return iter(self._names)
@@ -268,7 +286,7 @@ class Columns(Mapping):
         names = {
             name[len(prefix) :]: inside for name, inside in self._names.items() if name.startswith(prefix)
         }
-        return Columns(self._file, names)
+        return Columns(self._file, names, self._groups)
 
 
 class Group(dict):

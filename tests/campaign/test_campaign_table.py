@@ -3,6 +3,8 @@
 import copy
 import json
 import math
+import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet
@@ -11,7 +13,7 @@ import synthetic_campaign
 
 from shefex_nav.campaign import store, table
 from shefex_nav.campaign.plan import FORMAT
-from shefex_nav.campaign.results import open_campaign
+from shefex_nav.campaign.results import Campaign, open_campaign
 
 
 def records(n=6, **options):
@@ -104,6 +106,33 @@ def test_columns_of_numbers_with_gaps_and_of_words(tmp_path):
     assert found["run"].dtype == np.int64
     assert found["a"][0] == 1.0 and math.isnan(found["a"][1])
     assert found["w"].tolist() == ["x", None, None]
+
+
+def peak_mb(ask):
+    """(answer, most memory of Python's and NumPy's objects that it took, MB)."""
+    tracemalloc.start()
+    try:
+        answer = ask()
+        return answer, tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_texts_of_all_runs_are_never_in_memory_together(tmp_path, monkeypatch):
+    """Of 10 000 runs with 1 kB each 500 at a time: what grows are the numbers of the runs, 40 bytes each."""
+    monkeypatch.setattr(table, "BATCH", 500)
+    rows = (
+        {"run": run, "status": "failed", "reason": f"at T+{run} s: {'x' * 1000}",
+         table.WARNINGS: json.dumps([{"field": "f", "text": f"{run} s: {'y' * 1000}"}])}
+        for run in range(10_000)
+    )  # fmt: skip
+    table.save(list(rows), tmp_path / "table.parquet")
+    campaign = Campaign(SimpleNamespace(folder=tmp_path), {}, tmp_path / "table.parquet")
+    for ask in (campaign.warnings, campaign.causes):
+        (cause,), peak = peak_mb(ask)
+        assert len(cause.runs) == 10_000 and peak < 3.0, (ask, peak)
+    assert peak_mb(lambda: table.WARNINGS in campaign.columns and "no" not in campaign.columns)[1] < 0.1
+    assert peak_mb(lambda: campaign[table.WARNINGS])[1] > 10.0  # what it would take otherwise
 
 
 @pytest.fixture(scope="module")
