@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import files
-from shefex_nav.campaign import store, table, units
+from shefex_nav.campaign import runs_file, store, table, units
 from shefex_nav.report import requirements as judging
 from shefex_nav.scenario import document, plugged
 from shefex_nav.scenario.requirements import Requirements
@@ -93,10 +93,7 @@ class Campaign:
 
     def numbers(self, name):
         """(N,) float of a column of numbers; all NaN if there is none of that name or if it holds texts."""
-        values = self.columns.get(name)
-        if values is None or values.dtype == object:
-            return np.full(len(self), np.nan)
-        return values.astype(float)
+        return self.columns.numbers(name)
 
     @cached_property
     def runs(self):
@@ -235,7 +232,7 @@ class Campaign:
             content = self._store.runs.series(run)
             if content is not None:
                 return files.arrays_of(io.BytesIO(content), names)
-        except store.StoreError as error:
+        except runs_file.SpoiltError as error:
             raise KeyError(str(error)) from None
         except files.UNREADABLE as error:
             raise KeyError(f"{self.folder}: the series of run {run} cannot be read: {error}") from None

@@ -14,9 +14,12 @@ import keeping
 import numpy as np
 import pytest
 from short_campaign import HereLane, fly, write
+from typer.testing import CliRunner
 
 from shefex_nav import files, stopping
-from shefex_nav.campaign import engine, flight, results, running, store, table
+from shefex_nav.campaign import engine, flight, mending, results, running, store, table
+from shefex_nav.campaign import plan as planning
+from shefex_nav.commands.main import app
 from shefex_nav.compiled import target
 from shefex_nav.scenario import load
 
@@ -152,8 +155,15 @@ def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path,
     assert keeping.content(tmp_path, 1) == keeping.content(whole[0], 1)
 
 
-def test_a_session_looks_at_the_series_of_the_first_runs_alone(scenario, tmp_path, monkeypatch):
-    """Those that a report reads; of the others it is told when they are read, with what to do."""
+def repeat_as_told(error, monkeypatch):
+    """The command that an error names, run here. -> result of CliRunner"""
+    (words,) = re.findall("`shefex-nav (.*?)`", str(error))
+    monkeypatch.setattr(mending.keep, "__kwdefaults__", {"lane": HereLane})
+    return CliRunner().invoke(app, words.split())
+
+
+def test_a_session_looks_at_the_first_runs_alone(whole, scenario, tmp_path, monkeypatch):
+    """Those whose series a report reads; of the others it is told when they are read, with what to do."""
     monkeypatch.setattr(running, "CHECKED", 1)
     fly(scenario, tmp_path, RUNS)
     keeping.spoil(tmp_path, 0)
@@ -161,12 +171,58 @@ def test_a_session_looks_at_the_series_of_the_first_runs_alone(scenario, tmp_pat
     flown = []
     fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
     assert flown == [0]
-    with pytest.raises(KeyError) as told:
+    with pytest.raises(KeyError, match="the series of run 2 are spoilt") as told:
         results.open_campaign(tmp_path).series(2)
-    (advice,) = re.findall(r'sqlite3 \S+ \\?"(.*?)\\?"', str(told.value))
-    keeping.say(tmp_path, advice)
-    fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
-    assert flown == [0, 2] and results.open_campaign(tmp_path).series(2)
+    before = keeping.record(tmp_path, 2)
+    done = repeat_as_told(told.value, monkeypatch)
+    assert done.exit_code == 0 and "run 2 is kept" in done.stderr, done.output
+    assert keeping.content(tmp_path, 2) == keeping.content(whole[0], 2)
+    assert keeping.record(tmp_path, 2) == before  # with the times of its first flight
+    assert results.open_campaign(tmp_path).digest == whole[1].digest
+
+
+@pytest.mark.parametrize("checked", [0, RUNS])
+def test_a_record_that_a_disk_spoilt_is_told_and_flown_again(
+    whole, scenario, tmp_path, monkeypatch, checked
+):
+    """By the next session if it is one of the first runs, else by the command that is told."""
+    monkeypatch.setattr(running, "CHECKED", checked)
+    fly(scenario, tmp_path, RUNS)
+    keeping.say(tmp_path, "UPDATE records SET record = x'00' WHERE run = 1")
+    keeping.say(tmp_path, "PRAGMA user_version = 77")  # the table is older: it would be made of the records
+    with pytest.raises(store.StoreError, match="the record of run 1 is spoilt; `shefex-nav repeat") as told:
+        results.open_campaign(tmp_path)
+    if checked:
+        fly(scenario, tmp_path, RUNS)
+    else:
+        assert repeat_as_told(told.value, monkeypatch).exit_code == 0
+    assert fly(scenario, tmp_path, RUNS).digest == whole[1].digest
+
+
+def test_a_good_run_that_now_comes_out_otherwise_is_left(scenario, tmp_path, monkeypatch):
+    fly(scenario, tmp_path, 2)
+    keeping.change(tmp_path, 1, errs)
+    before = keeping.record(tmp_path, 1), keeping.content(tmp_path, 1)
+    done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 1 --keep`", monkeypatch)
+    assert done.exit_code == 1 and "run 1 is left as it was" in done.stderr
+    assert (keeping.record(tmp_path, 1), keeping.content(tmp_path, 1)) == before
+    with store.Store(tmp_path):
+        done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 1 --keep`", monkeypatch)
+        assert done.exit_code == 2 and "another campaign is at work in this folder" in done.stderr
+    monkeypatch.setattr(planning, "versions", lambda: {"code": "other"})
+    done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 1 --keep`", monkeypatch)
+    assert done.exit_code == 2 and "results would be mixed" in done.stderr
+
+
+def test_a_run_that_failed_through_its_machine_is_flown_again(whole, scenario, tmp_path, monkeypatch):
+    fly(scenario, tmp_path, RUNS)
+    _, sampler = running.prepared(scenario, RUNS, 1)
+    with store.Store(tmp_path) as folder:
+        folder.keep(flight.given_up(sampler.job(2), "its worker was killed, in each of 3 attempts"))
+    assert fly(scenario, tmp_path, RUNS).failed == 1
+    done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 2 --keep`", monkeypatch)
+    assert done.exit_code == 0 and "run 2 is kept" in done.stderr
+    assert fly(scenario, tmp_path, RUNS).digest == whole[1].digest
 
 
 def test_series_that_were_deleted_are_not_flown_again(whole, scenario, tmp_path):
@@ -262,15 +318,6 @@ def test_a_file_that_is_damaged_or_of_another_program_is_one_message(scenario, t
         other.execute("CREATE TABLE runs (name)")
     with pytest.raises(store.StoreError, match=r"runs\.sqlite: is another program's"):
         fly(scenario, tmp_path, RUNS)
-
-
-def test_a_record_that_a_disk_spoilt_is_told(scenario, tmp_path):
-    fly(scenario, tmp_path, RUNS)
-    keeping.say(tmp_path, "UPDATE records SET record = x'00' WHERE run = 1")
-    with pytest.raises(
-        store.StoreError, match="the record of run 1 is spoilt; the same campaign command flies"
-    ):
-        results.open_campaign(tmp_path).record(1)
 
 
 def test_a_report_reads_while_a_campaign_writes(scenario, tmp_path):
