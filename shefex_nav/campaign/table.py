@@ -250,9 +250,7 @@ class Columns(Mapping):
     """
 
     def __init__(self, file, names, groups=None):
-        """file : pyarrow.parquet.ParquetFile;  names : {name: name in the file};  groups : of rows, first ones
-        that are read; None: all
-        """
+        """file : pyarrow.parquet.ParquetFile;  names : {name: name in the file};  groups : of its rows"""
         self._file, self._names = file, names
         self._groups = list(range(file.num_row_groups)) if groups is None else groups
 

@@ -182,9 +182,7 @@ def test_a_session_looks_at_the_first_runs_alone(whole, scenario, tmp_path, monk
 
 
 @pytest.mark.parametrize("checked", [0, RUNS])
-def test_a_record_that_a_disk_spoilt_is_told_and_flown_again(
-    whole, scenario, tmp_path, monkeypatch, checked
-):
+def test_a_record_that_a_disk_spoilt_is_told_and_flown_again(whole, scenario, tmp_path, monkeypatch, checked):
     """By the next session if it is one of the first runs, else by the command that is told."""
     monkeypatch.setattr(running, "CHECKED", checked)
     fly(scenario, tmp_path, RUNS)
