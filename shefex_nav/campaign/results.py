@@ -62,12 +62,10 @@ class Campaign:
 
     def __init__(self, kept, head, path):
         """kept : Store;  path : of a table that `table.save` wrote"""
-        import pyarrow.parquet as pq
-
         self.folder, self.head = kept.folder, head
         self._store, self._path = kept, path
-        self._file = pq.ParquetFile(path)
-        self.columns = table.Columns(self._file, {name: name for name in self._file.schema_arrow.names})
+        self._file = table.File(path)
+        self.columns = table.Columns(self._file)
 
     def __repr__(self):
         count = f"{len(self)} of {self.head['runs']} runs, {int(self.succeeded.sum())} flew to their end"
@@ -78,7 +76,7 @@ class Campaign:
         yield from table.load(self._path)
 
     def __len__(self):
-        return self._file.metadata.num_rows
+        return sum(self._file.rows)
 
     def __getitem__(self, name):
         """(N,) array of a column; KeyError with similar names if there is none."""
@@ -105,7 +103,8 @@ class Campaign:
         """(N,) whether a run flew to its end."""
         import pyarrow.compute as pc
 
-        return pc.equal(self._file.read(["status"])["status"], SUCCEEDED).to_numpy()
+        every = list(range(len(self._file.rows)))
+        return pc.equal(self._file.column("status", every), SUCCEEDED).to_numpy()
 
     @property
     def draws(self):
@@ -162,7 +161,7 @@ class Campaign:
     def _judged(self, wanted):
         """Lists of Judged of the wanted rows, (N,) bool, in order, from the columns that they need alone."""
         first = 0
-        for number in range(self._file.num_row_groups):
+        for number in range(len(self._file.rows)):
             group = table.Group(self._file, number)
             for k in np.flatnonzero(wanted[first : first + len(group)]).tolist():
                 yield judging.judge_figures(self.limits, _figure_of(group, k))

@@ -97,8 +97,10 @@ class RunsFile:
             words = f"cannot use {self.path}: {error}"
             raise StoreError(f"{words}; what is there is kept, the same command goes on") from None
         except sqlite3.DatabaseError as error:
-            words = "restore it from a copy, or fly a new campaign with --out"
-            raise StoreError(f"{self.path}: is damaged, or no file of runs ({error}); {words}") from None
+            words = f"is damaged, or no file of runs, or its disk fails ({error})"  # SQLite calls these alike
+            raise StoreError(
+                f"{self.path}: {words}; copy it to another disk, restore it, or fly a new campaign with --out"
+            ) from None
 
     @contextmanager
     def _transaction(self, kind="IMMEDIATE"):

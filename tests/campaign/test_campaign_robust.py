@@ -10,6 +10,7 @@ import sys
 from concurrent.futures import Future
 from contextlib import closing
 
+import failing_machine
 import keeping
 import numpy as np
 import pytest
@@ -303,13 +304,74 @@ def test_a_disk_that_refuses_to_write_is_one_message(tmp_path):
     assert keeping.done(tmp_path) == len(done.stdout.splitlines()) > 0 and keeping.sound(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def failing(once):
+    """Function that gives the environment of a process whose disk or clock fails."""
+    made = once("failing_machine", failing_machine.library) / "failing.so"
+    return lambda **settings: os.environ | failing_machine.environment(made, **settings)
+
+
+@failing_machine.needed
+@pytest.mark.parametrize("file", ["runs.sqlite-wal", "runs.sqlite"])
+@pytest.mark.parametrize("call", ["EIO_WRITE", "EIO_SYNC"])
+def test_a_disk_that_fails_takes_no_run_that_counted_as_done(call, file, failing, tmp_path):
+    """After 40 calls that go well: then none does any more, until the disk is mended."""
+    done = subprocess.run([sys.executable, "-c", FILL, str(tmp_path)], capture_output=True, text=True,
+                          env=failing(GOES_WELL=40, **{call: file}))  # fmt: skip
+    last = done.stderr.splitlines()[-1]
+    assert "StoreError: cannot use" in last and last.endswith("kept, the same command goes on"), done.stderr
+    said = len(done.stdout.splitlines())
+    assert said > 0 and keeping.done(tmp_path) in (said, said + 1) and keeping.sound(tmp_path)
+    with store.Store(tmp_path) as folder:
+        assert all(folder.runs.series(run) == run.to_bytes(2, "big") * 5000 for run in range(said))
+
+
+READ = """
+import sys
+from shefex_nav.campaign import over_time, parts, results, summary
+campaign = results.open_campaign(sys.argv[1])
+summary.summary_object(campaign)
+parts.parts(campaign, over_time.read(campaign))
+"""
+
+
+@failing_machine.needed
+@pytest.mark.parametrize(("name", "well", "told"), [
+    ("runs.sqlite", 0, "runs.sqlite: disk I/O error; what is there is kept, the same command goes on"),
+    ("runs.sqlite", 3, "or its disk fails (database disk image is malformed); copy it to another disk"),
+    ("results.parquet", 8, "results.parquet'"),
+])  # fmt: skip
+def test_a_disk_that_cannot_be_read_is_told(name, well, told, whole, failing):
+    """Not as runs without series, nor as a campaign without runs."""
+    done = subprocess.run([sys.executable, "-c", READ, whole[0]], capture_output=True, text=True,
+                          env=failing(GOES_WELL=well, EIO_READ=name))  # fmt: skip
+    last = done.stderr.splitlines()[-1]
+    assert ("StoreError" in last or "Input/output error" in last) and told in last, done.stderr
+
+
+@failing_machine.needed
+def test_a_clock_that_is_set_back_changes_nothing(whole, scenario, failing, tmp_path):
+    """By more than a year, in campaign and worker a second after each began, and before it goes on."""
+    folder = tmp_path / "campaign"
+    words = "campaign", str(write(tmp_path)), "--runs", "2", "--workers", "1", "--out", str(folder)
+    done = subprocess.run([sys.executable, "-m", "shefex_nav", *words], capture_output=True, text=True,
+                          env=failing(CLOCK_BACK=40_000_000))  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for path in folder.iterdir():  # written by the clock as it was
+        os.utime(path, (path.stat().st_mtime + 4e7,) * 2)
+    flown = []
+    assert fly(scenario, folder, RUNS, before=lambda job: flown.append(job.run)).digest == whole[1].digest
+    assert flown == [2] and 0.0 < store.read_head(folder)["wall_s"] < 1e4
+    assert len(results.open_campaign(folder)) == RUNS
+
+
 @pytest.mark.parametrize("where", [0, 20_000])
 def test_a_file_that_is_damaged_or_of_another_program_is_one_message(scenario, tmp_path, where):
     fly(scenario, tmp_path, RUNS)
     path = tmp_path / "runs.sqlite"
     content = path.read_bytes()
     path.write_bytes(content[:where] + b"\xff" * 40_000 + content[where + 40_000 :])
-    with pytest.raises(store.StoreError, match=r"runs\.sqlite: is damaged, or no file of runs \("):
+    with pytest.raises(store.StoreError, match=r"runs\.sqlite: is damaged, or no file of runs, or its disk"):
         fly(scenario, tmp_path, RUNS)
     path.unlink()
     with closing(sqlite3.connect(path)) as other:
