@@ -203,9 +203,10 @@ def main():
             json.dumps({"missions": rows, "growth": {name: one._asdict() for name, one in growths.items()}})
         )
     else:
-        last = f"{rows[-1]['missions']} in a campaign of {given.campaign}" if given.campaign else len(rows)
-        of = "" if given.campaign else f", {', '.join(given.scenarios)}"
-        print(f"{last} missions{of}, seeds {given.seed} on")
+        flown, of = len(rows), ", ".join(given.scenarios)
+        if given.campaign:
+            flown, of = rows[-1]["missions"], f"a campaign of {given.campaign}"
+        print(f"{flown} missions, {of}, seeds {given.seed} on")
         report(rows if given.campaign else rows[WARM:], growths)
     sys.exit(any(one.grows for one in growths.values()))
 

@@ -91,7 +91,7 @@ class Campaign:
 
     def numbers(self, name):
         """(N,) float of a column of numbers; all NaN if there is none of that name or if it holds texts."""
-        return self.columns.numbers(name)
+        return table.numbers(self.columns, name, len(self))
 
     @cached_property
     def runs(self):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import r_squared, spearman
+from shefex_nav.campaign import r_squared, spearman, table
 from shefex_nav.campaign.over_time import holm, with_holm
 from shefex_nav.campaign.statistics import ATTITUDE, ENTRY
 
@@ -116,11 +116,12 @@ def drawn(campaign):
 
 def outcomes(campaign):
     """What is to be explained, of the first MOST_RUNS runs: dict name -> (N,), NaN of runs without it."""
-    result, first_runs = {}, campaign.columns.first(MOST_RUNS)
+    result, used = {}, min(len(campaign), MOST_RUNS)
+    first = campaign.columns.first(used)
     for name, columns in OUTCOMES:
-        values = np.array([first_runs.numbers(column)[:MOST_RUNS] for column in columns])
+        values = np.array([table.numbers(first, column, used) for column in columns])
         one = values[0] if len(columns) == 1 else np.linalg.norm(values, axis=0)
-        one = np.where(campaign.succeeded[:MOST_RUNS], one, np.nan)
+        one = np.where(campaign.succeeded[:used], one, np.nan)
         known = one[np.isfinite(one)]
         if len(known) >= FEWEST and np.ptp(known) > 0.0:
             result[name] = one

@@ -278,13 +278,6 @@ class Columns(Mapping):
     def __getitem__(self, name):
         return _of_arrow(self._file.column(self._names[name], self._groups))
 
-    def numbers(self, name):
-        """(N,) float of a column of numbers; all NaN if there is none of that name or if it holds texts."""
-        values = self.get(name)
-        if values is None or values.dtype == object:
-            return np.full(sum(self._file.rows[k] for k in self._groups), np.nan)
-        return values.astype(float)
-
     def first(self, runs):
         """Columns of the first groups of rows that have so many runs together."""
         ends = np.cumsum([self._file.rows[k] for k in self._groups])
@@ -305,6 +298,17 @@ class Columns(Mapping):
             name[len(prefix) :]: inside for name, inside in self._names.items() if name.startswith(prefix)
         }
         return Columns(self._file, names, self._groups)
+
+
+def numbers(columns, name, runs):
+    """(runs,) float of a column of numbers; all NaN if there is none of that name or if it holds texts.
+
+    columns : Mapping of name to values, of so many runs or more
+    """
+    values = columns.get(name)
+    if values is None or values.dtype == object:
+        return np.full(runs, np.nan)
+    return values[:runs].astype(float)
 
 
 class Group(dict):
