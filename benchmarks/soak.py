@@ -1,7 +1,8 @@
-"""Missions one after the other in one process: what grows?
+"""Missions one after the other in one process, or in a campaign: what grows?
 
 uv run python benchmarks/soak.py [--missions 200] [--seed 1] [--scenarios shefex2_andoya rexus_like ...]
                                  [--minutes M] [--keep FILE] [--json]
+uv run python benchmarks/soak.py --campaign SCENARIO [--set KEY=VALUE ...] [--missions 3000] [the others]
 
 Each mission is flown with its log, read again, summed up and thrown away; scenarios take turns, seeds count
 up. Memory that the process holds, open file descriptors, threads and files in the temporary folder are taken
@@ -9,12 +10,18 @@ after each. Growth is the slope of a line through the missions after the tenth (
 the slopes of all pairs, with its 95 % interval), so that one large mission does not decide. `--keep` appends
 a line of JSON a mission. Exit code 1 if memory grows by a MB a mission or more, or descriptors, threads or
 files do.
+
+`--campaign` flies `shefex-nav campaign` in one worker with statistical frames and looks at both processes in
+/proc every few seconds: memory, descriptors and threads of each, size and number of the files of its folder.
+Of memory 0.02 MB a mission are let pass, 60 MB of 3000 missions; the folder grows by what is kept of a run.
 """
 
 import argparse
 import gc
 import json
 import os
+import signal
+import subprocess
 import sys
 import tempfile
 import threading
@@ -24,6 +31,8 @@ from typing import NamedTuple
 
 WARM = 10  # missions that may load and keep what they like
 MOST_MB = 1.0  # a mission
+MOST_CAMPAIGN_MB = 0.02  # a mission, of each process of a campaign
+EVERY_S = 5.0  # between two looks at a campaign
 MEMORY = "memory_mb"
 OBSERVED = MEMORY, "descriptors", "threads", "files"
 SCENARIOS = ("shefex2_andoya", "rexus_like", "night_sky", "imu_faults", "shefex2_aps_rolling")
@@ -56,6 +65,57 @@ def fly(name, seed):
     return run.data.last_t_s - run.data.mission.start_s
 
 
+def of_process(pid):
+    """Memory, MB, descriptors and threads of a process (Linux): (3,)."""
+    process = Path("/proc", str(pid))
+    pages = int((process / "statm").read_text().split()[1])
+    return (
+        pages * os.sysconf("SC_PAGE_SIZE") / 1e6,
+        len(os.listdir(process / "fd")),
+        len(os.listdir(process / "task")),
+    )
+
+
+def of_campaign(pid, folder):
+    """What could grow of a campaign and its worker, the largest of its children: {name: number}."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    found = {"": of_process(pid), "worker_": max(of_process(child) for child in children)}
+    sizes = [path.stat().st_size for path in Path(folder).iterdir()]
+    names = "memory_mb", "descriptors", "threads"
+    each = {
+        who + name: value for who, all_of in found.items() for name, value in zip(names, all_of, strict=True)
+    }
+    return each | {"disk_mb": sum(sizes) / 1e6, "files": len(sizes)}
+
+
+def fly_campaign(given, folder):
+    """Fly a campaign in one worker and look at it until it ends, or its minutes are over: list of dict."""
+    from shefex_nav.campaign.store import Store
+
+    words = ["campaign", given.campaign, "--runs", given.missions, "--seed", given.seed, "--workers", 1]
+    for one in ("star_tracker.frames=statistical", *given.set):
+        words += ["--set", one]
+    command = [sys.executable, "-m", "shefex_nav", *map(str, words), "--out", folder]
+    rows, until_s = [], time.monotonic() + 60.0 * given.minutes
+    with (
+        tempfile.TemporaryFile("w+") as said,
+        subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said) as process,
+    ):
+        while process.poll() is None:
+            time.sleep(EVERY_S)
+            done = len(Store(folder).runs.done()) if Path(folder, "runs.sqlite").exists() else 0
+            if done > (rows[-1]["missions"] if rows else 0) and done < given.missions:
+                rows.append({"missions": done} | of_campaign(process.pid, folder))
+                print(f"{done} of {given.missions}: {rows[-1]}", file=sys.stderr)
+            if time.monotonic() > until_s:
+                process.send_signal(signal.SIGINT)
+                until_s = float("inf")
+        if process.returncode not in (0, 130):
+            said.seek(0)
+            sys.exit(said.read())
+    return rows
+
+
 class Growth(NamedTuple):
     """Change a mission: the median of the slopes of all pairs with its 95 % interval (Sen, 1968)."""
 
@@ -65,12 +125,15 @@ class Growth(NamedTuple):
     grows: bool
 
 
-def growth(values, name):
-    """Growth of one of OBSERVED over the missions."""
+def growth(values, name, missions=None, most_mb=MOST_MB):
+    """Growth of one of OBSERVED over the missions. missions : that were flown by each value, None: one"""
     from scipy.stats import theilslopes
 
-    found = theilslopes(values)
-    more = found.slope >= MOST_MB if name == MEMORY else values[-1] > values[0] and found.slope > 0.0
+    found = theilslopes(values, missions)
+    if name.endswith("_mb"):
+        more = found.slope >= (MOST_MB if name == "disk_mb" else most_mb)
+    else:
+        more = values[-1] > values[0] and found.slope > 0.0
     return Growth(*map(float, (found.slope, found.low_slope, found.high_slope)), bool(more))
 
 
@@ -84,17 +147,24 @@ def report(rows, growths):
         )
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--missions", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mission after them")
-    parser.add_argument("--keep", type=Path)
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
-    if given.missions < 2 * WARM:
-        parser.error(f"--missions {given.missions}: at least {2 * WARM}, of which {WARM} are not counted")
+def soak_campaign(given):
+    """Rows and growths of a campaign."""
+    with tempfile.TemporaryDirectory() as folder:
+        rows = fly_campaign(given, folder)
+    warm = [row for row in rows if row["missions"] > WARM]
+    if len(warm) < WARM:
+        sys.exit(
+            f"{len(warm)} looks after the first {WARM} missions, {WARM} are needed: give it more minutes"
+        )
+    missions = [row["missions"] for row in warm]
+    names = [name for name in warm[0] if name != "missions"]
+    return rows, {
+        name: growth([row[name] for row in warm], name, missions, MOST_CAMPAIGN_MB) for name in names
+    }
+
+
+def soak(given):
+    """Rows and growths of missions in this process."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         tempfile.tempdir = folder  # where runs put logs that nobody named
@@ -111,14 +181,33 @@ def main():
             if given.keep:
                 with given.keep.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(rows[-1]) + "\n")
-    growths = {name: growth([row[name] for row in rows[WARM:]], name) for name in OBSERVED}
+    return rows, {name: growth([row[name] for row in rows[WARM:]], name) for name in OBSERVED}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--missions", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mission after them")
+    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--campaign", metavar="SCENARIO")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    if given.missions < 2 * WARM:
+        parser.error(f"--missions {given.missions}: at least {2 * WARM}, of which {WARM} are not counted")
+    rows, growths = soak_campaign(given) if given.campaign else soak(given)
     if given.json:
         print(
             json.dumps({"missions": rows, "growth": {name: one._asdict() for name, one in growths.items()}})
         )
     else:
-        print(f"{len(rows)} missions, {', '.join(given.scenarios)}, seeds {given.seed} on")
-        report(rows[WARM:], growths)
+        flown, of = len(rows), ", ".join(given.scenarios)
+        if given.campaign:
+            flown, of = rows[-1]["missions"], f"a campaign of {given.campaign}"
+        print(f"{flown} missions, {of}, seeds {given.seed} on")
+        report(rows if given.campaign else rows[WARM:], growths)
     sys.exit(any(one.grows for one in growths.values()))
 
 

@@ -22,6 +22,17 @@ def finish(path):
 
 
 @contextmanager
+def named(path):
+    """An error of the disk within the `with` names `path`, if it names no file; most readers name none."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
 def whole(path):
     """Path to write to, which becomes `path` at the end of the `with`; nothing of it is left by a failure,
     which names `path`.

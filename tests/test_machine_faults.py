@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 
+import failing_machine
 import pytest
 
 from shefex_nav.files import whole
@@ -18,7 +19,7 @@ from shefex_nav.commands.main import main
 main()
 """
 PLAIN = "from shefex_nav.commands.main import main; main()"
-TOO_LARGE = os.strerror(errno.EFBIG)
+TOO_LARGE, BAD_DISK = os.strerror(errno.EFBIG), os.strerror(errno.EIO)
 
 
 def shefex_nav(*words, code=PLAIN, cwd=None, without=(), **environment):
@@ -68,6 +69,31 @@ def test_a_log_that_grows_too_large(tmp_path):
     assert done.returncode == 2
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"{tmp_path / 'night.mcap'}: cannot be written: {TOO_LARGE}")
+
+
+@pytest.fixture(scope="module")
+def failing(once):
+    """Function that gives the environment of a process whose disk or clock fails."""
+    made = once("failing_machine", failing_machine.library) / "failing.so"
+    return lambda **settings: failing_machine.environment(made, **settings)
+
+
+@failing_machine.needed
+def test_a_disk_that_does_not_write_a_log(failing, tmp_path):
+    place = tmp_path / "night.mcap"
+    disk = failing(EIO_WRITE="night.mcap", GOES_WELL=2)
+    done = shefex_nav("run", "night_sky", "--until", "2s", "--out", place, **disk)
+    assert done.returncode == 2
+    words = f"{place}: cannot be written: {BAD_DISK}; what was written before can be read"
+    assert done.stderr.splitlines()[-1] == words
+
+
+@failing_machine.needed
+@pytest.mark.parametrize("well", [0, 12])
+def test_a_disk_that_does_not_read_a_log(well, log, failing):
+    done = shefex_nav("report", log, **failing(EIO_READ="night.mcap", GOES_WELL=well))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"{log}: cannot be read or written: {BAD_DISK}\n"
 
 
 def test_a_failure_of_something_else_is_not_said_of_the_file(tmp_path):

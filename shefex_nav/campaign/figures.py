@@ -258,7 +258,7 @@ OF_RESULTS = {"ellipses": draw_ellipses, "convergence": draw_convergence, "sensi
 NAMES = (*OF_SERIES, *OF_RESULTS)
 MISSING = {  # why there is nothing to draw, of each
     **dict.fromkeys(OF_SERIES, "no run that flew to its end has a series over time (campaign.series)"),
-    "ellipses": "fewer than three runs reached apogee, entry or impact",
+    "ellipses": f"fewer than {statistics.FEWEST} runs reached apogee, entry or impact, or all at one place",
     "convergence": "there is neither a requirement nor an error that two runs have",
     "sensitivity": "there are too few runs for the number of dispersions, or their results are all alike",
 }

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from shefex_nav import files
-from shefex_nav.campaign import draws, engine, store, table
+from shefex_nav.campaign import draws, engine, runs_file, store, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.log import thinning
 from shefex_nav.plugins import NotTrusted, PluginError
@@ -17,15 +17,16 @@ class Repeated(NamedTuple):
 
     run: int
     record: dict  # of this time
+    series: bytes | None  # an .npz file
+    kept: dict | None  # the record that was kept; None without one that can be read
     differences: dict  # column -> (kept, now); empty if they are the same
-    found: bool  # whether there was anything to compare with
     notes: list  # texts for people
     log: str | None
 
     @property
     def same(self):
         """Whether the row is the kept one, timing aside."""
-        return self.found and not self.differences
+        return self.kept is not None and not self.differences
 
     def result(self):
         """Plain dict for JSON."""
@@ -41,7 +42,7 @@ class Repeated(NamedTuple):
         """For people."""
         about = f"run {self.run}: {self.record['status']}"
         about += f", {self.record['reason']}" if self.record["reason"] else ""
-        if not self.found:
+        if self.kept is None:
             return f"{about}; nothing was kept of it that could be compared"
         if not self.differences:
             return f"{about}; the same as its row"
@@ -59,7 +60,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     EngineError if it does not come to an end
     """
     head = read_head(folder, run)
-    plan = _plan(head, folder)
+    plan = plan_of(head, folder)
     pattern = load.Pattern(plan.source, plan.name)
     _check_software(pattern.scenario, folder)
     job = draws.Sampler(plan, pattern.dispersed).job(run)
@@ -75,17 +76,24 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
-    (flown,), kept = taken, store.Store(folder).runs.record(run)
+    (flown,) = taken
+    kept, notes = _kept(folder, run)
     differences = {} if kept is None else compared(kept, flown.record)
-    notes = _changes(head["versions"], plan.versions)
+    notes += _changes(head["versions"], plan.versions)
     if written and (rate_hz := pattern.scenario.log.rate) != thinning.LOWEST_HZ:
         notes.append(
             f"the log has truth and solution at {rate_hz:g} Hz, a campaign's figures are of "
             f"{thinning.LOWEST_HZ} Hz: `report {log}` differs a little from the row"
         )
-    return Repeated(
-        run, flown.record, differences, kept is not None, notes, str(log) if written else None
-    )  # fmt: skip
+    return Repeated(run, *flown, kept, differences, notes, str(log) if written else None)
+
+
+def _kept(folder, run):
+    """(record that is kept, notes for people); no record if there is none, or a disk has spoilt it."""
+    try:
+        return store.Store(folder).runs.record(run), []
+    except runs_file.SpoiltError as error:
+        return None, [str(error)]
 
 
 def _check_software(scenario, folder):
@@ -107,7 +115,7 @@ def read_head(folder, run):
     return head
 
 
-def _plan(head, folder):
+def plan_of(head, folder):
     """Plan of a campaign as it was flown."""
     shared = head["flight"] == "shared"
     return planning.Plan(

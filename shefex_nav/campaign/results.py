@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import files
-from shefex_nav.campaign import store, table, units
+from shefex_nav.campaign import runs_file, store, table, units
 from shefex_nav.report import requirements as judging
 from shefex_nav.scenario import document, plugged
 from shefex_nav.scenario.requirements import Requirements
@@ -62,12 +62,10 @@ class Campaign:
 
     def __init__(self, kept, head, path):
         """kept : Store;  path : of a table that `table.save` wrote"""
-        import pyarrow.parquet as pq
-
         self.folder, self.head = kept.folder, head
         self._store, self._path = kept, path
-        self._file = pq.ParquetFile(path)
-        self.columns = table.Columns(self._file, {name: name for name in self._file.schema_arrow.names})
+        self._file = table.File(path)
+        self.columns = table.Columns(self._file)
 
     def __repr__(self):
         count = f"{len(self)} of {self.head['runs']} runs, {int(self.succeeded.sum())} flew to their end"
@@ -78,7 +76,7 @@ class Campaign:
         yield from table.load(self._path)
 
     def __len__(self):
-        return self._file.metadata.num_rows
+        return sum(self._file.rows)
 
     def __getitem__(self, name):
         """(N,) array of a column; KeyError with similar names if there is none."""
@@ -93,10 +91,7 @@ class Campaign:
 
     def numbers(self, name):
         """(N,) float of a column of numbers; all NaN if there is none of that name or if it holds texts."""
-        values = self.columns.get(name)
-        if values is None or values.dtype == object:
-            return np.full(len(self), np.nan)
-        return values.astype(float)
+        return table.numbers(self.columns, name, len(self))
 
     @cached_property
     def runs(self):
@@ -108,7 +103,8 @@ class Campaign:
         """(N,) whether a run flew to its end."""
         import pyarrow.compute as pc
 
-        return pc.equal(self._file.read(["status"])["status"], SUCCEEDED).to_numpy()
+        every = list(range(len(self._file.rows)))
+        return pc.equal(self._file.column("status", every), SUCCEEDED).to_numpy()
 
     @property
     def draws(self):
@@ -165,7 +161,7 @@ class Campaign:
     def _judged(self, wanted):
         """Lists of Judged of the wanted rows, (N,) bool, in order, from the columns that they need alone."""
         first = 0
-        for number in range(self._file.num_row_groups):
+        for number in range(len(self._file.rows)):
             group = table.Group(self._file, number)
             for k in np.flatnonzero(wanted[first : first + len(group)]).tolist():
                 yield judging.judge_figures(self.limits, _figure_of(group, k))
@@ -235,7 +231,7 @@ class Campaign:
             content = self._store.runs.series(run)
             if content is not None:
                 return files.arrays_of(io.BytesIO(content), names)
-        except store.StoreError as error:
+        except runs_file.SpoiltError as error:
             raise KeyError(str(error)) from None
         except files.UNREADABLE as error:
             raise KeyError(f"{self.folder}: the series of run {run} cannot be read: {error}") from None

@@ -16,7 +16,7 @@ from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
 GIVE_UP = 2  # sessions in which a run killed its worker in every attempt: then it has failed
-CHECKED = MOST_RUNS  # the first runs, whose series a report reads: a session looks whether they are whole
+CHECKED = MOST_RUNS  # the first runs, whose series a report reads: a session looks whether all is whole
 BOOK_S = 10.0  # between two entries of the time taken, which a session that is killed would else not leave
 
 
@@ -168,14 +168,14 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
 def _missing(plan, store, show, tally):
     """Runs that are to be flown, in order: list. What is done is counted.
 
-    The record of a run that is flown again stands until there is a new one. Of the first CHECKED runs a disk
-    may have spoilt the series; those of the others are looked at when they are read.
+    What there is of a run that is flown again stands until there is something new. Of the first CHECKED runs
+    it is looked whether a disk has spoilt them; of the others when they are read (`mending`).
     """
     spoilt = store.runs.spoilt(CHECKED)
     tally.found(store.runs.standing(spoilt))
     done = store.runs.done().difference(spoilt)
     if spoilt:
-        show.say(f"flying {_named(spoilt)} again: the file of their series is spoilt")
+        show.say(f"flying {_named(spoilt)} again: the disk has spoilt what was kept")
     return [run for run in range(plan.runs) if run not in done]
 
 

@@ -37,6 +37,10 @@ class StoreError(UserError):
     """A folder that cannot be used; the message says why and what to do."""
 
 
+class SpoiltError(StoreError):
+    """A run whose record or series a disk has spoilt; the message says how to have it again."""
+
+
 class Standing(NamedTuple):
     """What is known of the runs that are done, together."""
 
@@ -93,8 +97,10 @@ class RunsFile:
             words = f"cannot use {self.path}: {error}"
             raise StoreError(f"{words}; what is there is kept, the same command goes on") from None
         except sqlite3.DatabaseError as error:
-            words = "restore it from a copy, or fly a new campaign with --out"
-            raise StoreError(f"{self.path}: is damaged, or no file of runs ({error}); {words}") from None
+            words = f"is damaged, or no file of runs, or its disk fails ({error})"  # SQLite calls these alike
+            raise StoreError(
+                f"{self.path}: {words}; copy it to another disk, restore it, or fly a new campaign with --out"
+            ) from None
 
     @contextmanager
     def _transaction(self, kind="IMMEDIATE"):
@@ -189,7 +195,7 @@ class RunsFile:
         return {run: {"reason": reason, "deadly": deadly} for run, reason, deadly in rows}
 
     def record(self, run):
-        """Record of a run; None if it is not done."""
+        """Record of a run; None if it is not done. SpoiltError if a disk spoilt it."""
         question = "SELECT record FROM records JOIN runs USING (run) WHERE run = ?"
         rows = self._all(question, int(run))
         return self._unpacked(run, rows[0][0]) if rows else None
@@ -202,34 +208,34 @@ class RunsFile:
                 yield self._unpacked(run, packed)
 
     def _unpacked(self, run, packed):
-        """Record of what is kept of it; StoreError if a disk has spoilt it."""
+        """Record of what is kept of it."""
         try:
-            record = json.loads(zlib.decompress(packed))
+            return json.loads(zlib.decompress(packed))
         except (zlib.error, ValueError, TypeError):
-            raise StoreError(f"{self.path}: the record of run {run} is spoilt; {self._anew(run)}") from None
-        return record
+            raise self._spoilt(f"the record of run {run} is", run) from None
 
     def series(self, run):
-        """Series of a run, bytes of an .npz file; None if there is none. StoreError if a disk spoilt it."""
+        """Series of a run, bytes of an .npz file; None if there is none. SpoiltError if a disk spoilt it."""
         rows = self._all("SELECT sha256, arrays FROM series WHERE run = ?", int(run))
         if not rows:
             return None
         (expected, content) = rows[0]
         if not isinstance(content, bytes) or digest(content) != expected:
-            raise StoreError(f"{self.path}: the series of run {run} are spoilt; {self._anew(run)}")
+            raise self._spoilt(f"the series of run {run} are", run)
         return content
 
-    def _anew(self, run):
-        """What to do about a run that a disk has spoilt."""
-        words = "the same campaign command flies it again after"
-        return f'{words} `sqlite3 {self.path} "DELETE FROM runs WHERE run = {run}"`'
+    def _spoilt(self, what, run):
+        """SpoiltError that says how to have a run again."""
+        command = f"shefex-nav repeat {self.path.parent} {run} --keep"
+        return SpoiltError(f"{self.path}: {what} spoilt; `{command}` flies it again and keeps it")
 
     def spoilt(self, first):
-        """Numbers of those of the first runs whose series a disk has spoilt: list."""
+        """Numbers of those of the first runs whose record or series a disk has spoilt: list."""
         found = []
-        for (run,) in self._all("SELECT run FROM series JOIN runs USING (run) WHERE run < ?", first):
+        for (run,) in self._all("SELECT run FROM runs WHERE run < ? ORDER BY run", first):
             try:
+                self.record(run)
                 self.series(run)
-            except StoreError:
+            except SpoiltError:
                 found.append(run)
         return found

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import r_squared, spearman
+from shefex_nav.campaign import r_squared, spearman, table
 from shefex_nav.campaign.over_time import holm, with_holm
 from shefex_nav.campaign.statistics import ATTITUDE, ENTRY
 
@@ -111,21 +111,17 @@ def _of_words(path, values):
 
 def drawn(campaign):
     """Draws of the first MOST_RUNS runs: {path: (N,)}."""
-    return {path: values[first(campaign)] for path, values in campaign.draws.items()}
-
-
-def first(campaign):
-    """(N,) whether a run is one of the first MOST_RUNS; an array of these alone is a copy, of their size."""
-    return np.arange(len(campaign)) < MOST_RUNS
+    return {path: values[:MOST_RUNS] for path, values in campaign.draws.first(MOST_RUNS).items()}
 
 
 def outcomes(campaign):
     """What is to be explained, of the first MOST_RUNS runs: dict name -> (N,), NaN of runs without it."""
-    result, used = {}, first(campaign)
+    result, used = {}, min(len(campaign), MOST_RUNS)
+    first = campaign.columns.first(used)
     for name, columns in OUTCOMES:
-        values = np.array([campaign.numbers(column)[used] for column in columns])
+        values = np.array([table.numbers(first, column, used) for column in columns])
         one = values[0] if len(columns) == 1 else np.linalg.norm(values, axis=0)
-        one = np.where(campaign.succeeded[used], one, np.nan)
+        one = np.where(campaign.succeeded[:used], one, np.nan)
         known = one[np.isfinite(one)]
         if len(known) >= FEWEST and np.ptp(known) > 0.0:
             result[name] = one
@@ -228,7 +224,7 @@ def separations(campaign):
     failed, result = ~campaign.succeeded, []
     if not failed.any() or failed.all():
         return result
-    used = failed | first(campaign)
+    used = failed | (np.arange(len(failed)) < MOST_RUNS)
     failed = failed[used]
     each = (features({path: values[used]}) for path, values in campaign.draws.items())  # one at a time
     for feature in chain.from_iterable(each):

@@ -15,6 +15,7 @@ from shefex_nav.report.requirements import words
 QUANTILES = (50.0, 95.0, 99.0)
 CONFIDENCE = 0.95
 FLAT = 1e-9  # km; a dispersion below this is none
+FEWEST = 8  # runs of an ellipse: that of 3 is 9 times as long, and says nothing of the dispersion
 CURVED_KM = 5.0  # km that the mean of places may lie below them: of more no plane is near
 ENTRY = "summary.navigation.at_entry"
 ATTITUDE = tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3))  # columns, axis by axis
@@ -197,13 +198,13 @@ def at_most(k, n, confidence=CONFIDENCE):
 
 
 def ellipses(campaign):
-    """Dispersion of the flights at apogee, entry and impact: list of Ellipse; empty if there is none."""
+    """Dispersion of the flights at apogee, entry and impact: list of Ellipse, each of FEWEST runs or more."""
     result = []
     for what in ("apogee", "entry", "impact"):
         names = [f"summary.flight.at_{what}.{key}" for key in PLACE]
         places = np.array([campaign.numbers(name) for name in names]).T
         places = places[np.isfinite(places).all(axis=1) & campaign.succeeded]
-        if len(places) > 2 and (found := ellipse(what, places)) is not None:
+        if len(places) >= FEWEST and (found := ellipse(what, places)) is not None:
             result.append(found)
     return result
 

@@ -257,7 +257,8 @@ def read_head(folder, missing=StoreError):
             return None
         raise StoreError(f"{folder}: there is no campaign.json; expected the folder of a campaign") from None
     except (OSError, ValueError) as error:
-        raise StoreError(f"{path}: cannot be read: {error}") from None
+        words = getattr(error, "strerror", None) or error
+        raise StoreError(f"{path}: cannot be read: {words}") from None
     found = head.get("format") if isinstance(head, dict) else None
     if found != planning.FORMAT:
         raise StoreError(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.files import whole
+from shefex_nav.files import named, whole
 
 LONGEST = 6  # numbers of a list that become columns
 HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
@@ -225,7 +225,8 @@ def made(path):
     """Made of a file that `save` wrote; KeyError if it is another's."""
     import pyarrow.parquet as pq
 
-    found = pq.read_metadata(path)
+    with named(path):
+        found = pq.read_metadata(path)
     said = found.metadata or {}
     return Made(found.num_rows, said[DIGEST].decode(), said[STATE].decode())
 
@@ -237,9 +238,28 @@ def load(path, names=None, wanted=None):
     """
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(path) as file:
+    with named(path), pq.ParquetFile(path) as file:
         for batch in file.iter_batches(batch_size=BATCH, columns=names, use_threads=False):
             yield from (batch if wanted is None else batch.filter(wanted(batch))).to_pylist()
+
+
+class File:
+    """A table on the disk, open; errors of the disk name it."""
+
+    def __init__(self, path):
+        import pyarrow.parquet as pq
+
+        self._path = path
+        with named(path):
+            self._file = pq.ParquetFile(path)
+        self.names = self._file.schema_arrow.names
+        metadata = self._file.metadata
+        self.rows = [metadata.row_group(k).num_rows for k in range(metadata.num_row_groups)]  # of each group
+
+    def column(self, name, groups):
+        """A column of some groups of rows: pyarrow ChunkedArray."""
+        with named(self._path):
+            return self._file.read_row_groups(groups, [name], use_threads=False).column(0)
 
 
 class Columns(Mapping):
@@ -249,13 +269,22 @@ class Columns(Mapping):
     bool, with gaps it is float (1, 0, NaN). Texts are object arrays with None.
     """
 
-    def __init__(self, file, names):
-        """file : pyarrow.parquet.ParquetFile;  names : {name: name in the file}"""
-        self._file, self._names = file, names
+    def __init__(self, file, names=None, groups=None):
+        """file : File;  names : {name: name in the file}, None: all;  groups : of rows, None: all"""
+        self._file = file
+        self._names = {name: name for name in file.names} if names is None else names
+        self._groups = list(range(len(file.rows))) if groups is None else groups
 
     def __getitem__(self, name):
-        inside = self._names[name]
-        return _of_arrow(self._file.read([inside], use_threads=False).column(0))
+        return _of_arrow(self._file.column(self._names[name], self._groups))
+
+    def first(self, runs):
+        """Columns of the first groups of rows that have so many runs together."""
+        ends = np.cumsum([self._file.rows[k] for k in self._groups])
+        return Columns(self._file, self._names, self._groups[: int(np.searchsorted(ends, runs)) + 1])
+
+    def __contains__(self, name):  # that of a Mapping reads the column
+        return name in self._names
 
     def __iter__(self):
         return iter(self._names)
@@ -268,29 +297,40 @@ class Columns(Mapping):
         names = {
             name[len(prefix) :]: inside for name, inside in self._names.items() if name.startswith(prefix)
         }
-        return Columns(self._file, names)
+        return Columns(self._file, names, self._groups)
+
+
+def numbers(columns, name, runs):
+    """(runs,) float of a column of numbers; all NaN if there is none of that name or if it holds texts.
+
+    columns : Mapping of name to values, of so many runs or more
+    """
+    values = columns.get(name)
+    if values is None or values.dtype == object:
+        return np.full(runs, np.nan)
+    return values[:runs].astype(float)
 
 
 class Group(dict):
     """Values of some rows by the name of their column, each read when it is asked for: lists, or None."""
 
     def __init__(self, file, number):
-        """Rows of one group of a pyarrow.parquet.ParquetFile."""
+        """Rows of one group of a File."""
         super().__init__()
         self._file, self._number = file, number
-        self._names = set(file.schema_arrow.names)
+        self._names = set(file.names)
 
     def __missing__(self, name):
         self[name] = self._read(name)
         return self[name]
 
     def __len__(self):
-        return self._file.metadata.row_group(self._number).num_rows
+        return self._file.rows[self._number]
 
     def _read(self, name):
         """A column; short lists come as tuples of their elements' columns."""
         if name in self._names:
-            return self._file.read_row_group(self._number, [name], use_threads=False)[name].to_pylist()
+            return self._file.column(name, [self._number]).to_pylist()
         elements = []
         while f"{name}.{len(elements)}" in self._names:
             elements.append(self[f"{name}.{len(elements)}"])

@@ -117,8 +117,10 @@ def _trusting(every):
 
 
 def _place(error):
-    """What could not be written; errors of libraries do not say it."""
-    return f"{error.filename}:" if error.filename else "the output"
+    """What could not be read or written; errors of libraries do not say it."""
+    if error.filename:
+        return f"{error.filename}:"
+    return "the output" if MACHINE[error.errno] == "cannot be written" else "a file"
 
 
 def line(error):

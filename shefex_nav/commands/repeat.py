@@ -1,6 +1,6 @@
 """`shefex-nav repeat`: one run of a campaign again, exactly.
 
-Exit codes: 0 it came out as it was kept, 1 it differs, 2 bad input.
+Exit codes: 0 it came out as it was kept, with --keep: it is kept now; 1 it differs; 2 bad input.
 """
 
 from pathlib import Path
@@ -18,20 +18,26 @@ def repeat(
     run: Annotated[int, typer.Argument(min=0, help="Number of the run.")],
     log: Annotated[Path | None, typer.Option(help="Write the log of the run (MCAP).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --log.")] = False,
+    keep: Annotated[
+        bool,
+        typer.Option("--keep", help="Keep it in the place of one that a disk has spoilt, or that failed."),
+    ] = False,
     json: Json = False,
 ):
     """Fly one run of a campaign again, exactly, and compare it with what was kept (exit code 1: differs)."""
-    from shefex_nav.campaign import repeating
+    from shefex_nav.campaign import mending, repeating
 
     if log is not None:
         check_file(log, "--log", force=force)
     repeating.read_head(folder, run)  # refuses before anything is said
     say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
-    repeated = repeating.repeat(folder, run, log)
+    repeated, kept = mending.keep(folder, run, log) if keep else (repeating.repeat(folder, run, log), False)
     for line in repeated.notes:
         say(line)
+    if keep:
+        say(f"run {run} is {'kept' if kept else 'left as it was: now it comes out otherwise'}")
     if json:
         print_json(repeated.result())
     else:
         typer.echo(repeated.words())
-    raise typer.Exit(0 if repeated.same else 1)
+    raise typer.Exit(0 if repeated.same or kept else 1)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.files import named
 from shefex_nav.log.mcap_file import ends_well
 from shefex_nav.log.reader import cut_errors, readable
 
@@ -39,7 +40,7 @@ def between(path, begin_ns=None, end_ns=None):
     from mcap.reader import NonSeekingReader, SeekingReader
 
     decoders = {}
-    with Path(path).open("rb") as file:
+    with Path(path).open("rb") as file, named(path):
         # without an index at its end a file is read from the front, up to where its writer was killed
         reader = (SeekingReader if ends_well(file) else NonSeekingReader)(file)
         wanted = {"starting_at": begin_ns, "ending_before": end_ns, "log_time_order": False}

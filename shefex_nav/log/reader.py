@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import plugins
+from shefex_nav.files import named
 from shefex_nav.log import other_solutions, topics, wire
 from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
@@ -158,7 +159,7 @@ def _read_file(path):
         file = path.open("rb")
     except OSError as error:
         raise LogError(f"{path}: {_unreadable(path, error)}") from error
-    with file:
+    with file, named(path):
         try:
             read_magic(ReadDataStream(file))
         except (InvalidMagic, EndOfFile, struct.error) as error:

@@ -201,7 +201,7 @@ def test_series_that_are_missing_or_spoilt_are_left_out_and_counted(tmp_path):
     assert np.allclose(series.errors[1, :, 2], campaign.series(5)["position_error_i"], rtol=1e-6)
     assert "4 runs have no series" in parts.covariance(campaign, series).lines[0]
     with pytest.raises(
-        KeyError, match=r'the series of run 2 are spoilt; .* "DELETE FROM runs WHERE run = 2"'
+        KeyError, match=r"the series of run 2 are spoilt; `shefex-nav repeat \S+ 2 --keep` flies"
     ):
         campaign.series(2)
     with pytest.raises(KeyError, match="the series of run 4 cannot be read"):

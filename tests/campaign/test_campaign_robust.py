@@ -10,13 +10,17 @@ import sys
 from concurrent.futures import Future
 from contextlib import closing
 
+import failing_machine
 import keeping
 import numpy as np
 import pytest
 from short_campaign import HereLane, fly, write
+from typer.testing import CliRunner
 
 from shefex_nav import files, stopping
-from shefex_nav.campaign import engine, flight, results, running, store, table
+from shefex_nav.campaign import engine, flight, mending, results, running, store, table
+from shefex_nav.campaign import plan as planning
+from shefex_nav.commands.main import app
 from shefex_nav.compiled import target
 from shefex_nav.scenario import load
 
@@ -152,8 +156,15 @@ def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path,
     assert keeping.content(tmp_path, 1) == keeping.content(whole[0], 1)
 
 
-def test_a_session_looks_at_the_series_of_the_first_runs_alone(scenario, tmp_path, monkeypatch):
-    """Those that a report reads; of the others it is told when they are read, with what to do."""
+def repeat_as_told(error, monkeypatch):
+    """The command that an error names, run here. -> result of CliRunner"""
+    (words,) = re.findall("`shefex-nav (.*?)`", str(error))
+    monkeypatch.setattr(mending.keep, "__kwdefaults__", {"lane": HereLane})
+    return CliRunner().invoke(app, words.split())
+
+
+def test_a_session_looks_at_the_first_runs_alone(whole, scenario, tmp_path, monkeypatch):
+    """Those whose series a report reads; of the others it is told when they are read, with what to do."""
     monkeypatch.setattr(running, "CHECKED", 1)
     fly(scenario, tmp_path, RUNS)
     keeping.spoil(tmp_path, 0)
@@ -161,12 +172,56 @@ def test_a_session_looks_at_the_series_of_the_first_runs_alone(scenario, tmp_pat
     flown = []
     fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
     assert flown == [0]
-    with pytest.raises(KeyError) as told:
+    with pytest.raises(KeyError, match="the series of run 2 are spoilt") as told:
         results.open_campaign(tmp_path).series(2)
-    (advice,) = re.findall(r'sqlite3 \S+ \\?"(.*?)\\?"', str(told.value))
-    keeping.say(tmp_path, advice)
-    fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
-    assert flown == [0, 2] and results.open_campaign(tmp_path).series(2)
+    before = keeping.record(tmp_path, 2)
+    done = repeat_as_told(told.value, monkeypatch)
+    assert done.exit_code == 0 and "run 2 is kept" in done.stderr, done.output
+    assert keeping.content(tmp_path, 2) == keeping.content(whole[0], 2)
+    assert keeping.record(tmp_path, 2) == before  # with the times of its first flight
+    assert results.open_campaign(tmp_path).digest == whole[1].digest
+
+
+@pytest.mark.parametrize("checked", [0, RUNS])
+def test_a_record_that_a_disk_spoilt_is_told_and_flown_again(whole, scenario, tmp_path, monkeypatch, checked):
+    """By the next session if it is one of the first runs, else by the command that is told."""
+    monkeypatch.setattr(running, "CHECKED", checked)
+    fly(scenario, tmp_path, RUNS)
+    keeping.say(tmp_path, "UPDATE records SET record = x'00' WHERE run = 1")
+    keeping.say(tmp_path, "PRAGMA user_version = 77")  # the table is older: it would be made of the records
+    with pytest.raises(store.StoreError, match="the record of run 1 is spoilt; `shefex-nav repeat") as told:
+        results.open_campaign(tmp_path)
+    if checked:
+        fly(scenario, tmp_path, RUNS)
+    else:
+        assert repeat_as_told(told.value, monkeypatch).exit_code == 0
+    assert fly(scenario, tmp_path, RUNS).digest == whole[1].digest
+
+
+def test_a_good_run_that_now_comes_out_otherwise_is_left(scenario, tmp_path, monkeypatch):
+    fly(scenario, tmp_path, 2)
+    keeping.change(tmp_path, 1, errs)
+    before = keeping.record(tmp_path, 1), keeping.content(tmp_path, 1)
+    done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 1 --keep`", monkeypatch)
+    assert done.exit_code == 1 and "run 1 is left as it was" in done.stderr
+    assert (keeping.record(tmp_path, 1), keeping.content(tmp_path, 1)) == before
+    with store.Store(tmp_path):
+        done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 1 --keep`", monkeypatch)
+        assert done.exit_code == 2 and "another campaign is at work in this folder" in done.stderr
+    monkeypatch.setattr(planning, "versions", lambda: {"code": "other"})
+    done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 1 --keep`", monkeypatch)
+    assert done.exit_code == 2 and "results would be mixed" in done.stderr
+
+
+def test_a_run_that_failed_through_its_machine_is_flown_again(whole, scenario, tmp_path, monkeypatch):
+    fly(scenario, tmp_path, RUNS)
+    _, sampler = running.prepared(scenario, RUNS, 1)
+    with store.Store(tmp_path) as folder:
+        folder.keep(flight.given_up(sampler.job(2), "its worker was killed, in each of 3 attempts"))
+    assert fly(scenario, tmp_path, RUNS).failed == 1
+    done = repeat_as_told(f"`shefex-nav repeat {tmp_path} 2 --keep`", monkeypatch)
+    assert done.exit_code == 0 and "run 2 is kept" in done.stderr
+    assert fly(scenario, tmp_path, RUNS).digest == whole[1].digest
 
 
 def test_series_that_were_deleted_are_not_flown_again(whole, scenario, tmp_path):
@@ -249,28 +304,80 @@ def test_a_disk_that_refuses_to_write_is_one_message(tmp_path):
     assert keeping.done(tmp_path) == len(done.stdout.splitlines()) > 0 and keeping.sound(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def failing(once):
+    """Function that gives the environment of a process whose disk or clock fails."""
+    made = once("failing_machine", failing_machine.library) / "failing.so"
+    return lambda **settings: os.environ | failing_machine.environment(made, **settings)
+
+
+@failing_machine.needed
+@pytest.mark.parametrize("file", ["runs.sqlite-wal", "runs.sqlite"])
+@pytest.mark.parametrize("call", ["EIO_WRITE", "EIO_SYNC"])
+def test_a_disk_that_fails_takes_no_run_that_counted_as_done(call, file, failing, tmp_path):
+    """After 40 calls that go well: then none does any more, until the disk is mended."""
+    done = subprocess.run([sys.executable, "-c", FILL, str(tmp_path)], capture_output=True, text=True,
+                          env=failing(GOES_WELL=40, **{call: file}))  # fmt: skip
+    last = done.stderr.splitlines()[-1]
+    assert "StoreError: cannot use" in last and last.endswith("kept, the same command goes on"), done.stderr
+    said = len(done.stdout.splitlines())
+    assert said > 0 and keeping.done(tmp_path) in (said, said + 1) and keeping.sound(tmp_path)
+    with store.Store(tmp_path) as folder:
+        assert all(folder.runs.series(run) == run.to_bytes(2, "big") * 5000 for run in range(said))
+
+
+READ = """
+import sys
+from shefex_nav.campaign import over_time, parts, results, summary
+campaign = results.open_campaign(sys.argv[1])
+summary.summary_object(campaign)
+parts.parts(campaign, over_time.read(campaign))
+"""
+
+
+@failing_machine.needed
+@pytest.mark.parametrize(("name", "well", "told"), [
+    ("runs.sqlite", 0, "runs.sqlite: disk I/O error; what is there is kept, the same command goes on"),
+    ("runs.sqlite", 3, "or its disk fails (database disk image is malformed); copy it to another disk"),
+    ("results.parquet", 8, "results.parquet'"),
+])  # fmt: skip
+def test_a_disk_that_cannot_be_read_is_told(name, well, told, whole, failing):
+    """Not as runs without series, nor as a campaign without runs."""
+    done = subprocess.run([sys.executable, "-c", READ, whole[0]], capture_output=True, text=True,
+                          env=failing(GOES_WELL=well, EIO_READ=name))  # fmt: skip
+    last = done.stderr.splitlines()[-1]
+    assert ("StoreError" in last or "Input/output error" in last) and told in last, done.stderr
+
+
+@failing_machine.needed
+def test_a_clock_that_is_set_back_changes_nothing(whole, scenario, failing, tmp_path):
+    """By more than a year, in campaign and worker a second after each began, and before it goes on."""
+    folder = tmp_path / "campaign"
+    words = "campaign", str(write(tmp_path)), "--runs", "2", "--workers", "1", "--out", str(folder)
+    done = subprocess.run([sys.executable, "-m", "shefex_nav", *words], capture_output=True, text=True,
+                          env=failing(CLOCK_BACK=40_000_000))  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for path in folder.iterdir():  # written by the clock as it was
+        os.utime(path, (path.stat().st_mtime + 4e7,) * 2)
+    flown = []
+    assert fly(scenario, folder, RUNS, before=lambda job: flown.append(job.run)).digest == whole[1].digest
+    assert flown == [2] and 0.0 < store.read_head(folder)["wall_s"] < 1e4
+    assert len(results.open_campaign(folder)) == RUNS
+
+
 @pytest.mark.parametrize("where", [0, 20_000])
 def test_a_file_that_is_damaged_or_of_another_program_is_one_message(scenario, tmp_path, where):
     fly(scenario, tmp_path, RUNS)
     path = tmp_path / "runs.sqlite"
     content = path.read_bytes()
     path.write_bytes(content[:where] + b"\xff" * 40_000 + content[where + 40_000 :])
-    with pytest.raises(store.StoreError, match=r"runs\.sqlite: is damaged, or no file of runs \("):
+    with pytest.raises(store.StoreError, match=r"runs\.sqlite: is damaged, or no file of runs, or its disk"):
         fly(scenario, tmp_path, RUNS)
     path.unlink()
     with closing(sqlite3.connect(path)) as other:
         other.execute("CREATE TABLE runs (name)")
     with pytest.raises(store.StoreError, match=r"runs\.sqlite: is another program's"):
         fly(scenario, tmp_path, RUNS)
-
-
-def test_a_record_that_a_disk_spoilt_is_told(scenario, tmp_path):
-    fly(scenario, tmp_path, RUNS)
-    keeping.say(tmp_path, "UPDATE records SET record = x'00' WHERE run = 1")
-    with pytest.raises(
-        store.StoreError, match="the record of run 1 is spoilt; the same campaign command flies"
-    ):
-        results.open_campaign(tmp_path).record(1)
 
 
 def test_a_report_reads_while_a_campaign_writes(scenario, tmp_path):

@@ -157,6 +157,18 @@ def test_the_ellipse_of_few_runs_holds_the_next_one_as_often_as_it_says():
     assert stats.binomtest(inside, tries, 0.95).pvalue > 1e-3, inside / tries
 
 
+@pytest.mark.parametrize("n", [statistics.FEWEST - 1, statistics.FEWEST])
+def test_few_runs_have_no_ellipse(n, tmp_path):
+    """Of 3 runs it is 13 times as long as of many, of 8 half as long again: 2 (n^2 - 1) / (n (n - 2)) F."""
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "few", n, with_series=False))
+    assert len(statistics.ellipses(campaign)) == (n == statistics.FEWEST)
+    longer = [
+        np.sqrt(2.0 * (k * k - 1.0) / (k * (k - 2.0)) * stats.f.ppf(0.95, 2, k - 2) / stats.chi2.ppf(0.95, 2))
+        for k in (3, 8)
+    ]
+    assert longer == pytest.approx([13.3, 1.5], rel=0.01)
+
+
 def test_one_flight_has_no_dispersion():
     assert statistics.ellipse("apogee", np.tile([71.0, 15.0, 177.0], (9, 1))) is None
 

@@ -3,6 +3,8 @@
 import copy
 import json
 import math
+import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet
@@ -11,7 +13,7 @@ import synthetic_campaign
 
 from shefex_nav.campaign import store, table
 from shefex_nav.campaign.plan import FORMAT
-from shefex_nav.campaign.results import open_campaign
+from shefex_nav.campaign.results import Campaign, open_campaign
 
 
 def records(n=6, **options):
@@ -99,11 +101,38 @@ def test_more_rows_than_a_batch_are_the_same_table(tmp_path, monkeypatch):
 def test_columns_of_numbers_with_gaps_and_of_words(tmp_path):
     rows = [{"run": 0, "a": 1, "w": "x"}, {"run": 1, "a": None, "w": None}, {"run": 2, "a": 2.5}]
     table.save(rows, tmp_path / "table.parquet")
-    file = pyarrow.parquet.ParquetFile(tmp_path / "table.parquet")
-    found = table.Columns(file, {name: name for name in file.schema_arrow.names})
+    found = table.Columns(table.File(tmp_path / "table.parquet"))
     assert found["run"].dtype == np.int64
     assert found["a"][0] == 1.0 and math.isnan(found["a"][1])
     assert found["w"].tolist() == ["x", None, None]
+
+
+def peak_mb(ask):
+    """(answer, most memory of Python's and NumPy's objects that it took, MB)."""
+    tracemalloc.start()
+    try:
+        answer = ask()
+        return answer, tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_texts_of_all_runs_are_never_in_memory_together(tmp_path, monkeypatch):
+    """Of 3000 runs with 1 kB each 200 at a time: what grows are the numbers of the runs, 40 bytes each."""
+    monkeypatch.setattr(table, "BATCH", 200)
+    rows = (
+        {"run": run, "status": "failed", "reason": f"at T+{run} s: {'x' * 1000}",
+         table.WARNINGS: json.dumps([{"field": "f", "text": f"{run} s: {'y' * 1000}"}])}
+        for run in range(3000)
+    )  # fmt: skip
+    table.save(list(rows), tmp_path / "table.parquet")
+    campaign = Campaign(SimpleNamespace(folder=tmp_path), {}, tmp_path / "table.parquet")
+    for ask in (campaign.warnings, campaign.causes):
+        ask()  # imports what it needs
+        (cause,), peak = peak_mb(ask)
+        assert len(cause.runs) == 3000 and peak < 1.2
+    assert peak_mb(lambda: table.WARNINGS in campaign.columns and "no" not in campaign.columns)[1] < 0.1
+    assert peak_mb(lambda: campaign[table.WARNINGS])[1] > 3.0  # what it would take otherwise
 
 
 @pytest.fixture(scope="module")
