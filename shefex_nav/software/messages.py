@@ -58,81 +58,6 @@ class Start(NamedTuple):
     scenario: str
 
 
-class Begin(NamedTuple):
-    """Everything has been said that there is before the first tick."""
-
-    t_s: float
-
-
-class Ready(NamedTuple):
-    """The software has started."""
-
-    gives_context: bool
-
-
-class Tick(NamedTuple):
-    """All that belongs to a tick has been sent."""
-
-    t_s: float
-    number: int
-
-
-class Query(NamedTuple):
-    """What is known of the picture whose FrameInfo came before?"""
-
-    sun_i: np.ndarray
-    earth_velocity_i: np.ndarray
-    predicts: bool
-    rows: int
-
-
-class Context(NamedTuple):
-    """tracker.Context; None or NaN: not known."""
-
-    velocity_i: np.ndarray | None = None
-    rate: float = np.nan
-    sun_angle: float = np.nan
-    limb_angle: float = np.nan
-    q_ic: np.ndarray | None = None
-    P_c: np.ndarray | None = None
-    omega_c: np.ndarray | None = None
-    P_omega_c: np.ndarray | None = None
-    unsteady_c: np.ndarray | None = None
-    unsteady_variance: float = 0.0
-
-
-class Pixels(NamedTuple):
-    """The picture whose FrameInfo came before."""
-
-    rows: int
-    columns: int
-    grey_values: bytes
-
-
-class Solve(NamedTuple):
-    """The attitude of the picture that came before is wanted."""
-
-    t_s: float
-
-
-class Done(NamedTuple):
-    """The answer is whole."""
-
-    t_s: float
-
-
-class Failed(NamedTuple):
-    """The software has failed."""
-
-    words: str
-
-
-class End(NamedTuple):
-    """There are no more ticks."""
-
-    t_s: float
-
-
 class Estimate(NamedTuple):
     """own_navigation.Estimate; None: not said."""
 
@@ -150,6 +75,9 @@ class Estimate(NamedTuple):
 
 
 def _message(record, comment, *fields):
+    """Topic of a message. record : its type, or the name of one that has the fields of the message"""
+    if isinstance(record, str):
+        record = NamedTuple(record, [(field.source, object) for field in fields])
     time = next((name for name in ("t_s", "start_s") if name in record._fields), "")
     return Topic(record, "", record.__name__, None, time, comment, fields)
 
@@ -171,18 +99,18 @@ OWN = (
         text("settings_json", "what the scenario gives under software.settings"),
         text("scenario", "YAML text of all of it"),
     ),
-    _message(Begin, "All has been said that there is before the first tick.", topics.T_S),
-    _message(Ready, "The software has started.", flag("gives_context", "it answers a Query")),
-    _message(Tick, "All that belongs to a tick has been sent.", topics.T_S, integer("number", "from 1 on")),
+    _message("Begin", "All has been said that there is before the first tick.", topics.T_S),
+    _message("Ready", "The software has started.", flag("gives_context", "it answers a Query")),
+    _message("Tick", "All that belongs to a tick has been sent.", topics.T_S, integer("number", "from 1 on")),
     _message(
-        Query, "What is known of the picture whose FrameInfo came before?",
+        "Query", "What is known of the picture whose FrameInfo came before?",
         vector("sun_i", "", "unit vector to the Sun"),
         vector("earth_velocity_i", "m/s", "of the Earth relative to the solar-system barycentre"),
         flag("predicts", "whether attitude and rate are wanted"),
         integer("rows", "of the picture"),
     ),
     _message(
-        Context, "What the navigation knows of a picture; what is not known is not sent.",
+        tracker.Context, "What the navigation knows of a picture; what is not known is not sent.",
         vector("velocity_i", "m/s", "of the vehicle relative to the solar-system barycentre"),
         number("rate", "rad/s", "of the body"),
         number("sun_angle", "rad", "boresight to the Sun"),
@@ -195,12 +123,12 @@ OWN = (
         number("unsteady_variance", "rad^2", "of the mean of that, each axis"),
     ),
     _message(
-        Pixels, "The picture whose FrameInfo came before.",
+        "Pixels", "The picture whose FrameInfo came before.",
         integer("rows", "of the picture"),
         integer("columns", "of the picture"),
         data("grey_values", "row by row, a byte each; two, little endian, of a camera with over 8 bits"),
     ),
-    _message(Solve, "The attitude of the picture that came before is wanted.", topics.T_S),
+    _message("Solve", "The attitude of the picture that came before is wanted.", topics.T_S),
     _message(
         own_tracker.Solved, "What came out of a picture; what is not sent is not known, or stays as it was.",
         vector("q_ic", "", "attitude, camera to inertial axes, at the middle of the exposure", 4),
@@ -213,9 +141,9 @@ OWN = (
         integer("hip", "their Hipparcos numbers, 0 where unidentified", (-1,)),
         integer("number", "of the picture; a computer says it"),
     ),
-    _message(Done, "The answer is whole.", topics.T_S),
-    _message(Failed, "The software has failed.", text("words", "why")),
-    _message(End, "There are no more ticks.", topics.T_S),
+    _message("Done", "The answer is whole.", topics.T_S),
+    _message("Failed", "The software has failed.", text("words", "why")),
+    _message("End", "There are no more ticks.", topics.T_S),
     _message(
         Estimate, "What navigation software knows at the end of a tick; None is not sent.",
         vector("r_i", "m", "position of the IMU, inertial axes"),
@@ -231,6 +159,11 @@ OWN = (
         flag("do_not_use_attitude", "the attitude must not be used"),
     ),
 )  # fmt: skip
+
+Begin, Ready, Tick, Query, Pixels, Solve, Done, Failed, End = (
+    next(one.record for one in OWN if one.schema == name)
+    for name in ("Begin", "Ready", "Tick", "Query", "Pixels", "Solve", "Done", "Failed", "End")
+)
 
 
 def _codecs():
@@ -297,16 +230,6 @@ def estimate_received(sent):
     """own_navigation.Estimate of a messages.Estimate."""
     *known, position, velocity, attitude = sent
     return own_navigation.Estimate(*known, (not position, not velocity, not attitude))
-
-
-def context_to_send(context):
-    """messages.Context of a tracker.Context."""
-    return Context(*context)
-
-
-def context_received(sent):
-    """tracker.Context of a messages.Context."""
-    return tracker.Context(*sent)
 
 
 def pixels_of(frame):

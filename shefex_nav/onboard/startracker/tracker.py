@@ -50,10 +50,10 @@ class TrackerParams(NamedTuple):
 class Context(NamedTuple):
     """What the navigation knows at the time of the frame; NaN or None where it does not."""
 
-    velocity_i: np.ndarray | None  # (3,) m/s, of the vehicle relative to the solar-system barycentre
-    rate: float  # rad/s
-    sun_angle: float  # rad, boresight to the Sun
-    limb_angle: float  # rad, boresight to the Earth's limb
+    velocity_i: np.ndarray | None = None  # (3,) m/s, of the vehicle relative to the solar-system barycentre
+    rate: float = np.nan  # rad/s
+    sun_angle: float = np.nan  # rad, boresight to the Sun
+    limb_angle: float = np.nan  # rad, boresight to the Earth's limb
     q_ic: np.ndarray | None = None  # (4,) predicted attitude of the camera
     P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error in camera axes
     omega_c: np.ndarray | None = None  # (3,) rad/s, of the camera in its axes, mean of the exposure
@@ -64,7 +64,7 @@ class Context(NamedTuple):
     unsteady_variance: float = 0.0  # rad^2, of its error on each axis, the same for all stars
 
 
-NO_CONTEXT = Context(None, np.nan, np.nan, np.nan)
+NO_CONTEXT = Context()
 
 
 class Tracker(NamedTuple):
