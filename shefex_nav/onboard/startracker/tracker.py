@@ -1,6 +1,6 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> objects -> distortion taken out (`undistorted`) -> identify and verify -> ESOQ2 -> `StarFix`. What
+frame -> objects -> distortion taken out (`objects.ideal`) -> identify and verify -> ESOQ2 -> `StarFix`. What
 comes from the navigation, the `Context`, corrects aberration, says where to look for the stars first, how
 they move (`objects`), and names the reason of a failure. The attitude is that of the stars; a prediction
 that they contradict is forgotten, the frame is lost in space. It rests on the gyros too where the rate
@@ -21,7 +21,7 @@ import numpy as np
 
 from shefex_nav.geometry.distortion import corner_angles
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.onboard.startracker import best_attitude, denied, objects, single, undistorted
+from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -166,7 +166,7 @@ def step(tracker, state, frame, context):
     search = objects.SEARCHES.get(params.settings.detection.scan, objects.as_spots)
     for seen in search(params, tracker.pairs.stars, state.memory, frame, context):
         exposed = of_frame(tracker, frame, seen)
-        ideal = undistorted.ideal(params.camera, seen.detections)
+        ideal = objects.ideal(params.camera, seen.detections)
         found, reason, solution, stars = attitude_with_stars(exposed, ideal, context, seen.rate)
         if reason == Reason.NONE:
             break
@@ -250,12 +250,12 @@ def _given(tracker, misfits, frame, context, seen, result):
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
-        ideal = undistorted.ideal(params.camera, seen.detections)
+        ideal = objects.ideal(params.camera, seen.detections)
         found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
     reason = reason if reason == Reason.NONE else explain(params, reason, seen.statistics.mean_dn, context)
     shows_lens = seen.at_instant and not is_fast  # else residuals are those of motion that nobody knows
-    after = denied.after(misfits, reason) if shows_lens else misfits
-    if denied.is_denied(misfits):
+    after = best_attitude.after(misfits, reason) if shows_lens else misfits
+    if best_attitude.is_denied(misfits):
         stars = NO_STARS
         if reason == Reason.NONE:
             reason, solution = Reason.RESIDUALS, NO_SOLUTION
