@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.fields import matrix, number, vector
 from shefex_nav.geometry.distortion import corner_angles
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.onboard.startracker import best_attitude, objects, single
@@ -50,18 +51,19 @@ class TrackerParams(NamedTuple):
 class Context(NamedTuple):
     """What the navigation knows at the time of the frame; NaN or None where it does not."""
 
-    velocity_i: np.ndarray | None = None  # (3,) m/s, of the vehicle relative to the solar-system barycentre
-    rate: float = np.nan  # rad/s
-    sun_angle: float = np.nan  # rad, boresight to the Sun
-    limb_angle: float = np.nan  # rad, boresight to the Earth's limb
-    q_ic: np.ndarray | None = None  # (4,) predicted attitude of the camera
-    P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error in camera axes
-    omega_c: np.ndarray | None = None  # (3,) rad/s, of the camera in its axes, mean of the exposure
-    P_omega_c: np.ndarray | None = None  # (3, 3) (rad/s)^2, its covariance
-    unsteady_c: np.ndarray | None = (
-        None  # (m, 4), how the camera turned besides: table of `geometry.unsteady`
-    )
-    unsteady_variance: float = 0.0  # rad^2, of its error on each axis, the same for all stars
+    velocity_i: vector("m/s", "of the vehicle relative to the solar-system barycentre") = None
+    rate: number("rad/s", "of the body") = np.nan
+    sun_angle: number("rad", "boresight to the Sun") = np.nan
+    limb_angle: number("rad", "boresight to the Earth's limb") = np.nan
+    q_ic: vector("", "predicted attitude, camera to inertial axes", 4) = None
+    # covariance of its rotation-vector error in camera axes
+    P_c: matrix("rad^2", "of that, camera axes") = None
+    omega_c: vector("rad/s", "mean rate of the exposure, camera axes") = None
+    P_omega_c: matrix("", "of that [rad^2/s^2]") = None  # its covariance
+    # , how the camera turned besides: table of `geometry.unsteady`
+    unsteady_c: number("", "s from its instant; turn besides the mean rate [rad], x y z", (-1, 4)) = None
+    # of its error on each axis, the same for all stars
+    unsteady_variance: number("rad^2", "of the mean of that, each axis") = 0.0
 
 
 NO_CONTEXT = Context()
