@@ -21,13 +21,11 @@ import struct
 from dataclasses import asdict
 from functools import cache
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import NamedTuple, get_type_hints
 
 import numpy as np
 
-from shefex_nav.fields import T_S, Topic, data, fields_of, flag, integer, matrix, number, text, vector
-from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.fields import T_S, Topic, data, fields_of, flag, integer, matrix, text, vector
 from shefex_nav.instruments import TABLE
 from shefex_nav.log import topics, wire
 from shefex_nav.onboard import own_navigation, own_tracker
@@ -39,22 +37,10 @@ FORMAT = 1  # of these messages; another is refused
 HEAD = struct.Struct("<IB")
 
 
-class Start(NamedTuple):
-    """What software is told before the flight."""
-
-    format: integer("of these messages")
-    epoch_utc: text("ISO 8601, mission time 0")
-    start_s: number("s", "mission time at which it is switched on")
-    earth: EarthRotation
-    sun_i: vector("", "unit vector to the Sun, inertial axes")
-    earth_velocity_i: vector("m/s", "of the Earth relative to the solar-system barycentre")
-    camera: Pinhole
-    C_bc: matrix("", "nominal mounting, camera to body axes")
-    sigma_mounting: number("rad", "of that, each axis")
-    l_ba_b: vector("m", "IMU to GPS antenna, body axes")
-    sheets_json: text("data sheets of the sensors, SI")
-    settings_json: text("what the scenario gives under software.settings")
-    scenario: text("YAML text of all of it")
+JSON = {  # what of MissionData goes as a text
+    "sheets": text("data sheets of the sensors, SI"),
+    "settings": text("what the scenario gives under software.settings"),
+}
 
 
 class Estimate(NamedTuple):
@@ -82,7 +68,15 @@ def _message(record, comment, **fields):
 
 
 OWN = (
-    _message(Start, "What software is told before the flight."),
+    _message(
+        "Start",
+        "What software is told before the flight.",
+        format=integer("of these messages"),
+        **{
+            f"{name}_json" if name in JSON else name: JSON.get(name, hint)
+            for name, hint in get_type_hints(MissionData, include_extras=True).items()
+        },
+    ),
     _message("Begin", "All has been said that there is before the first tick.", t_s=T_S),
     _message("Ready", "The software has started.", gives_context=flag("it answers a Query")),
     _message("Tick", "All that belongs to a tick has been sent.", t_s=T_S, number=integer("from 1 on")),
@@ -112,9 +106,9 @@ OWN = (
     _message(Estimate, "What navigation software knows at the end of a tick; None is not sent."),
 )
 
-Begin, Ready, Tick, Query, Pixels, Solve, Done, Failed, End = (
+Start, Begin, Ready, Tick, Query, Pixels, Solve, Done, Failed, End = (
     next(one.record for one in OWN if one.schema == name)
-    for name in ("Begin", "Ready", "Tick", "Query", "Pixels", "Solve", "Done", "Failed", "End")
+    for name in ("Start", "Begin", "Ready", "Tick", "Query", "Pixels", "Solve", "Done", "Failed", "End")
 )
 
 
