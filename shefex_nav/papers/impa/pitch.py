@@ -51,7 +51,6 @@ WAYS = {
     "border as printed": Way(border=True),
     "clusters of the first frame": Way(first=True),
 }
-READ = WAYS["as read by us"]
 
 
 def moved(times, clusters, rows, shift_px, way):
