@@ -10,12 +10,62 @@ floors.
 
 import argparse
 import math
+from typing import NamedTuple
 
 import numpy as np
+
+from shefex_nav.settings import changed
+from shefex_nav.world import allan, imu
 
 G = 9.80665
 UNITS = {"gyro": ("deg/h", math.radians(1.0) / 3600.0), "accelerometer": ("µg", 1e-6 * G)}
 GRID = 30  # averaging times
+
+
+class Still(NamedTuple):
+    """A unit at rest, as `imu.measure` wants a trajectory; row 0 is before the first sample."""
+
+    t_s: np.ndarray  # (n + 1,)
+    burning: np.ndarray  # (n + 1,) 0: no stage
+    dtheta_b: np.ndarray  # (n + 1, 3) rad, zero
+    dv_b: np.ndarray  # (n + 1, 3) m/s, zero
+
+
+def at_rest(settings, n, dt_s, rng):
+    """What a unit reports in n samples of any length without motion, gravity and vibration.
+
+    settings : settings.Imu;  rng : Generator -> (n, 3) rad, (n, 3) m/s
+    """
+    calm = {"boost": (0.0,), "coast": 0.0, "angular": 0.0,
+            "lowest_frequency": 1e-6 / dt_s, "highest_frequency": 1.0 / dt_s}  # fmt: skip
+    settings = changed(settings, {f"vibration.{key}": value for key, value in calm.items()})
+    nothing = np.zeros((n + 1, 3))
+    still = Still(np.arange(n + 1) * dt_s, np.zeros(n + 1, dtype=int), nothing, nothing)
+    data = imu.measure(settings, still, rng)
+    return data.dtheta_b[1:], data.dv_b[1:]
+
+
+def measured(increments, dt_s, tau_s):
+    """Overlapping Allan deviation of a series.
+
+    Parameters
+    ----------
+    increments : (n, m) integrals of rate or specific force over samples of dt_s, a series a column
+    tau_s : averaging times, rounded to whole samples
+
+    Returns
+    -------
+    tau_s : (k,) s, as taken
+    deviation : (k, m)
+    """
+    phase = np.concatenate([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
+    counts = np.unique(np.maximum(1, np.rint(np.asarray(tau_s) / dt_s).astype(int)))
+    found = [
+        np.sqrt(0.5 * np.mean((phase[2 * k :] - 2.0 * phase[k:-k] + phase[: -2 * k]) ** 2, axis=0))
+        / (k * dt_s)
+        for k in counts
+    ]
+    return counts * dt_s, np.array(found)
 
 
 def drawn(name, times):
@@ -23,7 +73,6 @@ def drawn(name, times):
     from shefex_nav.scenario import instruments
     from shefex_nav.scenario.load import load, load_as
     from shefex_nav.scenario.of_settings import settings
-    from shefex_nav.world import allan
 
     file, _, _ = load_as(lambda provided: instruments.SECTIONS["imu",], instruments.files()[name])
     own, rng, found = settings(load("shefex2_andoya", [f"imu.use={name}"]).imu), np.random.default_rng(7), {}
@@ -31,8 +80,8 @@ def drawn(name, times):
         part = getattr(own, triad)
         _, at_s = allan.floor(part)
         longest_s, dt_s = min(1.5 * at_s, allan.PEAK * part.in_run_bias_time), at_s / 40.0
-        series = allan.at_rest(own, math.ceil(times * longest_s / dt_s), dt_s, rng)[column]
-        tau_s, each = allan.measured(series, dt_s, np.geomspace(dt_s, longest_s, GRID))
+        series = at_rest(own, math.ceil(times * longest_s / dt_s), dt_s, rng)[column]
+        tau_s, each = measured(series, dt_s, np.geomspace(dt_s, longest_s, GRID))
         found[triad] = tau_s, np.sqrt(np.mean(each**2, axis=1)), part, getattr(file.floor, triad)
     return found
 
@@ -40,7 +89,6 @@ def drawn(name, times):
 def main():
     """Print the table and draw the picture."""
     from shefex_nav.scenario import instruments
-    from shefex_nav.world import allan
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME")

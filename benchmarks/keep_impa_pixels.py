@@ -8,13 +8,39 @@ comes of choosing the reading on every second chunk and counting the published f
 the others.
 """
 
+import csv
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from shefex_nav import __version__
 from shefex_nav.papers import engine, keep, registry
 from shefex_nav.papers.impa import kept, moments, pixel_tables
+from shefex_nav.papers.verdict import Verdict
+
+DIGITS = 4  # of a kept figure
+
+
+def write(path, command, figures):
+    """Write a table. figures: moments.Figure"""
+    with Path(path).open("w", newline="") as file:
+        file.write(f"# {command}\n")
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(moments.Figure._fields)
+        for one in figures:
+            out.writerow([f"{value:.{DIGITS}g}" if isinstance(value, float) else value for value in one])
+
+
+def reached(table, of):
+    """How many published figures of a table each reading reproduces: {reading: int}. of: as `read` has it"""
+    mine = [one for one in of.values() if one.table == table]
+    return {
+        reading: sum(
+            moments.judged(one, "").verdict == Verdict.REPRODUCED for one in mine if one.reading == reading
+        )
+        for reading in kept.READINGS
+    }
 
 
 def main(folder, samples, seed):
@@ -27,7 +53,7 @@ def main(folder, samples, seed):
         raise SystemExit(f"{folder} does not hold all {len(sizes)} chunks of {samples} samples")
     command = f"shefex-nav reproduce {kept.RUN} --samples {samples} --seed {seed}"
     made_by = f"(shefex_nav {__version__}, code {store.head['code']})"
-    kept.write(kept.PATH, f"{command} {made_by}", pixel_tables.figures(results))
+    write(kept.PATH, f"{command} {made_by}", pixel_tables.figures(results))
     print(f"wrote {kept.PATH}")
     print("\n".join(halves(results)))
 
@@ -38,7 +64,7 @@ def halves(results):
     out = []
     for table in moments.TABLES:
         for chooses, judges in (parts, parts[::-1]):
-            there, here = kept.reached(table, chooses), kept.reached(table, judges)
+            there, here = reached(table, chooses), reached(table, judges)
             reading, counts = max(there, key=there.get), list(here.values())
             words = f"{there[reading]} where it was chosen, {here[reading]} on the other half"
             out.append(f"{table}: {reading}: {words} (best {max(counts)}, median {np.median(counts):g})")

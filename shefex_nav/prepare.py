@@ -18,7 +18,6 @@ from shefex_nav.scenario import (
     lens,
     load,
     params,
-    params_gps,
     params_onboard,
     plugged,
     software,
@@ -111,7 +110,7 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     scenario = settled(scenario, flight if brief else None)
     world = unmeasured(scenario, seed, flight)
     sensed = imu.sense(settings(scenario.imu), flight.trajectory, noise.generator(seed, "imu"), biases)
-    receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
+    receiver, start_s = params.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
     said = gps.received(receiver, seen, flight.events, start_s, *rngs)
@@ -148,7 +147,7 @@ def with_faults(scenario, healthy, *, keeps=False):
     keeps : whether the Healthy is to be used again; else its arrays are used up
     -> World
     """
-    world, sensed, receiver = healthy.world, healthy.sensed, params_gps.receiver(healthy.scenario)
+    world, sensed, receiver = healthy.world, healthy.sensed, params.receiver(healthy.scenario)
     flight, wrong, of_instruments = world.flight, settings(scenario.faults), aboard.wrong(scenario)
     if keeps:
         sensed = sensed._replace(dtheta_b=sensed.dtheta_b.copy(), dv_b=sensed.dv_b.copy())
@@ -170,7 +169,7 @@ def with_faults(scenario, healthy, *, keeps=False):
 
 def gps_sky(scenario, flight, with_ranges=True):
     """gps.Sky of a flight: `measure` of all runs of it needs no other. with_ranges : as of `gps.sky`"""
-    receiver, satellites = params_gps.receiver(scenario), constellation(scenario)
+    receiver, satellites = params.receiver(scenario), constellation(scenario)
     return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)
 
 
@@ -254,7 +253,7 @@ def constellation(scenario):
     """The GPS satellites of a scenario: those of its almanac, or the nominal ones. -> gnss.Constellation"""
     if scenario.gps.almanac is None:
         return gnss.nominal_24(scenario.mission.epoch)
-    return yuma.constellation(params_gps.almanac(scenario), scenario.mission.epoch)
+    return yuma.constellation(params.almanac(scenario), scenario.mission.epoch)
 
 
 def mission(scenario, seed, trajectory):

@@ -10,6 +10,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.fields import (
+    EQUAL,
+    Q_IB,
+    T_AVAILABLE,
+    T_S,
+    T_VALID,
+    flag,
+    integer,
+    matrix,
+    member,
+    number,
+    text,
+    vector,
+)
+
 
 class Phase(IntEnum):
     """Phase of the mission, as flown (truth)."""
@@ -51,76 +66,76 @@ class Trajectory(NamedTuple):
 class TruthSample(NamedTuple):
     """The truth at one tick of the on-board clock, for the log."""
 
-    t_s: float
-    phase: int  # Phase
-    r_i: np.ndarray  # (3,) m
-    v_i: np.ndarray  # (3,) m/s
-    q_ib: np.ndarray  # (4,)
-    omega_ib_b: np.ndarray  # (3,) rad/s
-    f_b: np.ndarray  # (3,) m/s^2
-    angle_of_attack: float  # rad, total: roll axis against the air-relative velocity
+    t_s: T_S
+    phase: member(Phase, "phase of the mission")
+    r_i: vector("m", "position of the IMU, inertial axes")
+    v_i: vector("m/s", "velocity, inertial axes")
+    q_ib: Q_IB
+    omega_ib_b: vector("rad/s", "rate of b against i, body axes")
+    f_b: vector("m/s^2", "specific force at the IMU, body axes")
+    angle_of_attack: number("rad", "total, roll axis against the air")
 
 
 class ControlSample(NamedTuple):
     """The attitude control as flown (truth) at one instant, for the log."""
 
-    t_s: float
-    pointing_error: np.ndarray  # (3,) rad, body axes: wanted attitude -> true one; NaN where none is wanted
-    torque_b: np.ndarray  # (3,) N m, of the valves
-    propellant_kg: float  # used since the start
+    t_s: T_S
+    pointing_error: vector("rad", "true against wanted attitude, body axes; NaN about axes left alone")
+    torque_b: vector("N m", "torque of the valves, body axes")
+    propellant_kg: number("kg", "gas used since the start")
 
 
 class Event(NamedTuple):
     """Something that happened in the mission."""
 
-    t_s: float
-    name: str  # lower case with underscores: lift_off, burn_out_1, apogee, entry, impact ...
-    altitude_m: float
-    detail: str  # for people; may be empty
+    t_s: T_S
+    name: text("what")  # lower case with underscores: lift_off, burn_out_1, apogee, entry, impact ...
+    altitude_m: number("m", "above the ellipsoid")
+    detail: text("for people; may be empty")
 
 
 class Alignment(NamedTuple):
     """Where the launch crew says the vehicle stands before lift-off; starts the navigation."""
 
-    t_valid_s: float
-    r_i: np.ndarray  # (3,) m, IMU
-    v_i: np.ndarray  # (3,) m/s
-    q_ib: np.ndarray  # (4,)
-    sigma_r: float  # m, each axis
-    sigma_v: float  # m/s, each axis
-    P_theta_b: np.ndarray  # (3, 3) rad^2, covariance of the attitude error in body axes
-    gyro_bias: np.ndarray = np.empty(0)  # (3,) rad/s, found while aligning; (0,) if it was not
-    sigma_gyro_bias: float = 0.0  # rad/s, of that, each axis
+    t_valid_s: T_VALID
+    r_i: vector("m", "position of the IMU, inertial axes")
+    v_i: vector("m/s", "velocity, inertial axes")
+    q_ib: Q_IB
+    sigma_r: number("m", "standard deviation of each axis")
+    sigma_v: number("m/s", "standard deviation of each axis")
+    P_theta_b: matrix("rad^2", "covariance of the attitude error, body axes")
+    gyro_bias: number("rad/s", "gyro bias found while aligning, if any", (-1,)) = np.empty(0)
+    sigma_gyro_bias: number("rad/s", "its standard deviation, each axis") = 0.0
 
 
 class ImuBlock(NamedTuple):
     """The IMU samples of one tick, oldest first, the last ends at the tick: four at 400 Hz and 100 Hz."""
 
-    t_valid_s: float  # end of the last sample
-    t_available_s: float  # at which the computer has it
-    dt_s: float  # duration of one sample
-    dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
-    dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
-    saturated: bool  # a sample of this block reached the range of its sensor
-    valid: bool = True  # False: the unit did not answer, its increments (NaN in a flight) mean nothing
+    t_valid_s: number("s", "mission time at the end of the last sample")
+    t_available_s: T_AVAILABLE
+    dt_s: number("s", "duration of one sample")
+    dtheta_b: number("rad", "integrated rate, body axes, n x 3, oldest sample first", (EQUAL, 3))
+    dv_b: number("m/s", "integrated specific force, body axes, likewise", (EQUAL, 3))
+    saturated: flag("a sample reached the range of its sensor")
+    valid: flag("false: the unit did not answer, the samples are NaN") = True
 
 
 class GpsFix(NamedTuple):
     """Position and velocity of the GPS antenna a; valid is False while there is no solution."""
 
-    t_valid_s: float  # mission time of the instant measured
-    t_available_s: float  # at which the computer has it
-    valid: bool  # whether there is a solution
-    r_ea_e: np.ndarray  # (3,) m, place of the antenna, Earth-fixed axes e
-    v_ea_e: np.ndarray  # (3,) m/s, its velocity relative to the Earth, axes e; NaN: the receiver gives none
-    R_r_e: np.ndarray  # (3, 3) m^2, covariance as the receiver reports it
-    R_v_e: np.ndarray  # (3, 3) m^2/s^2
-    n_satellites: int  # used in the fix
-    pdop: float  # position dilution of precision
-    reason: str  # why there is no fix; empty when valid
+    t_valid_s: T_VALID
+    t_available_s: T_AVAILABLE
+    valid: flag("false while there is no solution")
+    r_ea_e: vector("m", "position, Earth-fixed axes")
+    v_ea_e: vector("m/s", "velocity relative to the Earth, Earth-fixed axes; NaN: none is given")
+    R_r_e: matrix("m^2", "covariance as the receiver reports it")
+    R_v_e: matrix("m^2/s^2", "covariance of the velocity")
+    n_satellites: integer("satellites used")
+    pdop: number("", "dilution of precision, position")
+    reason: text("why there is no fix; empty when valid")
     # latitude and longitude alone: r_ea_e lies at any height above the place or below it, R_r_e has no part
     # along the vertical there, and of the velocity nothing is known
-    horizontal: bool = False
+    horizontal: flag("latitude and longitude alone: the height of r_ea_e means nothing") = False
 
 
 class GpsRanges(NamedTuple):
@@ -131,52 +146,52 @@ class GpsRanges(NamedTuple):
     model of the troposphere, have been taken out. A range rate is its change in time, likewise.
     """
 
-    t_valid_s: float
-    t_available_s: float
-    prn: np.ndarray  # (n,) int, ascending; of an almanac, or slots 1 to 24 of the nominal constellation
-    pseudorange: np.ndarray  # (n,) m
-    range_rate: np.ndarray  # (n,) m/s, positive as the distance grows
-    r_es_e: np.ndarray  # (n, 3) m, satellite at transmission as broadcast, in the axes e of t_valid_s
-    v_es_e: np.ndarray  # (n, 3) m/s, its velocity relative to these axes, which turn with the Earth
-    sigma_range: np.ndarray  # (n,) m, noise of the channel as the receiver reports it; white in time
-    sigma_range_rate: np.ndarray  # (n,) m/s
-    reason: str = ""  # why no satellite is tracked; empty otherwise
+    t_valid_s: T_VALID
+    t_available_s: T_AVAILABLE
+    prn: integer("ascending, of an almanac, or slots 1 to 24 of the nominal constellation", (-1,))
+    pseudorange: number("m", "with the bias of the receiver's clock", (-1,))
+    range_rate: number("m/s", "with the drift of the receiver's clock, positive as the distance grows", (-1,))
+    r_es_e: number("m", "satellite at transmission, Earth-fixed axes of t_valid_s, n x 3 row by row", (-1, 3))
+    v_es_e: number("m/s", "velocity relative to these axes, which turn with the Earth, n x 3", (-1, 3))
+    sigma_range: number("m", "noise of the pseudorange as reported, standard deviation; white in time", (-1,))
+    sigma_range_rate: number("m/s", "noise of the range rate", (-1,))
+    reason: text("why no satellite is tracked") = ""
 
 
 class CameraCommand(NamedTuple):
     """What the star tracker asks of the camera for the next frame."""
 
-    t_s: float
-    exposure_s: float
-    gain_db: float
+    t_s: T_S
+    exposure_s: number("s", "")
+    gain_db: number("dB", "")
 
 
 class Frame(NamedTuple):
     """One picture of the star camera."""
 
-    number: int
-    t_start_s: float  # shutter opens, over the first row
-    t_valid_s: float  # middle of the exposure of the middle row
-    t_available_s: float  # read out and in the computer's memory
-    exposure_s: float  # of every row
-    gain_db: float
+    number: integer("of the frame")
+    t_start_s: number("s", "mission time at which the shutter opens, over the first row")
+    t_valid_s: T_VALID  # middle of the exposure of the middle row
+    t_available_s: T_AVAILABLE  # read out and in the computer's memory
+    exposure_s: number("s", "")  # of every row
+    gain_db: number("dB", "")
     image_dn: np.ndarray  # (rows, columns) uint8, or uint16 of a detector with more bits
-    line_s: float = 0.0  # from the start of one row to the next; 0: global shutter
-    bits: int = 8  # of a grey value: it is at most 2^bits - 1
+    line_s: number("s", "from the start of one row to that of the next, 0 = global shutter") = 0.0
+    bits: integer("of a grey value, which is at most 2^bits - 1") = 8
 
 
 class FrameTruth(NamedTuple):
     """What the camera really looked at, for scoring and the log; never seen on board."""
 
-    number: int
-    t_valid_s: float
-    q_ic: np.ndarray  # (4,) true attitude of the camera at t_valid_s, mounting error included
-    rate: float  # rad/s, largest true body rate during the exposure
-    sun_angle: float  # rad, boresight to the Sun
-    limb_angle: float  # rad, boresight to the Earth's limb, positive above it
-    exclusion_met: bool  # both angles outside their exclusion
-    hip: np.ndarray  # (n,) Hipparcos numbers of the brightest catalogue stars on the detector
-    xy_px: np.ndarray  # (n, 2) where they are at t_valid_s
+    number: integer("of the frame")
+    t_valid_s: T_VALID
+    q_ic: vector("", "true attitude, camera to inertial axes, mounting error included", 4, name="q_ic_wxyz")
+    rate: number("rad/s", "largest body rate during the exposure")
+    sun_angle: number("rad", "boresight to the Sun")
+    limb_angle: number("rad", "boresight to the Earth's limb, positive above")
+    exclusion_met: flag("both angles outside their exclusion")
+    hip: integer("Hipparcos numbers of the brightest stars on the detector", (-1,))
+    xy_px: number("px", "where they are at t_valid_s, x and y in turn", (-1, 2))
 
 
 class Reason(IntEnum):
@@ -208,11 +223,11 @@ class Scan(IntEnum):
 class Detections(NamedTuple):
     """Objects found in one frame, brightest first."""
 
-    xy_px: np.ndarray  # (n, 2) where they are at the frame's t_valid_s
-    flux_dn: np.ndarray  # (n,) light in grey values above the background
-    n_pixels: np.ndarray  # (n,) int, above the growth threshold
-    n_saturated: np.ndarray  # (n,) int, saturated pixels
-    P_px: np.ndarray  # (n, 2, 2) covariance of the centroid [px^2], of the noise alone
+    xy_px: number("px", "centroids at t_valid_s, x and y in turn", (-1, 2))
+    flux_dn: number("", "grey values above the background, summed", (-1,))
+    n_pixels: integer("pixels of each detection, above the growth threshold", (-1,))
+    n_saturated: integer("saturated pixels of each detection", (-1,))
+    P_px: number("px^2", "covariance of each centroid, of the noise alone", (-1, 2, 2), name="P_px2")
 
 
 class StarVectors(NamedTuple):
@@ -222,13 +237,15 @@ class StarVectors(NamedTuple):
     two that a prediction leaves no doubt about, if the navigation asks for them.
     """
 
-    hip: np.ndarray  # (m,) Hipparcos numbers
-    u_c: np.ndarray  # (m, 3) where the nominal camera sees them at t_valid_s, unit vectors
-    P_u: np.ndarray  # (m, 2, 2) rad^2, covariance of u_c along `pinhole.cross_axes`, of each star by itself
-    u_i: np.ndarray  # (m, 3) where the moving vehicle sees them: proper motion and aberration are in it
-    t_seen_s: np.ndarray  # (m,) s after t_valid_s, when the light was collected; a rate has carried it over
-    P_omega_c: np.ndarray  # (3, 3) (rad/s)^2, covariance of that rate, whose error all stars share
-    sigma_focal: float = 0.0  # relative error of the focal length, which they share as well
+    hip: integer("Hipparcos numbers of the m stars that may be used by themselves", (-1,), name="star_hip")
+    u_c: number("", "where the nominal camera sees them, unit vectors, m x 3", (-1, 3), name="star_u_c")
+    # of each by itself, along `pinhole.cross_axes`: e1 (camera x, made across the star), e2 = u x e1
+    P_u: number("rad^2", "covariance of each along e1 and e2", (-1, 2, 2), name="star_P_u_rad2")
+    u_i: number("", "where the moving vehicle sees them, inertial axes", (-1, 3), name="star_u_i")
+    t_seen_s: number("s", "when the light was collected, from t_valid_s", (-1,), name="star_t_seen_s")
+    # of the rate that carried them to t_valid_s, whose error all share
+    P_omega_c: matrix("rad^2/s^2", "covariance of that rate, camera axes", name="star_P_omega_c")
+    sigma_focal: number("", "relative error of the focal length", name="star_sigma_focal") = 0.0
 
 
 NO_STARS = StarVectors(
@@ -240,47 +257,46 @@ NO_STARS = StarVectors(
 class StarFix(NamedTuple):
     """Result of the star tracker chain for one frame, solved or not."""
 
-    number: int  # of the frame
-    t_valid_s: float
-    t_available_s: float
-    reason: int  # Reason; NONE = attitude is good
-    q_ic: np.ndarray  # (4,) attitude of the camera; NaN without a fix
-    P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes, without what
-    # is constant in a run (principal point); NaN likewise
+    number: integer("of the frame")
+    t_valid_s: T_VALID
+    t_available_s: T_AVAILABLE
+    reason: member(Reason, "why there is no attitude, NONE when there is")
+    q_ic: vector("", "attitude, camera to inertial axes, scalar first; NaN without fix", 4, name="q_ic_wxyz")
+    P_c: matrix("rad^2", "covariance of the rotation-vector error but for what is constant, camera axes")
     detections: Detections
-    hip: np.ndarray  # (n,) Hipparcos number of each detection, 0 where unidentified
-    residual_px: float  # RMS of identified stars against the attitude, NaN without a fix
-    background_dn: float  # mean grey value of the frame
-    exposure_s: float
-    flag_saturated: bool
-    flag_no_stars: bool
-    scan: int = int(Scan.UNKNOWN)  # Scan
+    hip: integer("Hipparcos number of each detection, 0 = unidentified", (-1,))
+    residual_px: number("px", "RMS of the identified stars against the attitude, NaN without fix")
+    background_dn: number("", "mean grey value")
+    exposure_s: number("s", "")
+    flag_saturated: flag("picture too bright")
+    flag_no_stars: flag("fewer objects than an identification needs")
+    scan: member(Scan, "how the objects were searched") = int(Scan.UNKNOWN)
     stars: StarVectors = NO_STARS
-    # whether the attitude is that of t_valid_s also where the rate changes; else the mean of the exposure
-    straight: bool = False
+    # where the rate changes; else the mean of the exposure
+    straight: flag("the attitude is that of t_valid_s also where the rate changes") = False
 
 
 class GateResult(NamedTuple):
     """Fate of one measurement in the navigation filter."""
 
-    t_s: float  # when it was processed
-    t_valid_s: float
-    sensor: str  # 'gps_position', 'gps_velocity', 'star_tracker', 'star_vectors' ...
-    dof: int
-    nis: float  # normalised innovation squared
-    limit: float  # accepted below it
-    accepted: bool
-    note: str  # '', 'rejected', 'reset after timeout', 'attitude reset' ...
-    innovation: np.ndarray  # (dof,)
+    t_s: number("s", "mission time at which it was processed")
+    t_valid_s: T_VALID
+    sensor: text("gps_position, gps_velocity, star_tracker, star_vectors ...")
+    dof: integer("degrees of freedom")
+    nis: number("", "normalised innovation squared")
+    limit: number("", "accepted below it")
+    accepted: flag("used by the filter")
+    note: text("what else happened")  # '', 'rejected', 'reset after timeout', 'attitude reset' ...
+    innovation: number("", "GPS: [m] or [m/s]; stars: [rad]", (-1,))
 
 
 class NavHealth(NamedTuple):
     """Change in what the navigation thinks of a sensor, or of an axis of one."""
 
-    t_s: float  # when it was noticed
-    source: str  # 'gyro x', 'accelerometer z', 'imu', 'gps', 'gps_position', 'star_tracker' ...
-    healthy: bool
-    reason: str  # why not; empty when healthy again
+    t_s: T_S  # when it was noticed
+    source: text("sensor, or axis of one: gyro x, accelerometer z, imu, gps, gps_position ...")
+    healthy: flag("whether it is used again")
+    reason: text("why it is not")
 
 
 class Doubt(IntEnum):
@@ -293,37 +309,40 @@ class Doubt(IntEnum):
     SOFTWARE = 4  # navigation software of a user's own says so
 
 
+UNKNOWN = np.full(3, np.nan)  # protection level
+
+
 class NavSolution(NamedTuple):
     """What the canard controller gets, 100 times a second."""
 
-    t_s: float
-    r_i: np.ndarray  # (3,) m, IMU
-    v_i: np.ndarray  # (3,) m/s
-    q_ib: np.ndarray  # (4,)
-    omega_ib_b: np.ndarray  # (3,) rad/s, corrected for the estimated gyro errors
-    r_e: np.ndarray  # (3,) m
-    v_e: np.ndarray  # (3,) m/s, relative to the rotating Earth
-    flight_path_angle: float  # rad, of v_e above the local horizontal
-    heading: float  # rad, of v_e, from north over east
-    angle_of_attack: float  # rad, atan2(v_z, v_x) of the air-relative velocity in b, no wind
-    sideslip: float  # rad, asin(v_y / |v|)
-    sigma_r_e: np.ndarray  # (3,) m
-    sigma_v_e: np.ndarray  # (3,) m/s
-    sigma_theta_b: np.ndarray  # (3,) rad
-    sigma_omega_b: np.ndarray  # (3,) rad/s
-    sigma_flight_path_angle: float  # rad
-    sigma_angle_of_attack: float  # rad
-    sigma_sideslip: float  # rad
-    star_aided: bool  # a star fix has been used since the start
-    protection_position: np.ndarray = np.full(2, np.nan)  # (2,) m, protection level, horizontal and vertical
-    protection_velocity: np.ndarray = np.full(2, np.nan)  # (2,) m/s, against the Earth, likewise
-    protection_attitude: np.ndarray = np.full(3, np.nan)  # (3,) rad, about the body axes
-    do_not_use_position: bool = False
-    do_not_use_velocity: bool = False
-    do_not_use_attitude: bool = False
-    doubt_position: int = int(Doubt.NONE)  # Doubt, why not
-    doubt_velocity: int = int(Doubt.NONE)
-    doubt_attitude: int = int(Doubt.NONE)
+    t_s: T_S
+    r_i: vector("m", "position of the IMU, inertial axes")
+    v_i: vector("m/s", "velocity, inertial axes")
+    q_ib: Q_IB
+    omega_ib_b: vector("rad/s", "rate, corrected for the estimated gyro errors, body axes")
+    r_e: vector("m", "position, Earth-fixed axes")
+    v_e: vector("m/s", "velocity relative to the Earth, Earth-fixed axes")
+    flight_path_angle: number("rad", "of v_e above the horizontal")
+    heading: number("rad", "of v_e, from north over east")
+    angle_of_attack: number("", "[rad], atan2(v_z, v_x) in axes b, no wind", name="angle_of_attack_rad")
+    sideslip: number("", "[rad], asin(v_y / |v|) likewise", name="sideslip_rad")
+    sigma_r_e: vector("m", "standard deviations of r_e")
+    sigma_v_e: vector("m/s", "standard deviations of v_e")
+    sigma_theta_b: vector("rad", "standard deviations of the attitude, body axes")
+    sigma_omega_b: vector("rad/s", "standard deviations of the rate")
+    sigma_flight_path_angle: number("rad", "standard deviation")
+    sigma_angle_of_attack: number("rad", "standard deviation")
+    sigma_sideslip: number("rad", "standard deviation")
+    star_aided: flag("a star fix has been used since the start")
+    protection_position: vector("m", "protection level, horizontal and vertical", 2) = UNKNOWN[:2]
+    protection_velocity: vector("m/s", "protection level of v_e, horizontal and vertical", 2) = UNKNOWN[:2]
+    protection_attitude: vector("rad", "protection level of the attitude, body axes") = UNKNOWN
+    do_not_use_position: flag("the position must not be used") = False
+    do_not_use_velocity: flag("the velocity must not be used") = False
+    do_not_use_attitude: flag("the attitude must not be used") = False
+    doubt_position: member(Doubt, "why not") = int(Doubt.NONE)
+    doubt_velocity: member(Doubt, "why not") = int(Doubt.NONE)
+    doubt_attitude: member(Doubt, "why not") = int(Doubt.NONE)
 
 
 class Protected(NamedTuple):
@@ -350,16 +369,16 @@ class NavCovariance(NamedTuple):
     Of a block that is not estimated the sigma is NaN.
     """
 
-    t_s: float
-    P: np.ndarray  # (9, 9) order: position i [m], velocity i [m/s], attitude b [rad]
-    gyro_bias: np.ndarray  # (3,) rad/s
-    accel_bias: np.ndarray  # (3,) m/s^2
-    gyro_roll_column: np.ndarray  # (3,) errors on x, y, z per unit of roll rate: scale factor, misalignments
-    mounting: np.ndarray  # (3,) rad, rotation of the star camera against its nominal mounting, body axes
-    sigma: np.ndarray  # (12,) standard deviations of the four above, in that order
-    states: str = ""  # optional blocks of the filter, in order, separated by blanks
-    estimates: np.ndarray = np.empty(0)  # (k,) of those blocks, units of onboard.navigation.state.OPTIONAL
-    sigmas: np.ndarray = np.empty(0)  # (k,) standard deviations
+    t_s: T_S
+    P: matrix("", "position i [m], velocity i [m/s], attitude b [rad]", 9)
+    gyro_bias: vector("rad/s", "estimated, body axes")
+    accel_bias: vector("m/s^2", "estimated, body axes")
+    gyro_roll_column: vector("", "scale factor error and misalignments: on x, y, z per unit of roll rate")
+    mounting: vector("rad", "estimated rotation of the camera against its nominal mounting, body axes")
+    sigma: vector("", "standard deviations of the four above, in that order; NaN: no state", 12)
+    states: text("optional blocks of the filter, in order, separated by blanks") = ""
+    estimates: number("", "of those blocks, in the units of these", (-1,)) = np.empty(0)
+    sigmas: number("", "standard deviations of those", (-1,)) = np.empty(0)
 
 
 class ComputeTime(NamedTuple):

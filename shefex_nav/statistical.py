@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
-from shefex_nav.onboard.startracker import objects, undistorted
+from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.background import FrameStatistics
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED
@@ -112,7 +112,7 @@ class Statistical:
             full_dn = 2.0**frame.bits - 1.0
             sighting = sightings.Sighting(sightings.NOTHING, np.zeros(0, dtype=np.int64), full_dn)
         found, least, wrong = self._identification(tracker, sighting, frame, context)
-        ideal = undistorted.ideal(tracker.params.camera, sighting.detections)
+        ideal = objects.ideal(tracker.params.camera, sighting.detections)
         result = star_tracker.identified(tracker, ideal, context, found, least)
         if result[1] == Reason.NONE and self.rng.random() < wrong:
             result = self._misled(*result)

@@ -1,4 +1,4 @@
-"""Fields of named tuples, with what the comment behind each says of it, as a list below the class."""
+"""Fields of named tuples, with what annotation and comment say of each, as a list below the class."""
 
 import ast
 import io
@@ -30,14 +30,23 @@ def comments(path):
 
 
 def described(node, known):
-    """{field: default and comments of it}, a comment behind a field or on the lines before it."""
+    """{field: annotation, comments and default of it}, a comment behind it or on the lines before it."""
     found, before = {}, node.lineno
     for one in node.body:
         if isinstance(one, ast.AnnAssign):
             above = " ".join(known[k] for k in range(before + 1, one.lineno) if k in known)
             behind = [known[k] for k in range(one.lineno, one.end_lineno + 1) if k in known]
             default = [] if one.value is None else [f"default {ast.unparse(one.value)}"]
-            words = "; ".join(filter(None, [above, *behind, *default]))
+            words = "; ".join(filter(None, [annotated(one.annotation), above, *behind, *default]))
             found[one.target.id] = words or ast.unparse(one.annotation)
         before = one.end_lineno
     return found
+
+
+def annotated(annotation):
+    """What an annotation of `shefex_nav.fields` says: of `vector("m", "place")` it is 'place [m]'."""
+    if not isinstance(annotation, ast.Call):
+        return ""
+    texts = [one.value for one in annotation.args if isinstance(getattr(one, "value", None), str)]
+    unit = f"[{texts[0]}]" if len(texts) > 1 and texts[0] else ""
+    return f"{texts[-1]} {unit}".strip() if texts else ""

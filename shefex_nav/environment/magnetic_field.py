@@ -72,20 +72,6 @@ def years_outside(year):
     return float(max(FIRST_YEAR - year, year - LAST_YEAR, 0.0))
 
 
-def extrapolation(year):
-    """What a user is to be told of the field at a decimal year, one sentence; None between 2010 and 2030."""
-    outside = years_outside(year)
-    if not outside:
-        return None
-    models = _models()
-    name = models[min(models) if year < FIRST_YEAR else max(models)][0]
-    sigma = max(sigma_n(year)) / NANOTESLA
-    return (
-        f"the magnetic field is that of {name}, carried {outside:.1f} years outside its time by its rates: "
-        f"{sigma:.0f} nT (1 sigma)"
-    )
-
-
 def sigma_n(year):
     """1 sigma of the model's north, east and down component near the ground at a decimal year: (3,) T."""
     return np.hypot(np.array(SIGMA_N), np.array(SIGMA_CARRIED_N) * years_outside(year))

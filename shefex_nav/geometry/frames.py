@@ -10,16 +10,19 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.fields import matrix, number
 from shefex_nav.geometry.rotation import cross, rows
 
 
 class EarthRotation(NamedTuple):
     """Orientation of the Earth at t = 0 and its rate."""
 
-    C_iq: np.ndarray  # (3, 3) celestial intermediate frame q -> GCRS, frozen
-    C_re: np.ndarray  # (3, 3) ITRS -> terrestrial intermediate frame r (polar motion), frozen
-    angle_0: float  # rad, Earth rotation angle at t = 0
-    rate: float  # rad/s
+    # celestial intermediate frame q -> GCRS, frozen
+    C_iq: matrix("", "celestial intermediate frame to inertial axes")
+    # ITRS -> terrestrial intermediate frame r (polar motion), frozen
+    C_re: matrix("", "Earth-fixed axes to terrestrial intermediate frame")
+    angle_0: number("rad", "Earth rotation angle at t = 0", name="earth_angle_0_rad")
+    rate: number("rad/s", "rotation rate of the Earth", name="earth_rate_rad_s")
 
 
 @kernel

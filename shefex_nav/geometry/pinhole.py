@@ -9,16 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.fields import integer, number
 
 
 class Pinhole(NamedTuple):
     """Intrinsic camera model."""
 
-    width_px: int
-    height_px: int
-    focal_length_px: float
-    cx_px: float  # principal point
-    cy_px: float
+    width_px: integer("detector [px]")
+    height_px: integer("detector [px]")
+    focal_length_px: number("px", "nominal")
+    cx_px: number("px", "principal point")
+    cy_px: number("px", "principal point")
 
 
 def pinhole(width_px, height_px, focal_length_px, principal_point=None):

@@ -20,8 +20,3 @@ def outer_states():
 def state_sizes():
     """{name: number of errors} of these."""
     return {block.name: block.size for block in outer_states()}
-
-
-def of_record(record):
-    """Instrument with readings of a type; None: it is of none."""
-    return next((one for one in TABLE.values() if one.record is record), None)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
+from shefex_nav.fields import Column as Column  # for descriptions of instruments
 from shefex_nav.onboard.navigation.settings import Release as Release  # of those that are believed after all
 from shefex_nav.settings import Settings, quantity, switch
 from shefex_nav.world.fault_settings import Fault as Fault  # base of the settings of a fault of its own
@@ -67,14 +68,6 @@ class Equation(NamedTuple):
     read: Callable  # Place, {name of an error: (size,)} -> (m,) as sensed, without white noise
     R: np.ndarray  # (m, m) of the white noise, and of the counts
     holds: Callable | None = None  # reading -> whether it measures anything; None: it always does
-
-
-class Column(NamedTuple):
-    """What a field of a record holds, for the log: `Annotated[float, Column("Pa", "as measured")]`."""
-
-    unit: str  # SI; "" of what has none
-    help: str
-    shape: tuple = ()  # of an array
 
 
 class FaultKind(NamedTuple):

@@ -1,6 +1,6 @@
 """The log of a mission: one MCAP file, written from columns and records, read as arrays.
 
-fields, topics    which record goes where, and the fields of its message
+topics            which record goes where; `shefex_nav.fields`: and with which fields
 steady            what a flight tells at every tick, as columns, and the order of all records
 thinning          a lower rate
 wire              records and columns to messages and back

@@ -14,7 +14,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from shefex_nav.log.fields import EQUAL, Field
+from shefex_nav.fields import EQUAL, Field
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import row, rows
 

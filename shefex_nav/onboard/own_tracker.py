@@ -4,6 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from shefex_nav.fields import integer, matrix, member, number, vector
 from shefex_nav.onboard import own_conventions
 from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
@@ -15,17 +16,18 @@ MOST_DB = 60.0  # gain of the camera
 class Solved(NamedTuple):
     """What came out of one frame, with an attitude or without."""
 
-    q_ic: np.ndarray | None = (
-        None  # (4,) camera to inertial axes at t_valid_s of the frame; None: no attitude
-    )
-    P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error, camera axes
-    reason: int = int(Reason.NO_MATCH)  # Reason, why there is no attitude
-    exposure_s: float | None = None  # of the next frame; None: as before
-    gain_db: float | None = None  # likewise
-    xy_px: np.ndarray = np.empty((0, 2))  # (n, 2) objects found, at t_valid_s
-    flux_dn: np.ndarray = np.empty(0)  # (n,) light above the background
-    hip: np.ndarray | None = None  # (n,) Hipparcos numbers, 0 where unidentified
-    number: int | None = None  # of the frame; a star tracker need not say it, a whole computer must
+    # camera to inertial axes at t_valid_s of the frame; None: no attitude
+    q_ic: vector("", "attitude, camera to inertial axes, at the middle of the exposure", 4) = None
+    P_c: matrix("rad^2", "covariance of its error, a rotation vector in camera axes") = None
+    reason: member(Reason, "why there is no attitude") = int(Reason.NO_MATCH)
+    exposure_s: number("s", "of the next picture") = None  # of the next frame; None: as before
+    gain_db: number("dB", "of the next picture") = None  # likewise
+    # objects found, at t_valid_s
+    xy_px: number("px", "objects found, x, y of each", (-1, 2)) = np.empty((0, 2))
+    flux_dn: number("DN", "their light above the background", (-1,)) = np.empty(0)
+    hip: integer("their Hipparcos numbers, 0 where unidentified", (-1,)) = None
+    # of the frame; a star tracker need not say it, a whole computer must
+    number: integer("of the picture; a computer says it") = None
 
 
 class StarTracker(Protocol):

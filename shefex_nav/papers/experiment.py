@@ -28,7 +28,6 @@ class Row(NamedTuple):
 class Experiment(NamedTuple):
     """One experiment of a paper."""
 
-    title: str  # one line, with the paper's table, figure or section
     samples: int  # as in the paper
     unit: str  # what a sample is, e.g. 'attitudes'
     chunk: int  # samples a worker draws at a time
@@ -40,4 +39,5 @@ class Experiment(NamedTuple):
     timed: bool = False  # measures time: one process, nothing beside it
     designed: bool = False  # sample number k is laid down: measure(samples, seed, number of the first)
     kept: tuple = ()  # modules or folders of `papers` that make the results; empty: they cannot be kept
+    title: str = ""  # one line, with the paper's table, figure or section: that of the registry
     brief: int | None = None  # samples where the experiment is one of all; None: as many as alone

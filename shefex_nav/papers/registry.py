@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-# name -> (module of this package, what it is about in a line)
+# name -> (module of this package, title: what it is about in a line)
 EXPERIMENTS = {
     "shefex-scan": ("shefex2.experiments", "SHEFEX 3.2: sequential scan against maximum search"),
     "shefex-catalogue": ("shefex2.experiments", "SHEFEX 3.3, figures 4 and 5: the star catalogue that flies"),
@@ -46,5 +46,5 @@ def listing():
 
 def load(name):
     """The experiment of a name: Experiment. KeyError if there is none."""
-    module, _ = EXPERIMENTS[name]
-    return import_module(f"shefex_nav.papers.{module}").EXPERIMENTS[name]
+    module, title = EXPERIMENTS[name]
+    return import_module(f"shefex_nav.papers.{module}").EXPERIMENTS[name]._replace(title=title)

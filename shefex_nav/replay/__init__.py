@@ -4,10 +4,10 @@ rerun                            a log of ours
 schema*, load, params            how data of others are described
 csv_folder, kf_gins, navego      their formats, read to a `dataset`
 matlab_file, matlab_child        Matlab files, and the process that reads them
-plausible, repeats, clocks, pressure, air    what such data are checked for, and their air
-align*, settle                   the start; a heading that is not known
+plausible, repeats, clocks       what such data are checked for
+align*, external                 the start, also of a heading that is not known
 external, replayed               a run over them, from beginning to end
-reference, compare, said         against a reference; in words
+reference, said                  against a reference; in words
 smooth, final_pass, relinear, smoother       smoothing: the filter's run, forward, backward
 smoothed_log, smoothed_table     what a smoothed flight leaves
 """

@@ -7,13 +7,14 @@ import numpy as np
 
 from shefex_nav import __version__
 from shefex_nav.clock import SAME_S
-from shefex_nav.environment import ephemeris
+from shefex_nav.environment import atmosphere, ephemeris
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.onboard.navigator import Navigator
-from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
+from shefex_nav.records import Alignment, Event, GpsFix, ImuBlock, Phase, StarFix, TruthSample, row
 from shefex_nav.replay import (
     align,
     clocks,
@@ -22,11 +23,9 @@ from shefex_nav.replay import (
     own,
     params,
     plausible,
-    pressure,
     reference,
     repeats,
     said,
-    settle,
 )
 from shefex_nav.scenario import plugged, software
 from shefex_nav.scenario.data_table import DataError
@@ -56,7 +55,7 @@ class Clock:
 def prepare(scenario, files):
     """Replay of a ReplayScenario and the paths of its files; DataError where the data do not allow it."""
     data = dataset.read(scenario, files)
-    pressure.check(scenario, data)
+    check(scenario, data)
     data, common = clocks.made_one(scenario, data)
     oddities = plausible.check(scenario, data)
     gyro_unit.check(scenario, data)
@@ -72,7 +71,7 @@ def prepare(scenario, files):
         return imu_blocks(data.imu, n, start_s, scenario.mission.end)
 
     alignment = align.align(scenario, data, earth)
-    alignment, since_s = settle.settle(scenario, data, alignment, earth, blocks_from)
+    alignment, since_s = settle(scenario, data, alignment, earth, blocks_from)
     blocks = blocks_from(alignment.t_valid_s)
     if not len(blocks.t_valid_s):
         raise DataError(f"{files['imu']}: {_too_short(scenario, data.imu.t_s, alignment.t_valid_s)}")
@@ -196,3 +195,117 @@ def warm_up(replay):
     scenario = software.with_built_in(replay.scenario)  # software of a user's own flies once, not here
     for _ in run(replay._replace(scenario=scenario, blocks=brief, data=data), Clock()):
         pass
+
+
+# ----------------------------------------------------------------------------------------------------------
+# Whether a barometer says what the air weighs where the vehicle starts: units that are wrong are told.
+#
+# The pressure at a height differs from that of the standard atmosphere by a few percent, with the weather; a
+# wrong unit changes it by a factor of seven and more.
+
+
+WEATHER = 0.12  # [E] share by which the pressure may differ: 1000 m of wrong height, or a record low
+FIRST = 20  # readings
+UNITS = {"Pa": 1.0, "hPa or mbar": 100.0, "kPa": 1000.0, "mmHg": 133.322, "psi": 6894.76, "bar": 1e5}
+
+
+def check(scenario, data):
+    """DataError if the first readings cannot be pressures of the air at the first fix, in the unit said."""
+    fixes = [fix for fix in data.fixes if fix.valid]
+    pressures = data.readings.get("barometer", ())
+    if not pressures or not fixes:
+        return
+    pressure = float(np.median([one.pressure for one in pressures[:FIRST]]))
+    height = wgs84.geodetic_from_ecef(fixes[0].r_ea_e)[2]
+    standard = float(atmosphere.us76(height)[1])
+    if abs(pressure / standard - 1.0) < WEATHER:
+        return
+    columns = scenario.data.barometer
+    said = columns.pressure_unit.factor if columns.pressure else 1.0
+    words = f"the first readings are {pressure:.4g} Pa; at {height:.0f} m the air has about {standard:.4g} Pa"
+    fitting = [
+        name for name, factor in UNITS.items() if abs(pressure / said * factor / standard - 1.0) < WEATHER
+    ]
+    hint = (
+        f"they fit as {fitting[0]}" if fitting and columns.pressure else "check data.barometer and the height"
+    )
+    field = "data.barometer.pressure_unit" if columns.pressure else "data.barometer.height"
+    raise DataError(f"{field}: {words}; {hint}")
+
+
+# ----------------------------------------------------------------------------------------------------------
+# An alignment whose heading, or roll on a rail, is hardly known: found from the first motion that shows it.
+#
+# The recorded data are at hand, so that is done before the navigation begins: several filters start at
+# different angles and go through the data until they agree (`onboard.navigation.hypotheses`). The navigation
+# begins there.
+
+
+HEADING = (
+    "what is not known shows when the vehicle accelerates along the ground; give a heading, or more of the "
+    "motion"
+)
+HINTS = {
+    "rail": "gravity shows the roll about the nose as imu.accelerometer.bias allows: a smaller one, if "
+    "the sensors are that good, or a rail that leans more"
+}
+
+
+def settle(scenario, data, alignment, earth, blocks_from):
+    """Alignment that one filter can start from: the same, or a later one.
+
+    Parameters
+    ----------
+    scenario, data, alignment, earth : ReplayScenario, Dataset, Alignment, EarthRotation
+    blocks_from : function of a time [s] -> ImuBlock of arrays from there on
+
+    Returns
+    -------
+    Alignment, and its time before [s], None if it is the same
+
+    Raises
+    ------
+    DataError : the data end before the filters agree
+    """
+    if not is_wide(alignment):
+        return alignment, None
+    blocks = blocks_from(alignment.t_valid_s)
+    if not len(blocks.t_valid_s):
+        return alignment, None  # the caller says so
+    bank = Bank(params.nav_params(scenario, float(blocks.dt_s[0])), alignment, earth)
+    mixture = None
+    for mixture in mixtures(bank, blocks, data.received):
+        if mixture.is_settled:
+            return mixture.alignment(), alignment.t_valid_s
+    raise DataError(_not_found(alignment, mixture, HINTS.get(scenario.alignment.method, HEADING)))
+
+
+def _not_found(alignment, mixture, hint):
+    begin = f"from {alignment.t_valid_s:g} s on"
+    if mixture is None:
+        return f"alignment: the heading is not known, and there is no fix {begin} to find it by"
+    words = f"to {min(np.degrees(mixture.sigma), 180.0):.0f} deg only (1 sigma) at {mixture.t_s:g} s"
+    if mixture.others > 0.01:
+        words += f", with another answer of weight {mixture.others:.2g}"
+    return f"alignment: {begin} the data show the attitude {words}; {hint}"
+
+
+def mixtures(bank, blocks, received):
+    """Go through blocks and what is received with a Bank; Mixture after every tick in which a fix arrived.
+
+    received : GpsFix, GpsRanges and readings of instruments, in any order; a StarFix is not used
+    """
+    start_s = bank.members[0].nav.history.ends_s[-1]
+    waiting = [one for one in received if one.t_valid_s > start_s and not isinstance(one, StarFix)]
+    waiting.sort(key=lambda one: one.t_available_s, reverse=True)
+    for k in range(len(blocks.t_valid_s)):
+        block, arrived = row(blocks, k), []
+        while waiting and waiting[-1].t_available_s <= block.t_valid_s + 1e-6:
+            arrived.append(waiting.pop())
+        for member in bank.members:
+            fusion.advance(member.nav, block)
+            if arrived:
+                fusion.take(member.nav, arrived)
+        if any(isinstance(one, GpsFix) for one in arrived):
+            bank.prune()
+            yield bank.mixture()

@@ -1,7 +1,14 @@
 """What smoothing a flight has changed: as an object for other programs, as a table for people."""
 
-from shefex_nav.replay import compare
-from shefex_nav.report import columns
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.clock import SAME_S
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
+from shefex_nav.records import Phase
+from shefex_nav.report import columns, metrics
+from shefex_nav.report.track import earth_fixed
 
 DOF = 9  # of the NEES of position, velocity and attitude
 TOO_SURE = 2.0  # [E] times as much as is expected: a remark
@@ -22,7 +29,7 @@ def summarise(log, path, result, wall_s):
         "ended_early": data.ended_early,
         "wall_s": wall_s,
         "real_time_factor": float(data.nav.t_s[-1] - data.nav.t_s[0]) / wall_s,
-        "parts": compare.compare(result.filtered, data) if has_truth else None,
+        "parts": compare(result.filtered, data) if has_truth else None,
     }
 
 
@@ -55,3 +62,94 @@ def table(summary):
         cells.append("-" if None in values else f"{values[0]:.1f} -> {values[1]:.1f}")
         found.add_row(row["part"], *cells)
     return found
+
+
+# ----------------------------------------------------------------------------------------------------------
+# How much better one navigation solution is than another, part of the flight by part of the flight.
+
+
+QUANTITIES = ("position_m", "velocity_m_s", "attitude_deg")
+
+
+class Part(NamedTuple):
+    """A part of the flight; ends belong to it."""
+
+    name: str
+    from_s: float
+    to_s: float
+
+
+def parts(data):
+    """Parts of a flight that a RunData covers, in order of time; 'middle of the stars' lies in 'stars'.
+
+    Boost is from lift-off to the last burn-out, or as far as the log goes; stars are from the first fix that
+    the filter used to the last, their middle is the middle third; entry is the first descent through 100 km.
+    """
+    times = {}
+    for event in data.events:
+        name = "burn_out" if event.name.startswith("burn_out") else event.name
+        times[name] = event.t_s
+    start_s, end_s = (float(t_s) for t_s in data.truth.t_s[[0, -1]])
+    k = metrics.entry_index(data.truth.t_s, earth_fixed(data.mission.earth, data.truth).height)
+    entry_s = end_s if k is None else float(data.truth.t_s[k])
+    lift_s = times.get("lift_off", start_s)
+    burning_s = data.truth.t_s[data.truth.phase == Phase.BOOST]  # a log may end before the motor does
+    burnt_s = max(times.get("burn_out", lift_s), *burning_s[-1:].tolist(), lift_s)
+    used = [gate.t_valid_s for gate in data.gates if gate.accepted and about(gate.sensor) is ATTITUDE]
+    first_s, last_s = (min(used), max(used)) if used else (entry_s, entry_s)
+    third_s = (last_s - first_s) / 3.0
+    found = (
+        Part("before lift-off", start_s, lift_s),
+        Part("boost", lift_s, burnt_s),
+        Part("before stars" if used else "coast" if "lift_off" in times else "all", burnt_s, first_s),
+        Part("stars", first_s, last_s),
+        Part("middle of the stars", first_s + third_s, last_s - third_s),
+        Part("after stars", last_s, entry_s),
+        Part("at entry", entry_s, entry_s),
+        Part("after entry", entry_s, end_s),
+    )
+    return [part for part in found if part.to_s > part.from_s or (part.name == "at entry" and k is not None)]
+
+
+def compare(filtered, smoothed):
+    """RMS errors of two solutions of one flight by its parts.
+
+    RunData, RunData with truth -> list of dict: part, from_s, to_s, filtered, smoothed, ratio, each with the
+    QUANTITIES, and nees of both: mean of nine degrees of freedom. What has no sample is None.
+    """
+    errors = [_norms(data) for data in (filtered, smoothed)]
+    result = []
+    for part in parts(filtered):
+        row = {"part": part.name, "from_s": part.from_s, "to_s": part.to_s}
+        rms, nees = zip(*(_in(part, *error) for error in errors), strict=True)
+        for name, values in zip(("filtered", "smoothed"), rms, strict=True):
+            row[name] = dict(zip(QUANTITIES, values, strict=True))
+        row["ratio"] = dict(zip(QUANTITIES, map(_ratio, *rms), strict=True))
+        row["nees"] = {"filtered": nees[0], "smoothed": nees[1], "dof": metrics.NEES_DOF}
+        if rms[0][0] is not None:
+            result.append(row)
+    return result
+
+
+def _norms(data):
+    """t_s (N,), position m, velocity m/s, attitude deg (N, 3), and t_s (K,), NEES (K,) of a RunData."""
+    errors = metrics.navigation_errors(data)
+    norms = np.column_stack(
+        [np.linalg.norm(e, axis=1) for e in (errors.position_i, errors.velocity_i, errors.attitude_b)]
+    )
+    norms[:, 2] = np.degrees(norms[:, 2])
+    t_s, nees, _ = metrics.normalised_errors(data, errors)
+    return errors.t_s, norms, t_s, nees
+
+
+def _in(part, t_s, norms, nees_t_s, nees):
+    """RMS of each quantity in a part, and mean NEES; None where there is no sample."""
+    inside, known = (
+        (times >= part.from_s - SAME_S) & (times <= part.to_s + SAME_S) for times in (t_s, nees_t_s)
+    )
+    rms = np.sqrt((norms[inside] ** 2).mean(axis=0)).tolist() if inside.any() else [None] * len(QUANTITIES)
+    return rms, float(nees[known].mean()) if known.any() else None
+
+
+def _ratio(before, after):
+    return after / before if before and after is not None else None

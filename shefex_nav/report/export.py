@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.fields import EQUAL
 from shefex_nav.files import whole
 from shefex_nav.instruments import TABLE, outer_states
-from shefex_nav.log.fields import EQUAL
 from shefex_nav.log.run_data import ARRAYS, LISTS
 from shefex_nav.log.topics import of_record
 from shefex_nav.onboard.navigation.blocks import STATES

@@ -40,6 +40,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.onboard.navigation.quantity import about
 from shefex_nav.report import (
     flight,
     local_level,
@@ -51,7 +52,6 @@ from shefex_nav.report import (
     while_pointing,
 )
 from shefex_nav.report.configured import of_run
-from shefex_nav.report.instrument_use import instrument_use
 from shefex_nav.report.nees import nees
 from shefex_nav.report.pairing import pointing_error, same_times
 from shefex_nav.report.sizes import largest, rms
@@ -265,3 +265,18 @@ def _without_nan(value):
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+# ----------------------------------------------------------------------------------------------------------
+# How many readings of the instruments beside IMU, GPS and stars reached the filter's gate, and were used.
+
+
+def instrument_use(gates):
+    """Sequence of GateResult -> {name of an instrument: {"readings": at the gate, "used": of these}}"""
+    found = {}
+    for gate in gates:
+        if gate.dof and about(gate.sensor) is None:
+            counts = found.setdefault(gate.sensor, {"readings": 0, "used": 0})
+            counts["readings"] += 1
+            counts["used"] += bool(gate.accepted)
+    return dict(sorted(found.items()))

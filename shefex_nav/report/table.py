@@ -5,8 +5,7 @@ from rich.text import Text
 from shefex_nav import event_words
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import QUANTITIES, Doubt
-from shefex_nav.report import columns, doubts, requirements, start_rows, trust
-from shefex_nav.report.losses import is_loss, loss_rows
+from shefex_nav.report import columns, doubts, requirements, trust
 from shefex_nav.report.sizes import number
 from shefex_nav.report.star_rows import star_rows
 
@@ -58,10 +57,10 @@ def rows(summary, judged=()):
             ((one["field"], Text(one["text"], style="bold yellow")) for one in summary["warnings"]),
         )
     if "alignment" in summary:
-        yield "alignment", start_rows.alignment(summary["alignment"])
-        yield "clocks", start_rows.clocks(summary["clocks"])
+        yield "alignment", alignment(summary["alignment"])
+        yield "clocks", clocks(summary["clocks"])
     if summary.get("barometer"):
-        yield "barometer", start_rows.barometer(summary["barometer"])
+        yield "barometer", barometer(summary["barometer"])
     if summary.get("real_time"):
         yield "real time", _real_time_rows(summary["real_time"])
     yield "run", _run_rows(summary)
@@ -309,3 +308,76 @@ def _run_rows(summary):
         yield "looked at", Text(words, style="bold yellow")
     if summary["log"]:
         yield "log", summary["log"]
+
+
+# ----------------------------------------------------------------------------------------------------------
+# Losses of GPS: short ones are common, of a lasting one the table tells.
+
+
+LASTING_S = 30.0  # [E] in all; antennas that turn away and ignitions cost a receiver some seconds
+LOST = ("no fix", "no ranges")  # begins of reasons
+
+
+def is_loss(entry):
+    """Whether an entry of `trust.noticed` is a receiver without a solution."""
+    return entry["reason"].startswith(LOST)
+
+
+def loss_rows(noticed):
+    """(source, words) of each receiver that was long without a solution. noticed : as of `trust.noticed`"""
+    by_source = {}
+    for entry in noticed:
+        if is_loss(entry):
+            by_source.setdefault(entry["source"], []).append(entry)
+    for source, lost in by_source.items():
+        lasting = [one for one in lost if one["until_s"] is None or _seconds(one) >= LASTING_S]
+        for one in lasting:
+            end = "the end" if one["until_s"] is None else f"T{one['until_s']:+.1f} s"
+            yield source.replace("_", " "), f"T{one['from_s']:+.1f} s to {end}: {one['reason']}"
+
+
+def _seconds(entry):
+    return entry["until_s"] - entry["from_s"]
+
+
+# ----------------------------------------------------------------------------------------------------------
+# Lines of the closing table about the start of a replay: alignment and clocks.
+
+
+def alignment(found):
+    """(name, text) of the object that `replay.said.alignment` makes."""
+    angles = ", ".join(f"{angle:.1f}" for angle in found["roll_pitch_heading_deg"])
+    sigmas = ", ".join(f"{sigma:.2g}" for sigma in found["sigma_north_east_down_deg"])
+    yield found["method"], f"roll, pitch, heading {angles} deg at T{found['t_s']:+.1f} s"
+    yield "1 sigma", f"{sigmas} deg about north, east, down"
+    if found["searched_from_s"] is not None:
+        since = f"not known at T{found['searched_from_s']:+.1f} s"
+        yield "found in motion", f"{since}; the navigation begins where it was found"
+    if found["gyro_bias_deg_s"]:
+        bias = ", ".join(f"{rate:.3g}" for rate in found["gyro_bias_deg_s"])
+        yield "gyro bias", f"{bias} deg/s, 1 sigma {found['sigma_gyro_bias_deg_s']:.2g} deg/s"
+
+
+def clocks(found):
+    """(name, text) of the object that `replay.said.clocks` makes; nothing where nothing is known."""
+    if found["found_s"] is not None:
+        seen = f"{1e3 * found['found_s']:+.1f} ms, 1 sigma {1e3 * found['sigma_s']:.1f} ms"
+        yield "fixes are stamped", f"{seen}, later than the IMU has them, by comparing their motions"
+    if found["applied_s"]:
+        yield "corrected by", f"{1e3 * found['applied_s']:+.1f} ms, taken from the times of GNSS"
+    if found["gps_latency_s"] is not None:
+        seen = f"{1e3 * found['gps_latency_s']:+.1f} ms, 1 sigma {1e3 * found['sigma_gps_latency_s']:.1f} ms"
+        yield "by the filter", f"fixes are {seen}, older than their times"
+
+
+def barometer(found):
+    """(name, text) of the object that `replay.replayed.highest` makes."""
+    words = f"{found['pressure_altitude_m']:.0f} m above the start at T{found['t_s']:+.1f} s"
+    yield "pressure altitude", f"{words}, by the standard atmosphere"
+    yield (
+        "height there",
+        f"{found['height_m']:.0f} m above the start, 1 sigma {found['sigma_height_m']:.0f} m",
+    )
+    if found["warmer_by"] is not None:
+        share = f"{100.0 * found['warmer_by']:+.1f} %, 1 sigma {100.0 * found['sigma_warmer_by']:.1f} %"
+        yield "air below", f"warmer than the standard by {share}"

@@ -52,7 +52,7 @@ def _almanac(scenario):
     if all(section.health):
         yield (*path, "health"), "no satellite is healthy (health 0)"
     from shefex_nav.environment import yuma
-    from shefex_nav.scenario.params_gps import almanac
+    from shefex_nav.scenario.params import almanac
 
     age_days = max(yuma.age_s(almanac(scenario), scenario.mission.epoch) / 86400.0, key=abs)
     if abs(age_days) > LONGEST_AGE_DAYS:

@@ -1,7 +1,6 @@
 """Sections of a scenario -> the parameters of the stages, in SI.
 
-One function for each stage of the world; that of the GPS receiver is in `params_gps`, those of the flight
-software are in `params_onboard`. A stage is
+One function for each stage of the world; those of the flight software are in `params_onboard`. A stage is
 imported when its parameters are asked for: checking a scenario must not wait for compiled kernels.
 """
 
@@ -54,3 +53,24 @@ def mounting(scenario):
 def star_camera(scenario):
     """StarCamera, the settings of the camera of a scenario."""
     return settings(scenario.star_camera)
+
+
+# ----------------------------------------------------------------------------------------------------------
+# The section `gps` of a scenario -> the settings of the simulated receiver, and its satellites.
+
+
+def receiver(scenario):
+    """gps_settings.Gps of a scenario."""
+    return settings(scenario.gps)
+
+
+def clock(scenario):
+    """gps_settings.Clock of a scenario."""
+    return settings(scenario.gps.clock)
+
+
+def almanac(scenario):
+    """yuma.Almanac of the section `gps.almanac`."""
+    from shefex_nav.environment import yuma
+
+    return yuma.almanac({name: getattr(scenario.gps.almanac, name) for name in yuma.Almanac._fields})

@@ -9,7 +9,7 @@ import numpy as np
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
-from shefex_nav.scenario import aboard, params_filter, params_gps
+from shefex_nav.scenario import aboard, params, params_filter
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.lens import distortion_of, pinhole_of
 from shefex_nav.scenario.of_settings import settings
@@ -93,7 +93,7 @@ def nav_params(scenario):
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
-    white, walk = params_gps.clock(scenario).densities
+    white, walk = params.clock(scenario).densities
     told = _beforehand(scenario)
     return NavParams(
         imu=_imu_model(scenario, told),

@@ -18,7 +18,7 @@ _TYPES = {"double": "<f8", "sfixed32": "<i4"}
 
 
 class Codec:
-    """Of the messages of one log.fields.Topic."""
+    """Of the messages of one fields.Topic."""
 
     def __init__(self, topic):
         self.topic = wire.with_rows(topic, -1)

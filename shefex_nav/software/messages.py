@@ -21,18 +21,15 @@ import struct
 from dataclasses import asdict
 from functools import cache
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import NamedTuple, get_type_hints
 
 import numpy as np
 
-from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.fields import T_S, Topic, data, fields_of, flag, integer, matrix, text, vector
 from shefex_nav.instruments import TABLE
 from shefex_nav.log import topics, wire
-from shefex_nav.log.fields import Topic, data, flag, integer, matrix, member, number, text, vector
 from shefex_nav.onboard import own_navigation, own_tracker
 from shefex_nav.onboard.startracker import tracker
-from shefex_nav.records import Reason
 from shefex_nav.software.codec import Codec
 from shefex_nav.software.mission import MissionData
 
@@ -40,197 +37,79 @@ FORMAT = 1  # of these messages; another is refused
 HEAD = struct.Struct("<IB")
 
 
-class Start(NamedTuple):
-    """What software is told before the flight."""
-
-    format: int
-    epoch_utc: str
-    start_s: float
-    earth: EarthRotation
-    sun_i: np.ndarray
-    earth_velocity_i: np.ndarray
-    camera: Pinhole
-    C_bc: np.ndarray
-    sigma_mounting: float
-    l_ba_b: np.ndarray
-    sheets_json: str
-    settings_json: str
-    scenario: str
-
-
-class Begin(NamedTuple):
-    """Everything has been said that there is before the first tick."""
-
-    t_s: float
-
-
-class Ready(NamedTuple):
-    """The software has started."""
-
-    gives_context: bool
-
-
-class Tick(NamedTuple):
-    """All that belongs to a tick has been sent."""
-
-    t_s: float
-    number: int
-
-
-class Query(NamedTuple):
-    """What is known of the picture whose FrameInfo came before?"""
-
-    sun_i: np.ndarray
-    earth_velocity_i: np.ndarray
-    predicts: bool
-    rows: int
-
-
-class Context(NamedTuple):
-    """tracker.Context; None or NaN: not known."""
-
-    velocity_i: np.ndarray | None = None
-    rate: float = np.nan
-    sun_angle: float = np.nan
-    limb_angle: float = np.nan
-    q_ic: np.ndarray | None = None
-    P_c: np.ndarray | None = None
-    omega_c: np.ndarray | None = None
-    P_omega_c: np.ndarray | None = None
-    unsteady_c: np.ndarray | None = None
-    unsteady_variance: float = 0.0
-
-
-class Pixels(NamedTuple):
-    """The picture whose FrameInfo came before."""
-
-    rows: int
-    columns: int
-    grey_values: bytes
-
-
-class Solve(NamedTuple):
-    """The attitude of the picture that came before is wanted."""
-
-    t_s: float
-
-
-class Done(NamedTuple):
-    """The answer is whole."""
-
-    t_s: float
-
-
-class Failed(NamedTuple):
-    """The software has failed."""
-
-    words: str
-
-
-class End(NamedTuple):
-    """There are no more ticks."""
-
-    t_s: float
+JSON = {  # what of MissionData goes as a text
+    "sheets": text("data sheets of the sensors, SI"),
+    "settings": text("what the scenario gives under software.settings"),
+}
 
 
 class Estimate(NamedTuple):
     """own_navigation.Estimate; None: not said."""
 
-    r_i: np.ndarray
-    v_i: np.ndarray
-    q_ib: np.ndarray
-    P: np.ndarray | None = None
-    omega_ib_b: np.ndarray | None = None
-    gyro_bias: np.ndarray | None = None
-    accel_bias: np.ndarray | None = None
-    star_aided: bool = False
-    do_not_use_position: bool = False
-    do_not_use_velocity: bool = False
-    do_not_use_attitude: bool = False
+    r_i: vector("m", "position of the IMU, inertial axes")
+    v_i: vector("m/s", "velocity, inertial axes")
+    q_ib: vector("", "attitude, body to inertial axes, Hamilton, scalar first", 4)
+    P: matrix("", "covariance: position i [m], velocity i [m/s], attitude b [rad]", 9) = None
+    omega_ib_b: vector("rad/s", "rate, body axes") = None
+    gyro_bias: vector("rad/s", "that has been taken out") = None
+    accel_bias: vector("m/s^2", "likewise") = None
+    star_aided: flag("a star fix has been used since the start") = False
+    do_not_use_position: flag("the position must not be used") = False
+    do_not_use_velocity: flag("the velocity must not be used") = False
+    do_not_use_attitude: flag("the attitude must not be used") = False
 
 
-def _message(record, comment, *fields):
+def _message(record, comment, **fields):
+    """Topic of a message. record : its type, or the name of one that has these fields, {name: annotation}"""
+    if isinstance(record, str):
+        record = NamedTuple(record, list(fields.items()))
     time = next((name for name in ("t_s", "start_s") if name in record._fields), "")
-    return Topic(record, "", record.__name__, None, time, comment, fields)
+    return Topic(record, "", record.__name__, None, time, comment, fields_of(record))
 
 
 OWN = (
     _message(
-        Start, "What software is told before the flight.",
-        integer("format", "of these messages"),
-        text("epoch_utc", "ISO 8601, mission time 0"),
-        number("start_s", "s", "mission time at which it is switched on"),
-        *topics.EARTH,
-        vector("sun_i", "", "unit vector to the Sun, inertial axes"),
-        vector("earth_velocity_i", "m/s", "of the Earth relative to the solar-system barycentre"),
-        *topics.CAMERA,
-        matrix("C_bc", "", "nominal mounting, camera to body axes"),
-        number("sigma_mounting", "rad", "of that, each axis"),
-        vector("l_ba_b", "m", "IMU to GPS antenna, body axes"),
-        text("sheets_json", "data sheets of the sensors, SI"),
-        text("settings_json", "what the scenario gives under software.settings"),
-        text("scenario", "YAML text of all of it"),
+        "Start",
+        "What software is told before the flight.",
+        format=integer("of these messages"),
+        **{
+            f"{name}_json" if name in JSON else name: JSON.get(name, hint)
+            for name, hint in get_type_hints(MissionData, include_extras=True).items()
+        },
     ),
-    _message(Begin, "All has been said that there is before the first tick.", topics.T_S),
-    _message(Ready, "The software has started.", flag("gives_context", "it answers a Query")),
-    _message(Tick, "All that belongs to a tick has been sent.", topics.T_S, integer("number", "from 1 on")),
+    _message("Begin", "All has been said that there is before the first tick.", t_s=T_S),
+    _message("Ready", "The software has started.", gives_context=flag("it answers a Query")),
+    _message("Tick", "All that belongs to a tick has been sent.", t_s=T_S, number=integer("from 1 on")),
     _message(
-        Query, "What is known of the picture whose FrameInfo came before?",
-        vector("sun_i", "", "unit vector to the Sun"),
-        vector("earth_velocity_i", "m/s", "of the Earth relative to the solar-system barycentre"),
-        flag("predicts", "whether attitude and rate are wanted"),
-        integer("rows", "of the picture"),
+        "Query",
+        "What is known of the picture whose FrameInfo came before?",
+        sun_i=vector("", "unit vector to the Sun"),
+        earth_velocity_i=vector("m/s", "of the Earth relative to the solar-system barycentre"),
+        predicts=flag("whether attitude and rate are wanted"),
+        rows=integer("of the picture"),
     ),
+    _message(tracker.Context, "What the navigation knows of a picture; what is not known is not sent."),
     _message(
-        Context, "What the navigation knows of a picture; what is not known is not sent.",
-        vector("velocity_i", "m/s", "of the vehicle relative to the solar-system barycentre"),
-        number("rate", "rad/s", "of the body"),
-        number("sun_angle", "rad", "boresight to the Sun"),
-        number("limb_angle", "rad", "boresight to the Earth's limb"),
-        vector("q_ic", "", "predicted attitude, camera to inertial axes", 4),
-        matrix("P_c", "rad^2", "of that, camera axes"),
-        vector("omega_c", "rad/s", "mean rate of the exposure, camera axes"),
-        matrix("P_omega_c", "", "of that [rad^2/s^2]"),
-        number("unsteady_c", "", "s from its instant; turn besides the mean rate [rad], x y z", (-1, 4)),
-        number("unsteady_variance", "rad^2", "of the mean of that, each axis"),
+        "Pixels",
+        "The picture whose FrameInfo came before.",
+        rows=integer("of the picture"),
+        columns=integer("of the picture"),
+        grey_values=data("row by row, a byte each; two, little endian, of a camera with over 8 bits"),
     ),
+    _message("Solve", "The attitude of the picture that came before is wanted.", t_s=T_S),
     _message(
-        Pixels, "The picture whose FrameInfo came before.",
-        integer("rows", "of the picture"),
-        integer("columns", "of the picture"),
-        data("grey_values", "row by row, a byte each; two, little endian, of a camera with over 8 bits"),
+        own_tracker.Solved, "What came out of a picture; what is not sent is not known, or stays as it was."
     ),
-    _message(Solve, "The attitude of the picture that came before is wanted.", topics.T_S),
-    _message(
-        own_tracker.Solved, "What came out of a picture; what is not sent is not known, or stays as it was.",
-        vector("q_ic", "", "attitude, camera to inertial axes, at the middle of the exposure", 4),
-        matrix("P_c", "rad^2", "covariance of its error, a rotation vector in camera axes"),
-        member("reason", Reason, "why there is no attitude"),
-        number("exposure_s", "s", "of the next picture"),
-        number("gain_db", "dB", "of the next picture"),
-        number("xy_px", "px", "objects found, x, y of each", (-1, 2)),
-        number("flux_dn", "DN", "their light above the background", (-1,)),
-        integer("hip", "their Hipparcos numbers, 0 where unidentified", (-1,)),
-        integer("number", "of the picture; a computer says it"),
-    ),
-    _message(Done, "The answer is whole.", topics.T_S),
-    _message(Failed, "The software has failed.", text("words", "why")),
-    _message(End, "There are no more ticks.", topics.T_S),
-    _message(
-        Estimate, "What navigation software knows at the end of a tick; None is not sent.",
-        vector("r_i", "m", "position of the IMU, inertial axes"),
-        vector("v_i", "m/s", "velocity, inertial axes"),
-        vector("q_ib", "", "attitude, body to inertial axes, Hamilton, scalar first", 4),
-        matrix("P", "", "covariance: position i [m], velocity i [m/s], attitude b [rad]", 9),
-        vector("omega_ib_b", "rad/s", "rate, body axes"),
-        vector("gyro_bias", "rad/s", "that has been taken out"),
-        vector("accel_bias", "m/s^2", "likewise"),
-        flag("star_aided", "a star fix has been used since the start"),
-        flag("do_not_use_position", "the position must not be used"),
-        flag("do_not_use_velocity", "the velocity must not be used"),
-        flag("do_not_use_attitude", "the attitude must not be used"),
-    ),
-)  # fmt: skip
+    _message("Done", "The answer is whole.", t_s=T_S),
+    _message("Failed", "The software has failed.", words=text("why")),
+    _message("End", "There are no more ticks.", t_s=T_S),
+    _message(Estimate, "What navigation software knows at the end of a tick; None is not sent."),
+)
+
+Start, Begin, Ready, Tick, Query, Pixels, Solve, Done, Failed, End = (
+    next(one.record for one in OWN if one.schema == name)
+    for name in ("Start", "Begin", "Ready", "Tick", "Query", "Pixels", "Solve", "Done", "Failed", "End")
+)
 
 
 def _codecs():
@@ -297,16 +176,6 @@ def estimate_received(sent):
     """own_navigation.Estimate of a messages.Estimate."""
     *known, position, velocity, attitude = sent
     return own_navigation.Estimate(*known, (not position, not velocity, not attitude))
-
-
-def context_to_send(context):
-    """messages.Context of a tracker.Context."""
-    return Context(*context)
-
-
-def context_received(sent):
-    """tracker.Context of a messages.Context."""
-    return tracker.Context(*sent)
 
 
 def pixels_of(frame):

@@ -2,8 +2,7 @@
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from shefex_nav.fields import matrix, number, text, vector
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
 
@@ -13,18 +12,18 @@ SHEETS = "imu", "gps", "star_camera", "star_tracker"
 class MissionData(NamedTuple):
     """What software on board is told before the flight."""
 
-    epoch_utc: str  # ISO 8601, t = 0
-    start_s: float  # mission time at which it is switched on
+    epoch_utc: text("ISO 8601, mission time 0")
+    start_s: number("s", "mission time at which it is switched on")
     earth: EarthRotation  # for `geometry.frames`
-    sun_i: np.ndarray  # (3,) unit vector to the Sun
-    earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
+    sun_i: vector("", "unit vector to the Sun, inertial axes")
+    earth_velocity_i: vector("m/s", "of the Earth relative to the solar-system barycentre")
     camera: Pinhole  # as calibrated
-    C_bc: np.ndarray  # (3, 3) nominal mounting, camera to body axes
-    sigma_mounting: float  # rad, each axis
-    l_ba_b: np.ndarray  # (3,) m, IMU to GPS antenna
+    C_bc: matrix("", "nominal mounting, camera to body axes")
+    sigma_mounting: number("rad", "of that, each axis")
+    l_ba_b: vector("m", "IMU to GPS antenna, body axes")
     sheets: dict  # name of a section -> its settings, SI, as the computer is told them: imu, gps ...
     settings: dict[str, Any]  # what the scenario gives under `software.settings`
-    scenario: str  # YAML text of all of it
+    scenario: text("YAML text of all of it")
 
 
 def mission_data(scenario, params, earth, own_settings):

@@ -9,6 +9,7 @@ from shefex_nav import plugins
 from shefex_nav.clock import SAME_S
 from shefex_nav.errors import CodeError
 from shefex_nav.onboard.own_tracker import Solved
+from shefex_nav.onboard.startracker.tracker import Context
 from shefex_nav.records import Frame
 from shefex_nav.software import channels, messages
 from shefex_nav.software.messages import Begin, Done, End, Failed, Query, Ready, Solve, Tick
@@ -120,7 +121,7 @@ class Remote(_Wire):
     def _context(self, frame, sky, predicts):
         """What the software knows of a picture: tracker.Context."""
         query = Query(sky.sun_i, sky.earth_velocity_i, predicts, len(frame.image_dn))
-        return messages.context_received(self._one([frame, query], messages.Context, frame.t_available_s))
+        return self._one([frame, query], Context, frame.t_available_s)
 
 
 class RemoteTracker(_Wire):
@@ -132,7 +133,7 @@ class RemoteTracker(_Wire):
 
     def step(self, frame, context):
         """As of `StarTracker`."""
-        told = [*_sent(frame), messages.context_to_send(context), Solve(frame.t_available_s)]
+        told = [*_sent(frame), context, Solve(frame.t_available_s)]
         return self._one(told, Solved, frame.t_available_s)
 
 

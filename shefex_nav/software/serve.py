@@ -8,13 +8,13 @@ import numpy as np
 
 from shefex_nav import plugins
 from shefex_nav.onboard.navigator import Sky
+from shefex_nav.onboard.startracker.tracker import Context
 from shefex_nav.records import Alignment, Frame, ImuBlock
 from shefex_nav.scenario import plugged
 from shefex_nav.software import channels, messages
 from shefex_nav.software.messages import (
     FORMAT,
     Begin,
-    Context,
     Done,
     End,
     Failed,
@@ -95,14 +95,14 @@ def _tick(software, heard, tick):
 def _solve(software, heard, solve):
     frame = next(one for one in heard if isinstance(one, Frame))
     context = next(one for one in heard if isinstance(one, Context))
-    return [software.step(frame, messages.context_received(context)), Done(solve.t_s)]
+    return [software.step(frame, context), Done(solve.t_s)]
 
 
 def _query(software, heard, query):
     frame = next(one for one in heard if isinstance(one, Frame))
     frame = frame._replace(image_dn=np.empty((query.rows, 0), np.uint8))
     context = software.context(frame, Sky(query.sun_i, query.earth_velocity_i), query.predicts)
-    return [messages.context_to_send(context), Done(frame.t_available_s)]
+    return [context, Done(frame.t_available_s)]
 
 
 _ANSWERS = {Begin: _begin, Tick: _tick, Query: _query, Solve: _solve}

@@ -23,9 +23,9 @@ from shefex_nav.geometry.pinhole import turn_slopes, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
 from shefex_nav.onboard.startracker import best_attitude, objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
+from shefex_nav.onboard.startracker.objects import ideal
 from shefex_nav.onboard.startracker.shape import streak_px
 from shefex_nav.onboard.startracker.spot import Picture
-from shefex_nav.onboard.startracker.undistorted import ideal
 from shefex_nav.records import Reason
 from shefex_nav.solve import pointing
 from shefex_nav.solve.camera import Camera, undistorted

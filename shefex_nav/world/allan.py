@@ -10,13 +10,9 @@ keeps the curve level; a Gauss-Markov bias lifts it to 0.617 B at 1.9 T and lets
 point is sought up to there.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from shefex_nav.geometry.elementary import exp
-from shefex_nav.settings import changed
-from shefex_nav.world import imu
 
 PEAK = 1.89  # averaging time over correlation time at which a Gauss-Markov process deviates most
 
@@ -39,49 +35,3 @@ def floor(triad):
     curve = deviation(triad, tau_s)
     lowest = int(np.argmin(curve))
     return float(curve[lowest]), float(tau_s[lowest])
-
-
-class Still(NamedTuple):
-    """A unit at rest, as `imu.measure` wants a trajectory; row 0 is before the first sample."""
-
-    t_s: np.ndarray  # (n + 1,)
-    burning: np.ndarray  # (n + 1,) 0: no stage
-    dtheta_b: np.ndarray  # (n + 1, 3) rad, zero
-    dv_b: np.ndarray  # (n + 1, 3) m/s, zero
-
-
-def at_rest(settings, n, dt_s, rng):
-    """What a unit reports in n samples of any length without motion, gravity and vibration.
-
-    settings : settings.Imu;  rng : Generator -> (n, 3) rad, (n, 3) m/s
-    """
-    calm = {"boost": (0.0,), "coast": 0.0, "angular": 0.0,
-            "lowest_frequency": 1e-6 / dt_s, "highest_frequency": 1.0 / dt_s}  # fmt: skip
-    settings = changed(settings, {f"vibration.{key}": value for key, value in calm.items()})
-    nothing = np.zeros((n + 1, 3))
-    still = Still(np.arange(n + 1) * dt_s, np.zeros(n + 1, dtype=int), nothing, nothing)
-    data = imu.measure(settings, still, rng)
-    return data.dtheta_b[1:], data.dv_b[1:]
-
-
-def measured(increments, dt_s, tau_s):
-    """Overlapping Allan deviation of a series.
-
-    Parameters
-    ----------
-    increments : (n, m) integrals of rate or specific force over samples of dt_s, a series a column
-    tau_s : averaging times, rounded to whole samples
-
-    Returns
-    -------
-    tau_s : (k,) s, as taken
-    deviation : (k, m)
-    """
-    phase = np.concatenate([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
-    counts = np.unique(np.maximum(1, np.rint(np.asarray(tau_s) / dt_s).astype(int)))
-    found = [
-        np.sqrt(0.5 * np.mean((phase[2 * k :] - 2.0 * phase[k:-k] + phase[: -2 * k]) ** 2, axis=0))
-        / (k * dt_s)
-        for k in counts
-    ]
-    return counts * dt_s, np.array(found)

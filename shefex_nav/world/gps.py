@@ -49,17 +49,6 @@ class Sky(NamedTuple):
     geometry: tuple | None  # of gps_channels.geometry; None: no ranges are wanted
 
 
-class Solution(NamedTuple):
-    """What least squares make of the satellites of one epoch."""
-
-    r_ea_e: np.ndarray  # (3,) m
-    v_ea_e: np.ndarray  # (3,) m/s, relative to the Earth
-    R_r_e: np.ndarray  # (3, 3) m^2, covariance of the position
-    R_v_e: np.ndarray  # (3, 3) m^2/s^2, of the velocity
-    n_satellites: int
-    pdop: float
-
-
 class GpsData(NamedTuple):
     """What the receiver gives, one of each at a time, and where its antenna was, which it does not know."""
 
@@ -166,9 +155,9 @@ def _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons):
         R = R + spread(u_e, tracked, lasting.variance)
     r_ea_e, v_ea_e = antenna.r_ea_e + error[0], antenna.v_ea_e + error[1]
     return [
-        _fix(settings, float(t), Solution(r, v, R_r, R_v, int(n), float(dop)), reason)
+        _sent(settings, GpsFix(t, t + settings.latency, True, r, v, R_r, R_v, int(n), float(dop), reason))
         for t, r, v, R_r, R_v, n, dop, reason in zip(
-            antenna.t_s, r_ea_e, v_ea_e, R[0], R[1], tracked.sum(axis=1), pdop, reasons, strict=True
+            antenna.t_s.tolist(), r_ea_e, v_ea_e, R[0], R[1], tracked.sum(axis=1), pdop, reasons, strict=True
         )
     ]
 
@@ -293,26 +282,18 @@ def outage_reasons(outages, events, t_s, fractions):
     return reasons
 
 
-def _fix(settings, t_s, solution, reason):
-    """GpsFix of a Solution, without it if there is a reason against it."""
+def _sent(settings, fix):
+    """A GpsFix as the receiver gives it: without a solution if there is a reason against it."""
+    reason = fix.reason
     if reason:
-        solution = solution._replace(n_satellites=0, pdop=np.nan)
-    elif solution.n_satellites < MIN_SATELLITES:
-        reason = f"{solution.n_satellites} satellites tracked"
-    elif solution.pdop > settings.max_pdop:
-        reason = f"pdop {solution.pdop:.0f}"
-    if reason:
-        places, covariances = np.full((2, 3), np.nan), np.full((2, 3, 3), np.nan)
-        solution = Solution(*places, *covariances, solution.n_satellites, solution.pdop)
-    return GpsFix(
-        t_valid_s=t_s,
-        t_available_s=t_s + settings.latency,
-        valid=not reason,
-        r_ea_e=solution.r_ea_e,
-        v_ea_e=solution.v_ea_e,
-        R_r_e=solution.R_r_e,
-        R_v_e=solution.R_v_e,
-        n_satellites=solution.n_satellites,
-        pdop=solution.pdop,
-        reason=reason,
+        fix = fix._replace(n_satellites=0, pdop=np.nan)
+    elif fix.n_satellites < MIN_SATELLITES:
+        reason = f"{fix.n_satellites} satellites tracked"
+    elif fix.pdop > settings.max_pdop:
+        reason = f"pdop {fix.pdop:.0f}"
+    if not reason:
+        return fix
+    nowhere, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
+    return fix._replace(
+        valid=False, r_ea_e=nowhere, v_ea_e=nowhere, R_r_e=unknown, R_v_e=unknown, reason=reason
     )

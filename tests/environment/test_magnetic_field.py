@@ -128,7 +128,6 @@ def test_it_has_no_sources_where_one_flies():
 
 def test_a_year_has_the_model_made_for_it():
     """The mission of 2012 flies in the field of 2012; between models it jumps by less than their errors."""
-    assert magnetic_field.extrapolation(2012.47) is None
     for epoch in (2015.0, 2020.0, 2025.0):
         jump = field_nt(epoch, 0, 69.3, 16.0) - field_nt(epoch - 1e-6, 0, 69.3, 16.0)
         assert 0.0 < np.abs(jump).max() < 3.0 * 1e9 * min(magnetic_field.SIGMA_N)
@@ -150,13 +149,10 @@ def test_error_of_a_carried_model_is_within_what_is_said(monkeypatch):
         rms = np.sqrt(np.mean((np.array(carried) - fields) ** 2, axis=0))
         said = magnetic_field.sigma_n(year) * 1e9
         assert (rms < said).all() and (rms > 0.3 * said).all(), (year, rms, said)
-        assert "WMM-2010, carried" in magnetic_field.extrapolation(year)
 
 
 def test_outside_its_years():
-    words = magnetic_field.extrapolation(2033.0)
-    assert words.startswith("the magnetic field is that of WMM-2025, carried 3.0 years outside its time")
-    assert "185 nT (1 sigma)" in words
+    assert max(magnetic_field.sigma_n(2033.0)) == pytest.approx(185e-9, abs=0.5e-9)
     before = magnetic_field.load(1995.0)
     assert magnetic_field.field_e(before, np.array([6.4e6, 0.0, 0.0])).shape == (3,)
     for year in (1989.9, 2050.1, float("nan")):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from star_fields import TRACKER, all_stars, tracker_with
 
-from shefex_nav.onboard.startracker import denied, objects, tracker
+from shefex_nav.onboard.startracker import best_attitude, objects, tracker
 from shefex_nav.onboard.startracker.background import FrameStatistics
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import NO_STARS, Detections, Frame, Reason
@@ -43,11 +43,11 @@ def test_the_share_is_the_mean_with_a_memory_of_twenty_frames():
     """(1 - 1/20)^14 is the first power below one half."""
     share = 0.0
     for n in range(1, 40):
-        share = denied.after(share, RESIDUALS)
+        share = best_attitude.after(share, RESIDUALS)
         assert share == pytest.approx(1.0 - 0.95**n)
-        assert denied.is_denied(share) == (n >= 14)
+        assert best_attitude.is_denied(share) == (n >= 14)
     for other in (Reason.NO_MATCH, Reason.SMEARED, Reason.SUN_EXCLUSION, Reason.TOO_FEW_STARS):
-        assert denied.after(share, other) == share
+        assert best_attitude.after(share, other) == share
 
 
 def test_rare_attitudes_among_refused_frames_are_refused_too(ready):

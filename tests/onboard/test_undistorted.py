@@ -12,7 +12,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.geometry.distortion import displaced_px
 from shefex_nav.geometry.pinhole import pixels, turn_slopes
 from shefex_nav.geometry.shutter import row_start_s, row_times
-from shefex_nav.onboard.startracker import objects, tracker, undistorted
+from shefex_nav.onboard.startracker import objects, tracker
 from shefex_nav.records import Detections, Frame, Reason
 
 K = np.array([-0.7, 2.0, 1.5e-3, -0.8e-3, 0.0])  # up to 8 px
@@ -52,21 +52,21 @@ def test_places_and_covariances_are_those_of_the_pinhole():
     rng, true = np.random.default_rng(1), places(5)
     seen = shown(K, true)
     A = 0.3 * rng.standard_normal((5, 2, 2))
-    found = undistorted.ideal(camera(K), listed(seen, A @ A.mT))
+    found = objects.ideal(camera(K), listed(seen, A @ A.mT))
     np.testing.assert_allclose(found.xy_px, true, atol=1e-7)
     for n in range(5):
         drawn = seen[n] + rng.standard_normal((20_000, 2)) @ A[n].T
-        cov = np.cov(undistorted.ideal(camera(K), listed(drawn)).xy_px.T)
+        cov = np.cov(objects.ideal(camera(K), listed(drawn)).xy_px.T)
         np.testing.assert_allclose(found.P_px[n], cov, atol=0.05 * np.trace(cov))
-    again, P_px = undistorted.on_detector(camera(K), found.xy_px, found.P_px)
+    again, P_px = objects.on_detector(camera(K), found.xy_px, found.P_px)
     np.testing.assert_allclose(again, seen, atol=1e-7)
     np.testing.assert_allclose(P_px, A @ A.mT, rtol=1e-6)
 
 
 def test_without_a_distortion_nothing_is_done():
     detections = listed(places())
-    assert undistorted.ideal(MODEL, detections) is detections
-    assert undistorted.on_detector(MODEL, detections.xy_px, detections.P_px) == (
+    assert objects.ideal(MODEL, detections) is detections
+    assert objects.on_detector(MODEL, detections.xy_px, detections.P_px) == (
         detections.xy_px,
         detections.P_px,
     )
@@ -115,7 +115,7 @@ def test_streaks_are_brought_there_by_the_motion_of_the_lens():
     x, y = ((xy_px - [CX, CY]) / F).T
     velocity = F * np.stack([np.stack(by, axis=-1) for by in turn_slopes(x, y)], axis=1) @ OMEGA
     by_pinhole = xy_px - seen_s[:, None] * velocity  # as the search along streaks says it
-    found = undistorted.of_streaks(camera(K), times, OMEGA, by_pinhole, seen_s)
+    found = objects.of_streaks(camera(K), times, OMEGA, by_pinhole, seen_s)
     was, left = abs(by_pinhole - shown(K, true)).max(), abs(found - shown(K, true)).max()
     assert was > 0.03
     assert left < 0.2 * was
@@ -174,7 +174,7 @@ def attitudes(ready, k, n, noise_px, seed=0):
         q_ic = random_attitude(rng)
         detections = field(ready.pairs.stars, k, q_ic, rng, noise_px)
         context = tracker.NO_CONTEXT._replace(velocity_i=V_I)
-        ideal = undistorted.ideal(ready.params.camera, detections)
+        ideal = objects.ideal(ready.params.camera, detections)
         _, reason, (q, P_c, _) = tracker.attitude(ready, ideal, context)
         if reason == Reason.NONE:
             d = rotation.rotvec_between(q, q_ic)
@@ -223,7 +223,7 @@ def test_stars_that_a_barrel_adds_outside_the_pinholes_detector_are_named(method
     for number in range(50):
         rng = np.random.default_rng([11, number])
         detections = field(ready.pairs.stars, barrel(32.0), random_attitude(rng), rng, 0.1)
-        ideal = undistorted.ideal(model, detections)
+        ideal = objects.ideal(model, detections)
         found, reason, _ = tracker.attitude(ready, ideal, tracker.NO_CONTEXT._replace(velocity_i=V_I))
         if reason == Reason.NONE:
             out = ((ideal.xy_px < -3.0) | (ideal.xy_px > [661.0, 495.0])).any(axis=1)
@@ -283,7 +283,7 @@ def test_wrong_calibration_turns_the_attitude_as_least_squares_of_the_displaceme
         rng = np.random.default_rng([7, number])
         q_ic = random_attitude(rng)
         detections = field(ready.pairs.stars, true, q_ic, rng, 1e-6)
-        ideal = undistorted.ideal(ready.params.camera, detections)
+        ideal = objects.ideal(ready.params.camera, detections)
         _, reason, (q, _, _), stars = tracker.attitude_with_stars(
             ready, ideal, tracker.NO_CONTEXT._replace(velocity_i=V_I)
         )
@@ -291,7 +291,7 @@ def test_wrong_calibration_turns_the_attitude_as_least_squares_of_the_displaceme
             continue
         used = np.ascontiguousarray(stars.u_i @ rotation.dcm_from_quat(q_ic))
         place = pixels(CAMERA, used)
-        off = undistorted.ideal(camera(told), listed(shown(true, place))).xy_px - place
+        off = objects.ideal(camera(told), listed(shown(true, place))).xy_px - place
         x, y = ((place - [CX, CY]) / F).T
         G = F * np.stack([np.stack(by, axis=-1) for by in turn_slopes(x, y)], axis=1)
         turn = np.linalg.lstsq(G.reshape(-1, 3), off.ravel(), rcond=None)[0]

@@ -1,7 +1,9 @@
 """IMPA's centroids with pixels that weigh the same, and the run that the package keeps."""
 
+import importlib
 import re
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,6 +63,13 @@ def test_every_spot_and_weight_has_its_recognised_stars():
 # --- the kept run ---
 
 
+@pytest.fixture
+def keeping(monkeypatch):
+    """The module that writes the kept table."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    return importlib.import_module("keep_impa_pixels")
+
+
 def test_the_kept_run_has_every_figure_and_says_what_made_it():
     assert tuple(pixels.SPOTS) == tuple(kept.SPOTS)
     wanted = {
@@ -81,10 +90,10 @@ def test_the_kept_run_has_every_figure_and_says_what_made_it():
         assert one.low <= one.value <= one.high and 20 <= one.samples <= one.errors
 
 
-def test_a_kept_table_reads_back(tmp_path):
+def test_a_kept_table_reads_back(keeping, tmp_path):
     rng = np.random.default_rng(1)
     made = moments.figures_of(READING, TABLE, RATE, AXIS, rng.standard_normal(4000), np.arange(4000) % 500)
-    kept.write(tmp_path / "table.csv", "a command", made)
+    keeping.write(tmp_path / "table.csv", "a command", made)
     again = kept.read(tmp_path / "table.csv")
     assert list(again) == [one[:5] for one in made]
     for one, other in zip(made, again.values(), strict=True):
@@ -114,8 +123,8 @@ def test_the_spread_of_the_kept_run_comes_again_with_other_noise(shutter, rate, 
                 assert values.std() == pytest.approx(there.value, rel=0.2), (reading, table, axis)
 
 
-def test_readings_reach_as_many_published_figures_as_the_docs_say():
-    of = [list(kept.reached(table, kept.figures()).values()) for table in moments.TABLES]
+def test_readings_reach_as_many_published_figures_as_the_docs_say(keeping):
+    of = [list(keeping.reached(table, kept.figures()).values()) for table in moments.TABLES]
     assert [(max(counts), np.median(counts)) for counts in of] == [(20, 12), (31, 20.5), (21, 19)]
 
 

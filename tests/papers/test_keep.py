@@ -31,7 +31,9 @@ def draw(figure, results, rows):
     figure.subplots().plot(np.concatenate([result["value"] for result in results]))
 
 
-KEPT = Experiment("kept numbers", 100, "numbers", 10, measure, conclude, draw, designed=True, kept=("keep",))
+KEPT = Experiment(
+    100, "numbers", 10, measure, conclude, draw, title="kept numbers", designed=True, kept=("keep",)
+)
 
 
 class Interruption(Exception):

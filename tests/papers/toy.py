@@ -39,7 +39,7 @@ def draw(figure, results, rows):
     axis.hist(np.concatenate([values for _, values in results]))
 
 
-NORMAL = Experiment("a standard normal", 1000, "numbers", 40, draw_normal, conclude, draw)
+NORMAL = Experiment(1000, "numbers", 40, draw_normal, conclude, draw, title="a standard normal")
 
 
 def fail(samples, seed):

@@ -11,7 +11,7 @@ from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import Bank
 from shefex_nav.onboard.navigation.state import ATT, X_Q
 from shefex_nav.records import Reason, StarFix, row
-from shefex_nav.replay import align, external, load, params, settle
+from shefex_nav.replay import align, external, load, params
 from shefex_nav.scenario.data_table import DataError
 
 EARTH = ephemeris.earth_rotation("2020-06-01T12:00:00", 0.0, 0.0, 0.0)
@@ -97,7 +97,7 @@ def settled(seed, length_s=60.0, speed=9.0):
     def blocks_from(start_s):
         return external.imu_blocks(data.imu, 4, start_s)
 
-    found, since_s = settle.settle(said, data, start, EARTH, blocks_from)
+    found, since_s = external.settle(said, data, start, EARTH, blocks_from)
     assert since_s == 0.0
     return truth, data, said, found, blocks_from(found.t_valid_s)
 
@@ -133,8 +133,8 @@ def test_stars_have_no_part_in_the_search():
         for k, t_s in enumerate((0.5, 1.5, 2.5))
     ]  # fmt: skip
     banks = [Bank(nav_params, start, EARTH) for _ in range(2)]
-    without = [one.sigma for one in settle.mixtures(banks[0], blocks, data.received)]
-    assert [one.sigma for one in settle.mixtures(banks[1], blocks, [*seen, *data.received])] == without
+    without = [one.sigma for one in external.mixtures(banks[0], blocks, data.received)]
+    assert [one.sigma for one in external.mixtures(banks[1], blocks, [*seen, *data.received])] == without
     assert len(without) > 2 and np.degrees(without[0]) > 5.0
     assert all(member.nav.health["star_tracker"].used == 0 for member in banks[1].members)
 

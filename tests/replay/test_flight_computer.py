@@ -12,7 +12,7 @@ import pytest
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.records import GpsFix
-from shefex_nav.replay import air, dataset, repeats
+from shefex_nav.replay import dataset, repeats, replayed
 
 HEDY = Path(os.environ.get("SHEFEX_NAV_HEDY", Path(__file__).parents[3] / "shared/data/rockets/hedy"))
 needs_data = pytest.mark.skipif(not HEDY.is_dir(), reason=f"needs the flight log of Hedy in {HEDY}")
@@ -56,9 +56,9 @@ def test_what_is_strange_is_told():
 def test_pressure_altitude_is_that_of_the_standard():
     """Printed values of US Standard Atmosphere 1976, table I: geopotential altitude [m], pressure [Pa]."""
     for altitude, pressure in ((0.0, 101325.0), (5000.0, 54019.9), (11000.0, 22632.0), (20000.0, 5474.9)):
-        assert air.pressure_altitude(np.array([pressure]))[0] == pytest.approx(altitude, abs=2.0)
+        assert replayed.pressure_altitude(np.array([pressure]))[0] == pytest.approx(altitude, abs=2.0)
     geometric = 5000.0
-    seen = air.pressure_altitude(np.array([atmosphere.us76(geometric)[1]]))[0]
+    seen = replayed.pressure_altitude(np.array([atmosphere.us76(geometric)[1]]))[0]
     assert seen == pytest.approx(
         atmosphere.EARTH_RADIUS * geometric / (atmosphere.EARTH_RADIUS + geometric), abs=0.1
     )

@@ -7,7 +7,7 @@ import pytest
 import replay_files
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import dataset, impossible, load, schema, schema_data
+from shefex_nav.replay import dataset, load, schema, schema_data
 from shefex_nav.replay.series import GnssSeries, ImuSeries
 from shefex_nav.scenario.data_table import DataError, Table
 from shefex_nav.scenario.load import ScenarioError
@@ -177,7 +177,7 @@ def test_a_clock_that_wraps_around_is_told_as_such(span, unit, words):
     step = {"s": 0.01, "ms": 10.0, "us": 1e4}[unit]
     counts = (span - 20.5 * step + step * np.arange(40)) % span
     with pytest.raises(DataError) as caught:
-        impossible.check_times(*series_of(counts, unit))
+        dataset.check_times(*series_of(counts, unit))
     said = str(caught.value)
     assert said.startswith("imu.csv:23: time ") and f" {unit} does not follow on " in said
     assert said.endswith(f": the clock wraps around at {words} to the times from this line on")
@@ -185,7 +185,7 @@ def test_a_clock_that_wraps_around_is_told_as_such(span, unit, words):
 
 def test_a_clock_that_was_set_back_has_not_wrapped():
     with pytest.raises(DataError) as caught:
-        impossible.check_times(*series_of([0, 10, 20, 30, 15, 25], "ms"))
+        dataset.check_times(*series_of([0, 10, 20, 30, 15, 25], "ms"))
     assert str(caught.value) == "imu.csv:6: time 15 ms does not follow on 30 ms in the row before"
 
 
@@ -206,7 +206,7 @@ def test_a_reading_that_no_sensor_gives_is_refused_with_its_place():
     for limit, rate in (("300 deg/s", 590.0), ("unlimited", 1e5)):
         series.gyro[7, 1] = np.radians(rate)
         settings = schema.ReplayImu(gyro=told | {"range": limit}, accelerometer=pulls)
-        impossible.check_imu(series, settings, columns)
+        dataset.check_imu(series, settings, columns)
     for limit, rate, words in (
         (
             "300 deg/s",
@@ -218,10 +218,10 @@ def test_a_reading_that_no_sensor_gives_is_refused_with_its_place():
         series.gyro[7, 1] = np.radians(rate)
         settings = schema.ReplayImu(gyro=told | {"range": limit}, accelerometer=pulls)
         with pytest.raises(DataError, match=rf"imu\.csv:9: a: {words}"):
-            impossible.check_imu(series, settings, columns)
+            dataset.check_imu(series, settings, columns)
     series.gyro[7, 1], series.accelerometer[3, 2] = 0.0, 1e99
     with pytest.raises(DataError, match=r"imu\.csv:5: b: 1e.99 m/s2 is no reading of a sensor"):
-        impossible.check_imu(series, settings, columns)
+        dataset.check_imu(series, settings, columns)
 
 
 REFUSED = {

@@ -15,7 +15,7 @@ from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
 from shefex_nav.records import Phase
-from shefex_nav.replay import compare, final_pass, relinear, rerun, smooth, smoother
+from shefex_nav.replay import final_pass, relinear, rerun, smooth, smoothed_table, smoother
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load, params_onboard
 
@@ -237,7 +237,7 @@ def flights(result, tmp_path_factory):
 @pytest.mark.slow
 def test_errors_are_smaller_and_as_large_as_said(flights):
     """8 flights: RMS ratios (the covariances say 0.35, 0.84, 0.76), and NEES at four instants."""
-    rows = [{row["part"]: row for row in compare.compare(*flight)} for flight in flights]
+    rows = [{row["part"]: row for row in smoothed_table.compare(*flight)} for flight in flights]
     for part, quantity, limit in (
         ("boost", "attitude_deg", 0.5),
         ("middle of the stars", "position_m", 0.9),
@@ -271,7 +271,7 @@ def test_a_reset_does_not_leak_into_what_was_before(tmp_path):
 
 
 def test_parts_of_the_flight(result):
-    rows = compare.compare(result.filtered, result.filtered)
+    rows = smoothed_table.compare(result.filtered, result.filtered)
     assert [row["part"] for row in rows] == [
         "boost",
         "before stars",
@@ -293,7 +293,7 @@ def test_a_log_that_ends_before_the_motor_does_is_of_the_boost(result):
     early = [event for event in data.events if not event.name.startswith("burn_out")]
     phase = np.where(data.truth.t_s >= 0.0, Phase.BOOST, Phase.PAD)
     cut = data._replace(events=early, gates=[], truth=data.truth._replace(phase=phase))
-    assert [part.name for part in compare.parts(cut) if part.from_s < part.to_s] == ["boost"]
+    assert [part.name for part in smoothed_table.parts(cut) if part.from_s < part.to_s] == ["boost"]
 
 
 def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_not():

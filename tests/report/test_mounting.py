@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.geometry import rotation
-from shefex_nav.report.mounting import mounting_error_deg
+from shefex_nav.report.star_metrics import mounting_error_deg
 from shefex_nav.scenario import load
 
 C_BC = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

@@ -10,7 +10,7 @@ from made_up import MISSION, gathered, of_records
 
 from shefex_nav import records as rec
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import figures, incidents, page, page_summary, requirements, table
+from shefex_nav.report import figures, page, page_summary, requirements, table
 
 OPTIONS = synthetic_run.Options(start_s=228.0, end_s=258.0, frame_pixels=False)
 HOSTILE = "\"><script>alert(1)</script><img src=http://example.org/x onerror=alert(2)>&amp;'"
@@ -171,7 +171,7 @@ def test_incidents_are_found_once_and_in_order(data):
         for gate in data.gates
     ]
     health = [rec.NavHealth(231.0, "gyro x", False, "stuck"), rec.NavHealth(233.5, "gyro x", True, "")]
-    found = incidents.incidents(data._replace(gates=gates, health=health))
+    found = page.incidents(data._replace(gates=gates, health=health))
     assert [one.from_s for one in found] == sorted(one.from_s for one in found)
     words = {one.what: one for one in found}
     stuck = words["gyro x out of use: stuck"]

@@ -4,11 +4,10 @@ import numpy as np
 
 from shefex_nav.log import reader
 from shefex_nav.records import Doubt, GateResult
-from shefex_nav.report import doubts, incidents, metrics, table
-from shefex_nav.report.instrument_use import instrument_use
-from shefex_nav.report.losses import loss_rows
+from shefex_nav.report import doubts, metrics, page, table
+from shefex_nav.report.metrics import instrument_use
 from shefex_nav.report.star_rows import star_rows
-from shefex_nav.report.table import _flight_rows, _navigation_rows
+from shefex_nav.report.table import _flight_rows, _navigation_rows, loss_rows
 
 NONE = np.empty(0)
 
@@ -135,7 +134,7 @@ def test_table_and_page_say_the_same_of_a_doubt(log):
     data = data._replace(nav=nav)
     one = metrics.summarise(data)["navigation"]["integrity"]["attitude"]
     words = table._doubts("attitude", one)
-    (incident,) = [one for one in incidents.incidents(data) if one.what.startswith("attitude not to be")]
+    (incident,) = [one for one in page.incidents(data) if one.what.startswith("attitude not to be")]
     assert words.endswith("the IMU does not measure the motion")
     assert incident.what.endswith("the IMU does not measure the motion")
 

@@ -6,7 +6,7 @@ from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
 from shefex_nav import prepare
 from shefex_nav.environment import gnss, yuma
-from shefex_nav.scenario import params_gps, params_onboard
+from shefex_nav.scenario import params, params_onboard
 from shefex_nav.scenario.load import load
 
 YUMA = """******** Week {week} almanac for PRN-{prn:02d} ********
@@ -40,7 +40,7 @@ def scenario(folder, gps):
 
 def test_default_has_nominal_satellites_and_errors_that_do_not_last():
     default = load(DEFAULT)
-    receiver = params_gps.receiver(default)
+    receiver = params.receiver(default)
     assert (bool(receiver.errors), receiver.only, receiver.reacquisition) == (False, (), None)
     nominal = gnss.nominal_24("2012-06-22T19:18:00Z")
     np.testing.assert_array_equal(prepare.constellation(default).node, nominal.node)

@@ -10,7 +10,7 @@ from imu_settings import PERFECT
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.onboard.computer import is_on
-from shefex_nav.scenario import params, params_gps, params_onboard
+from shefex_nav.scenario import params, params_onboard
 from shefex_nav.scenario.load import load
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.settings import Settings, declared
@@ -81,7 +81,7 @@ def assert_plain(record):
 def test_every_stage_gets_plain_parameters(scenario, bodies):
     for convert in (
         params.flight_params,
-        params_gps.receiver,
+        params.receiver,
         params.star_camera,
         params_onboard.nav_params,
     ):
@@ -120,7 +120,7 @@ def test_units_of_the_imu(scenario):
 
 
 def test_gps_outages(scenario):
-    outages = params_gps.receiver(scenario).outages
+    outages = params.receiver(scenario).outages
     assert [outage.event for outage in outages] == [
         "lift_off",
         "burn_out_1",
@@ -141,7 +141,7 @@ def test_filter_knows_the_data_sheets(scenario):
         camera.optics.principal_point_error * camera.detector.pixel_size / camera.optics.focal_length
     )
     assert nav.sigma_blocks["mounting"][0] == pytest.approx(math.hypot(camera.mounting.error, offset))
-    np.testing.assert_array_equal(nav.l_ba_b, params_gps.receiver(scenario).antenna.lever_arm)
+    np.testing.assert_array_equal(nav.l_ba_b, params.receiver(scenario).antenna.lever_arm)
     np.testing.assert_array_equal(nav.C_bc, params.flight_params(scenario).C_bc)
 
 

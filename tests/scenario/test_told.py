@@ -10,7 +10,7 @@ from shefex_nav.commands.main import main
 from shefex_nav.onboard.navigation.measurements import understood
 from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 from shefex_nav.records import GpsFix, GpsRanges
-from shefex_nav.scenario import params, params_gps, params_onboard
+from shefex_nav.scenario import params, params_onboard
 from shefex_nav.scenario.load import Pattern, load
 from shefex_nav.scenario.told import as_told, differences, lines
 
@@ -45,7 +45,7 @@ def same(one, two):
 
 
 def of_world(scenario):
-    makers = (params_gps.receiver, params.star_camera, params.flight_params)
+    makers = (params.receiver, params.star_camera, params.flight_params)
     true = scenario.imu.model_dump(), scenario.pad_alignment.model_dump(), scenario.gps.clock_offset
     return (*(make(scenario) for make in makers), *true)
 

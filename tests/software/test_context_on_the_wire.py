@@ -17,7 +17,7 @@ def test_a_context_comes_back_as_it_went():
         np.arange(3.0), 0.1, 1.0, 0.5, omega_c=np.ones(3), P_omega_c=np.eye(3), unsteady_c=TABLE,
         unsteady_variance=1e-12,
     )  # fmt: skip
-    got = messages.context_received(messages.context_to_send(sent))
+    got = messages.unpack(*next(messages.split(messages.pack(sent))))
     for one, other in zip(sent, got, strict=True):
         np.testing.assert_array_equal(one, other)
 

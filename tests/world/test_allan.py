@@ -1,5 +1,7 @@
 """Allan deviation of every IMU of the package, drawn: random walk and floor of the data sheet."""
 
+import importlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,13 +18,20 @@ TRIADS = {"gyro": 0, "accelerometer": 1}
 TIMES = 50  # length of a series over its longest averaging time, at least
 
 
+@pytest.fixture
+def series_of(monkeypatch):
+    """The module that draws series of a unit at rest."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    return importlib.import_module("allan")
+
+
 def unit(name):
     """settings.Imu of an instrument of the package."""
     return settings(load("shefex2_andoya", [f"imu.use={name}"]).imu)
 
 
 @pytest.mark.parametrize("name", IMUS)
-def test_random_walk_and_floor_are_those_of_the_file(name):
+def test_random_walk_and_floor_are_those_of_the_file(series_of, name):
     """Random walk within 5 %, floor within 25 % of what the file says the data sheet has, 3 axes together."""
     file, _, _ = load_as(lambda provided: instruments.SECTIONS["imu",], instruments.files()[name])
     own, rng = unit(name), np.random.default_rng(7)
@@ -31,8 +40,8 @@ def test_random_walk_and_floor_are_those_of_the_file(name):
         lowest, at_s = allan.floor(part)
         longest_s, dt_s = min(1.5 * at_s, allan.PEAK * part.in_run_bias_time), at_s / 40.0
         n = int(np.ceil(2.0 * TIMES * longest_s / dt_s))
-        series = allan.at_rest(own, n, dt_s, rng)[column]
-        tau_s, found = allan.measured(series, dt_s, np.geomspace(dt_s, longest_s, 30))
+        series = series_of.at_rest(own, n, dt_s, rng)[column]
+        tau_s, found = series_of.measured(series, dt_s, np.geomspace(dt_s, longest_s, 30))
         assert n * dt_s >= TIMES * tau_s[-1]
         curve = np.sqrt(np.mean(found**2, axis=1))
         assert curve[0] * np.sqrt(tau_s[0]) == pytest.approx(part.random_walk, rel=0.05)
@@ -42,7 +51,7 @@ def test_random_walk_and_floor_are_those_of_the_file(name):
             assert lowest == pytest.approx(sheet, rel=0.05)
 
 
-def test_a_series_has_the_deviation_of_the_formula():
+def test_a_series_has_the_deviation_of_the_formula(series_of):
     """Also beyond the floor, where a Gauss-Markov bias rises and falls again, and with coarse quanta.
 
     Quanta are not much larger than what the noise makes of one sample: so their rest is even and unrelated.
@@ -50,8 +59,8 @@ def test_a_series_has_the_deviation_of_the_formula():
     own, rng = unit("mpu_6050"), np.random.default_rng(3)
     for quantum in (0.0, 2.0 * own.gyro.random_walk):
         coarse = changed(own, {"gyro.quantum": quantum})
-        series = allan.at_rest(coarse, 400_000, 2.0, rng)[0]
-        tau_s, found = allan.measured(series, 2.0, [2.0, 8.0, 40.0, 200.0, 570.0, 3000.0])
+        series = series_of.at_rest(coarse, 400_000, 2.0, rng)[0]
+        tau_s, found = series_of.measured(series, 2.0, [2.0, 8.0, 40.0, 200.0, 570.0, 3000.0])
         curve, expected = np.sqrt(np.mean(found**2, axis=1)), allan.deviation(coarse.gyro, tau_s)
         np.testing.assert_allclose(curve[:3], expected[:3], rtol=0.02)
         np.testing.assert_allclose(curve[3:], expected[3:], rtol=0.08)

@@ -56,7 +56,7 @@ X_BG, X_BA = NOMINAL["gyro_bias"].start, NOMINAL["accel_bias"].start
 X_ROLL, X_GS = NOMINAL["gyro_roll_column"].start, NOMINAL["gyro_scale"].start
 X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].start
 X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
-X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
+X_CLOCK = NOMINAL["clock"].start
 X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
 X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
 

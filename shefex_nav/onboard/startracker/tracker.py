@@ -1,6 +1,6 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> objects -> distortion taken out (`undistorted`) -> identify and verify -> ESOQ2 -> `StarFix`. What
+frame -> objects -> distortion taken out (`objects.ideal`) -> identify and verify -> ESOQ2 -> `StarFix`. What
 comes from the navigation, the `Context`, corrects aberration, says where to look for the stars first, how
 they move (`objects`), and names the reason of a failure. The attitude is that of the stars; a prediction
 that they contradict is forgotten, the frame is lost in space. It rests on the gyros too where the rate
@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.fields import matrix, number, vector
 from shefex_nav.geometry.distortion import corner_angles
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.onboard.startracker import best_attitude, denied, objects, single, undistorted
+from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -50,21 +51,22 @@ class TrackerParams(NamedTuple):
 class Context(NamedTuple):
     """What the navigation knows at the time of the frame; NaN or None where it does not."""
 
-    velocity_i: np.ndarray | None  # (3,) m/s, of the vehicle relative to the solar-system barycentre
-    rate: float  # rad/s
-    sun_angle: float  # rad, boresight to the Sun
-    limb_angle: float  # rad, boresight to the Earth's limb
-    q_ic: np.ndarray | None = None  # (4,) predicted attitude of the camera
-    P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error in camera axes
-    omega_c: np.ndarray | None = None  # (3,) rad/s, of the camera in its axes, mean of the exposure
-    P_omega_c: np.ndarray | None = None  # (3, 3) (rad/s)^2, its covariance
-    unsteady_c: np.ndarray | None = (
-        None  # (m, 4), how the camera turned besides: table of `geometry.unsteady`
-    )
-    unsteady_variance: float = 0.0  # rad^2, of its error on each axis, the same for all stars
+    velocity_i: vector("m/s", "of the vehicle relative to the solar-system barycentre") = None
+    rate: number("rad/s", "of the body") = np.nan
+    sun_angle: number("rad", "boresight to the Sun") = np.nan
+    limb_angle: number("rad", "boresight to the Earth's limb") = np.nan
+    q_ic: vector("", "predicted attitude, camera to inertial axes", 4) = None
+    # covariance of its rotation-vector error in camera axes
+    P_c: matrix("rad^2", "of that, camera axes") = None
+    omega_c: vector("rad/s", "mean rate of the exposure, camera axes") = None
+    P_omega_c: matrix("", "of that [rad^2/s^2]") = None  # its covariance
+    # , how the camera turned besides: table of `geometry.unsteady`
+    unsteady_c: number("", "s from its instant; turn besides the mean rate [rad], x y z", (-1, 4)) = None
+    # of its error on each axis, the same for all stars
+    unsteady_variance: number("rad^2", "of the mean of that, each axis") = 0.0
 
 
-NO_CONTEXT = Context(None, np.nan, np.nan, np.nan)
+NO_CONTEXT = Context()
 
 
 class Tracker(NamedTuple):
@@ -166,7 +168,7 @@ def step(tracker, state, frame, context):
     search = objects.SEARCHES.get(params.settings.detection.scan, objects.as_spots)
     for seen in search(params, tracker.pairs.stars, state.memory, frame, context):
         exposed = of_frame(tracker, frame, seen)
-        ideal = undistorted.ideal(params.camera, seen.detections)
+        ideal = objects.ideal(params.camera, seen.detections)
         found, reason, solution, stars = attitude_with_stars(exposed, ideal, context, seen.rate)
         if reason == Reason.NONE:
             break
@@ -250,12 +252,12 @@ def _given(tracker, misfits, frame, context, seen, result):
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
-        ideal = undistorted.ideal(params.camera, seen.detections)
+        ideal = objects.ideal(params.camera, seen.detections)
         found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
     reason = reason if reason == Reason.NONE else explain(params, reason, seen.statistics.mean_dn, context)
     shows_lens = seen.at_instant and not is_fast  # else residuals are those of motion that nobody knows
-    after = denied.after(misfits, reason) if shows_lens else misfits
-    if denied.is_denied(misfits):
+    after = best_attitude.after(misfits, reason) if shows_lens else misfits
+    if best_attitude.is_denied(misfits):
         stars = NO_STARS
         if reason == Reason.NONE:
             reason, solution = Reason.RESIDUALS, NO_SOLUTION

@@ -266,7 +266,6 @@ def draw_table3(figure, results, rows):
 
 EXPERIMENTS = {
     "bright-table2": Experiment(
-        title="stars per magnitude (BRIGHT table 2, figure 2)",
         samples=1,
         unit="catalogues",
         chunk=1,
@@ -275,7 +274,6 @@ EXPERIMENTS = {
         draw=draw_counts,
     ),
     "bright-brightest": Experiment(
-        title="the brightest star of a field (BRIGHT section 4.1, figure 3)",
         samples=10000,
         unit="attitudes",
         chunk=1000,
@@ -284,7 +282,6 @@ EXPERIMENTS = {
         draw=figures.draw_brightest,
     ),
     "bright-table3": Experiment(
-        title="three identifications, and ours, in three situations (BRIGHT table 3)",
         samples=10000,
         unit="orientations",
         chunk=250,
@@ -294,7 +291,6 @@ EXPERIMENTS = {
         timed=True,
     ),
     "bright-table4": Experiment(
-        title="the same on rendered frames, magnitudes off by up to 0.7 (BRIGHT table 4)",
         samples=1000,
         unit="frames",
         chunk=50,
@@ -304,7 +300,6 @@ EXPERIMENTS = {
         timed=True,
     ),
     "bright-centroids": Experiment(
-        title="Centre of mass against Gaussian interpolation (BRIGHT figure 1)",
         samples=200,
         unit="tracks",
         chunk=20,

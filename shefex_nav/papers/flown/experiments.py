@@ -94,7 +94,6 @@ def draw(figure, results, rows):
 
 EXPERIMENTS = {
     "as-flown": Experiment(
-        title="The papers' scenarios and the default chain: success, wrong, accuracy, time",
         samples=20,
         unit="flights of each scenario, with three chains each",
         chunk=1,

@@ -165,7 +165,6 @@ def draw(figure, results, rows):
 
 EXPERIMENTS = {
     "impa-assumptions": Experiment(
-        title="Success within two images under other assumptions (IMPA tables 8 and 12)",
         samples=260,
         unit="attitudes and directions, at five rates each",
         chunk=5,

@@ -190,7 +190,6 @@ KEPT = (*experiments.KEPT, "impa.centroids", "impa.centroid_tables", "impa.bound
 
 EXPERIMENTS = {
     "impa-centroids": Experiment(
-        title="Errors of the centroids (IMPA tables 3, 4, 5; figure 14)",
         samples=SAMPLES,
         unit="attitudes and directions, each at five rates with both shutters",
         chunk=5,

@@ -213,7 +213,6 @@ def draw(figure, _results, rows):
 
 EXPERIMENTS = {
     "impa-detection": Experiment(
-        title="Faintest magnitude against rate (IMPA section 4.2, figure 12)",
         samples=60,
         unit="frames for each of 5 rates and 3 axes",
         chunk=5,

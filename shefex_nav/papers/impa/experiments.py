@@ -24,19 +24,16 @@ _CAMPAIGN = {
 
 EXPERIMENTS = {
     "impa-images": Experiment(
-        title="Success against the number of images (IMPA tables 8, 9, 12, 13; figures 16 and 17)",
         conclude=tables.conclude_images,
         draw=figures.draw_images,
         **_CAMPAIGN,
     ),
     "impa-joint": Experiment(
-        title="The campaign with one joint set of assumptions, fitted to table 8 (IMPA tables 6 to 13)",
         conclude=tables.conclude_joint,
         draw=figures.draw_joint,
         **_CAMPAIGN | {"measure": flight.measure_joint, "unit": "simulations at 1 to 5 deg/s"},
     ),
     "impa-attitude": Experiment(
-        title="Attitude errors (IMPA tables 6, 7, 10, 11)",
         conclude=tables.conclude_attitude,
         draw=figures.draw_attitude,
         **_CAMPAIGN,

@@ -171,7 +171,6 @@ def _outline(path_px):
 
 EXPERIMENTS = {
     "impa-frames": Experiment(
-        title="Frames at 0, 2 and 5 deg/s, and what each method finds in them (IMPA section 6)",
         samples=100,
         unit="attitudes and directions",
         chunk=5,

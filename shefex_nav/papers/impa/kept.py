@@ -10,7 +10,6 @@ from pathlib import Path
 
 from shefex_nav.papers.impa import moments
 from shefex_nav.papers.impa.methods.weights import AS_PRINTED, WEIGHTS
-from shefex_nav.papers.verdict import Verdict
 
 PATH = Path(__file__).with_name("pixel_moments.csv")
 RUN = "impa-pixels"
@@ -34,7 +33,6 @@ READINGS = {
 THINGS = {  # how many are otherwise than in `impa-centroids`: spot, clusters, weights if not as printed
     reading: SPOTS[spot] + 1 + (weights != AS_PRINTED) for reading, (spot, weights, _) in READINGS.items()
 }
-DIGITS = 4  # of a kept figure
 
 
 def words(reading):
@@ -43,16 +41,6 @@ def words(reading):
     otherwise = [weights] if weights != AS_PRINTED else []
     otherwise += [spot] if SPOTS[spot] else []
     return ", ".join([*otherwise, CLUSTERS[of]])
-
-
-def write(path, command, figures):
-    """Write a table. figures: moments.Figure"""
-    with Path(path).open("w", newline="") as file:
-        file.write(f"# {command}\n")
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow(moments.Figure._fields)
-        for one in figures:
-            out.writerow([f"{value:.{DIGITS}g}" if isinstance(value, float) else value for value in one])
 
 
 def read(path):
@@ -68,17 +56,6 @@ def read(path):
 def figures():
     """The table of the package, as `read` has it."""
     return read(PATH)
-
-
-def reached(table, of):
-    """How many published figures of a table each reading reproduces: {reading: int}. of: as `read` has it"""
-    mine = [one for one in of.values() if one.table == table]
-    return {
-        reading: sum(
-            moments.judged(one, "").verdict == Verdict.REPRODUCED for one in mine if one.reading == reading
-        )
-        for reading in READINGS
-    }
 
 
 def others(table, moment, axis, rate):

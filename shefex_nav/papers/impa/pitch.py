@@ -51,7 +51,6 @@ WAYS = {
     "border as printed": Way(border=True),
     "clusters of the first frame": Way(first=True),
 }
-READ = WAYS["as read by us"]
 
 
 def moved(times, clusters, rows, shift_px, way):
@@ -145,7 +144,6 @@ def draw(figure, results, _rows):
 
 EXPERIMENTS = {
     "impa-pitch": Experiment(
-        title="The mean of pitch with a rolling shutter, reading by reading (IMPA tables 7 and 11)",
         samples=1040,
         unit="attitudes and directions, at four rates each",
         chunk=26,

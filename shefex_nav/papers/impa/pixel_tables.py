@@ -79,7 +79,6 @@ def draw(figure, results, _rows):
 
 EXPERIMENTS = {
     RUN: Experiment(
-        title="Errors of the centroids by weights of the pixels and spot (IMPA tables 3, 4, 5)",
         samples=650,
         unit="attitudes and directions, each at five rates with both shutters",
         chunk=5,

@@ -158,7 +158,6 @@ def draw(figure, results, rows):
 
 EXPERIMENTS = {
     RUN: Experiment(
-        title="Success within two images, equation by equation as printed and as read (IMPA section 5)",
         samples=260,
         unit="attitudes and directions, at five rates and with both shutters each",
         chunk=4,

@@ -147,7 +147,6 @@ def conclude_end_to_end(results):
 
 EXPERIMENTS = {
     "shefex-end-to-end": Experiment(
-        title="Success of the whole chain on rendered frames (SHEFEX sections 4 and 5)",
         samples=1000,
         unit="attitudes",
         chunk=50,

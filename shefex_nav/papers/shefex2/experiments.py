@@ -6,7 +6,6 @@ from shefex_nav.papers.shefex2.published import SHEFEX
 
 EXPERIMENTS = {
     "shefex-scan": Experiment(
-        title="Sequential scan against maximum search (SHEFEX section 3.2)",
         samples=200,
         unit="frames",
         chunk=50,
@@ -16,7 +15,6 @@ EXPERIMENTS = {
         timed=True,
     ),
     "shefex-catalogue": Experiment(
-        title="the star catalogue that flies (SHEFEX section 3.3, figures 4 and 5)",
         samples=10000,
         unit="random attitudes",
         chunk=1000,
@@ -25,7 +23,6 @@ EXPERIMENTS = {
         draw=figures.draw_catalogue,
     ),
     "shefex-cos-error": Experiment(
-        title="time and success of the pyramid against cosError (SHEFEX figures 7 and 8)",
         samples=SHEFEX["identification"]["random_attitudes"],
         unit="random attitudes",
         chunk=50,
@@ -35,7 +32,6 @@ EXPERIMENTS = {
         timed=True,
     ),
     "shefex-spikes": Experiment(
-        title="wrong identifications of the pyramid against false stars (SHEFEX figure 9)",
         samples=SHEFEX["identification"]["random_attitudes"],
         unit="random attitudes",
         chunk=25,
@@ -44,7 +40,6 @@ EXPERIMENTS = {
         draw=figures.draw_spikes,
     ),
     "shefex-attitude": Experiment(
-        title="attitude error against centroid error (SHEFEX figure 10)",
         samples=SHEFEX["identification"]["random_attitudes"],
         unit="random attitudes",
         chunk=100,
@@ -53,7 +48,6 @@ EXPERIMENTS = {
         draw=figures.draw_attitude,
     ),
     "shefex-calibration": Experiment(
-        title="focal length and principal point from identified frames (SHEFEX section 4)",
         samples=500,
         unit="frames",
         chunk=50,

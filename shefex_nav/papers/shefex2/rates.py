@@ -206,7 +206,6 @@ def draw(figure, results, rows):
 
 EXPERIMENTS = {
     "shefex-rates": Experiment(
-        title="Success against the rate, exposure under automatic control (SHEFEX section 4)",
         samples=500,
         unit="attitudes, each at six rates",
         chunk=10,

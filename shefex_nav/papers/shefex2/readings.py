@@ -168,7 +168,6 @@ def draw(figure, _results, rows):
 
 EXPERIMENTS = {
     RUN: Experiment(
-        title="Success against the rate, reading by reading of the chain (SHEFEX section 4)",
         samples=500,
         unit="attitudes, each at six rates",
         chunk=10,

@@ -17,7 +17,6 @@ ROCKETS = {  # scenario -> settings; what is required of an attitude says when i
     "rexus_like": ("requirements.attitude.limit=3 deg",),
     "rexus_spinning": (),
 }
-WITH_STARS = ("shefex2_andoya",)
 OWN, ANY = "own", "any"  # in the place of a grade and of a phase, where the scenario or chance has its own
 FACTORS = {
     "rocket": tuple(ROCKETS),
@@ -37,16 +36,6 @@ class Cell(NamedTuple):
     told: str
     happens: str
     phase: str
-
-
-def possible(levels):
-    """Whether levels can meet. dict, factor -> level, of some or all factors."""
-    stars = TOLD[levels["told"]].needs_stars if "told" in levels else False
-    stars |= HAPPENS[levels["happens"]].device == STARS if "happens" in levels else False
-    if stars and levels.get("rocket") not in (None, *WITH_STARS):
-        return False
-    seen_stars = "happens" in levels and HAPPENS[levels["happens"]].device == STARS
-    return not (seen_stars and levels.get("phase") not in (None, "quiet"))  # the camera is off elsewhere
 
 
 def cells():

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import Pinhole, turn_slopes, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
-from shefex_nav.onboard.startracker.attitude import esoq2, inverse3
+from shefex_nav.onboard.startracker.attitude import esoq2
 
 NAMES = ("focal_length_px", "cx_px", "cy_px", "k1", "k2")
 HUBER = 2.0  # sigma of the distance: beyond, a centroid pulls with constant force until it is judged
@@ -188,7 +187,7 @@ def _judged(data, camera0, estimated):
 def _minimise(data, used, theta, q_ic, estimated, huber):
     """Levenberg-Marquardt. Parameters (5,), attitudes (n, 4) and cost at the minimum."""
     m, damping = int(estimated.sum()), 1e-6
-    cost, S, g, back = _normal_kernel(data, used, theta, q_ic, estimated, huber, damping)
+    cost, S, g, back = _normal_equations(data, used, theta, q_ic, estimated, huber, damping)
     for _ in range(MAX_STEPS):
         try:
             step = np.linalg.solve(S, g)
@@ -197,7 +196,7 @@ def _minimise(data, used, theta, q_ic, estimated, huber):
         new_theta = theta.copy()
         new_theta[estimated] += step
         new_q = _turned(q_ic, back[:, :, m] - back[:, :, :m] @ step)
-        trial = _normal_kernel(data, used, new_theta, new_q, estimated, huber, 0.1 * damping)
+        trial = _normal_equations(data, used, new_theta, new_q, estimated, huber, 0.1 * damping)
         settled = abs(cost - trial[0]) <= CONVERGED * (cost + 1.0)
         if trial[0] <= cost or settled:
             theta, q_ic, damping = new_theta, new_q, 0.1 * damping
@@ -208,7 +207,7 @@ def _minimise(data, used, theta, q_ic, estimated, huber):
             damping = max(10.0 * damping, 1e-9)
             if damping > 1e12:
                 break
-            cost, S, g, back = _normal_kernel(data, used, theta, q_ic, estimated, huber, damping)
+            cost, S, g, back = _normal_equations(data, used, theta, q_ic, estimated, huber, damping)
     raise ValueError("the fit does not converge: are these the stars of these frames?")
 
 
@@ -221,7 +220,7 @@ def _turned(q_ic, rotation):
 
 def _covariance(data, used, theta, q_ic, estimated):
     """Of the estimated parameters: inverse of the undamped Schur complement."""
-    _, S, _, _ = _normal_kernel(data, used, theta, q_ic, estimated, np.inf, 0.0)
+    _, S, _, _ = _normal_equations(data, used, theta, q_ic, estimated, np.inf, 0.0)
     scale = np.sqrt(np.abs(np.diag(S)))  # of the size of one each: the parameters differ by 1e7
     try:
         inverse = np.linalg.inv(S / np.outer(scale, scale))
@@ -233,54 +232,38 @@ def _covariance(data, used, theta, q_ic, estimated):
     return covariance
 
 
+def _residuals(data, theta, q_ic):
+    """Ideal place of each star, its radial factor, and its centroid minus where the camera puts it.
+
+    -> x, y = X/Z, Y/Z (n, 2); radial (n,); residual [px] (n, 2)
+    """
+    C_ic = np.repeat([dcm_from_quat(q) for q in q_ic], np.diff(data.begin), axis=0)
+    u_c = np.einsum("nij,ni->nj", C_ic, data.u_i)
+    ideal = u_c[:, :2] / u_c[:, 2:]
+    r2 = (ideal**2).sum(axis=1)
+    radial = 1.0 + r2 * (theta[3] + r2 * theta[4])
+    return ideal, radial, data.xy_px - theta[1:3] - theta[0] * radial[:, None] * ideal
+
+
 def _distances2(data, theta, q_ic):
     """Squared distance of each centroid from its star in units of its sigma. (n,)."""
-    return _distance_kernel(data, theta, q_ic)
+    return (_residuals(data, theta, q_ic)[2] ** 2).sum(axis=1) / data.sigma_px**2
 
 
-@inner
-def _star(theta, C, u_i):
-    """Direction x, y, z in the camera; pixel; radial factor."""
-    X = C[0, 0] * u_i[0] + C[1, 0] * u_i[1] + C[2, 0] * u_i[2]
-    Y = C[0, 1] * u_i[0] + C[1, 1] * u_i[1] + C[2, 1] * u_i[2]
-    Z = C[0, 2] * u_i[0] + C[1, 2] * u_i[1] + C[2, 2] * u_i[2]
-    x, y = X / Z, Y / Z
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (theta[3] + r2 * theta[4])
-    return x, y, r2, radial
-
-
-@kernel
-def _distance_kernel(data, theta, q_ic):
-    out = np.empty(data.xy_px.shape[0])
-    for frame in range(q_ic.shape[0]):
-        C = dcm_from_quat(q_ic[frame])
-        for k in range(data.begin[frame], data.begin[frame + 1]):
-            x, y, _, radial = _star(theta, C, data.u_i[k])
-            dx = data.xy_px[k, 0] - theta[1] - theta[0] * radial * x
-            dy = data.xy_px[k, 1] - theta[2] - theta[0] * radial * y
-            out[k] = (dx * dx + dy * dy) / data.sigma_px[k] ** 2
-    return out
-
-
-@inner
-def _jacobian(theta, x, y, r2, radial, Jc, Ja):
-    """Fill the derivatives of a pixel by the camera, Jc (2, 5), and by the rotation dtheta_c, Ja (2, 3)."""
-    f = theta[0]
-    Jc[:] = 0.0
-    Jc[0, 0], Jc[1, 0] = radial * x, radial * y
-    Jc[0, 1], Jc[1, 2] = 1.0, 1.0
-    Jc[0, 3], Jc[1, 3] = f * x * r2, f * y * r2
-    Jc[0, 4], Jc[1, 4] = f * x * r2 * r2, f * y * r2 * r2
+def _jacobian(theta, ideal, radial):
+    """Derivatives of pixels (n, 2, 8): by the rotation dtheta_c, then by the camera in the order of NAMES."""
+    f, r2 = theta[0], (ideal**2).sum(axis=1)[:, None]
     slope = 2.0 * (theta[3] + 2.0 * r2 * theta[4])  # d radial = slope (x dx + y dy)
-    xx, xy, yy = f * (radial + slope * x * x), f * slope * x * y, f * (radial + slope * y * y)
-    dx, dy = turn_slopes(x, y)
-    for axis in range(3):
-        Ja[0, axis], Ja[1, axis] = xx * dx[axis] + xy * dy[axis], xy * dx[axis] + yy * dy[axis]
+    squares = ideal[:, :, None] * ideal[:, None]
+    by_place = f * (radial[:, None, None] * np.eye(2) + slope[:, :, None] * squares)
+    dx, dy = turn_slopes(*ideal.T)
+    by_turn = by_place @ np.stack([np.column_stack(dx), np.column_stack(dy)], axis=1)
+    by_point = np.broadcast_to(np.eye(2), (len(ideal), 2, 2))
+    by_radial = f * ideal[:, :, None] * np.stack([r2, r2**2], axis=-1)
+    return np.concatenate([by_turn, (radial[:, None] * ideal)[:, :, None], by_point, by_radial], axis=2)
 
 
-@kernel
-def _normal_kernel(data, used, theta, q_ic, estimated, huber, damping):
+def _normal_equations(data, used, theta, q_ic, estimated, huber, damping):
     """Normal equations with the attitudes eliminated.
 
     Parameters
@@ -299,68 +282,19 @@ def _normal_kernel(data, used, theta, q_ic, estimated, huber, damping):
     S, g : (m, m), (m,) Schur complement and right-hand side: S step = g
     back : (n_frames, 3, m + 1) the rotation of frame k is back[k, :, m] - back[k, :, :m] step
     """
-    columns = np.flatnonzero(estimated)
-    m = len(columns)
-    H, g, reduction = np.zeros((m, m)), np.zeros(m), np.zeros((m, m))
-    back = np.zeros((q_ic.shape[0], 3, m + 1))
-    cost = 0.0
-    for frame in range(q_ic.shape[0]):
-        rows = data.begin[frame], data.begin[frame + 1]
-        A, E, b = np.zeros((3, 3)), np.zeros((3, m)), np.zeros(3)
-        sums = A, E, b, H, g
-        cost += _add_frame(data, rows, used, theta, q_ic[frame], columns, huber, sums)
-        for r in range(3):
-            A[r, r] *= 1.0 + damping
-        inverse = inverse3(A)
-        for r in range(3):
-            for j in range(3):
-                back[frame, r, m] += inverse[r, j] * b[j]
-                for c in range(m):
-                    back[frame, r, c] += inverse[r, j] * E[j, c]
-        for r in range(m):
-            for j in range(3):
-                g[r] -= E[j, r] * back[frame, j, m]
-                for c in range(m):
-                    reduction[r, c] += E[j, r] * back[frame, j, c]
-    for r in range(m):
-        H[r, r] *= 1.0 + damping
-    return cost, H - reduction, g, back
-
-
-@inner
-def _add_frame(data, rows, used, theta, q_ic, columns, huber, sums):
-    """Add the stars of one frame, rows first ... last - 1 of the data, to the sums; returns their cost.
-
-    sums : A (3, 3), E (3, m), b (3,) of this frame's attitude, H (m, m), g (m,) of the camera
-    """
-    A, E, b, H, g = sums
-    C, m, cost = dcm_from_quat(q_ic), len(columns), 0.0
-    Jc, Ja = np.zeros((2, 5)), np.zeros((2, 3))
-    for k in range(rows[0], rows[1]):
-        if not used[k]:
-            continue
-        x, y, r2, radial = _star(theta, C, data.u_i[k])
-        _jacobian(theta, x, y, r2, radial, Jc, Ja)
-        residual = (
-            data.xy_px[k, 0] - theta[1] - theta[0] * radial * x,
-            data.xy_px[k, 1] - theta[2] - theta[0] * radial * y,
-        )
-        distance = np.sqrt(residual[0] ** 2 + residual[1] ** 2) / data.sigma_px[k]
-        weight = 1.0 / data.sigma_px[k] ** 2
-        if distance > huber:
-            cost += huber * (2.0 * distance - huber)
-            weight *= huber / distance
-        else:
-            cost += distance**2
-        for i in range(2):
-            for r in range(3):
-                b[r] += weight * Ja[i, r] * residual[i]
-                for c in range(3):
-                    A[r, c] += weight * Ja[i, r] * Ja[i, c]
-                for c in range(m):
-                    E[r, c] += weight * Ja[i, r] * Jc[i, columns[c]]
-            for r in range(m):
-                g[r] += weight * Jc[i, columns[r]] * residual[i]
-                for c in range(m):
-                    H[r, c] += weight * Jc[i, columns[r]] * Jc[i, columns[c]]
-    return cost
+    ideal, radial, residual = (values[used] for values in _residuals(data, theta, q_ic))
+    J = _jacobian(theta, ideal, radial)[:, :, np.concatenate([[True] * 3, estimated])]
+    distance = np.sqrt((residual**2).sum(axis=1)) / data.sigma_px[used]
+    is_far = distance > huber
+    cost = np.where(is_far, huber * (2.0 * distance - huber), distance**2).sum()
+    weight = np.where(is_far, huber / distance, 1.0) / data.sigma_px[used] ** 2
+    WJ = weight[:, None, None] * J
+    begin = np.concatenate([[0], np.cumsum(np.add.reduceat(used, data.begin[:-1]))[:-1]])
+    M = np.add.reduceat(np.einsum("nij,nik->njk", WJ, J), begin)
+    b = np.add.reduceat(np.einsum("nij,ni->nj", WJ, residual), begin)
+    diagonal = np.arange(M.shape[1])
+    M[:, diagonal, diagonal] *= 1.0 + damping
+    E = M[:, :3, 3:]
+    back = np.linalg.solve(M[:, :3, :3], np.concatenate([E, b[:, :3, None]], axis=2))
+    reduction = np.einsum("fji,fjk->ik", E, back)
+    return cost, M[:, 3:, 3:].sum(axis=0) - reduction[:, :-1], b[:, 3:].sum(axis=0) - reduction[:, -1], back
