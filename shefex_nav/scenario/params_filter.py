@@ -70,14 +70,11 @@ def _requirement(stated):
 def _missed(scenario):
     """Sigma of what a reading at the end of its range leaves out: (2,) rad/s, m/s^2.
 
-    A vehicle that turns faster than its gyros can show may turn twice as fast; one whose accelerometers show
-    the end of their range may fall freely, as a fault leaves them.
+    A vehicle that turns faster than its gyros can show may turn twice as fast.
     """
-    navigation, imu = scenario.navigation, scenario.imu
-    least = (navigation.saturated_rate, navigation.saturated_acceleration)
-    limits = (imu.gyro.range, imu.accelerometer.range)
-    pairs = zip(least, limits, strict=True)
-    return np.array([max(one, limit) if np.isfinite(limit) else one for one, limit in pairs])
+    rate, limit = scenario.navigation.saturated_rate, scenario.imu.gyro.range
+    most = max(rate, limit) if np.isfinite(limit) else rate
+    return np.array([most, scenario.navigation.saturated_acceleration])
 
 
 def imu_model(scenario, told, **others):

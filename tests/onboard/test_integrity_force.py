@@ -20,7 +20,7 @@ RULES = integrity_imu.ImuRules(
     range=np.array([np.inf, RANGE]),
     wrong=np.array([1.0, SPREAD]),
     change=np.array([0.5, CHANGE]),
-    missed=np.array([1.0, RANGE]),
+    missed=np.array([1.0, 50.0]),
 )
 
 

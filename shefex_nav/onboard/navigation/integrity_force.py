@@ -7,7 +7,8 @@ that range is made for. Over the last t of a time T since then
 
     u(t) = t min(s, m_0 + c (tau + T - t/2)),        angle^2 = sigma_G^2 u^2,     tau as in `integrity_imu`.
 
-A reading that is held was right at first, m_0 = 0; one at the end of its range may be off by all of that.
+A reading that is held was right at first, m_0 = 0; one at the end of its range may be off by all of that. A
+peak of vibration there is none of these.
 
 - **A star fix** says the angle, from which it counts again, as if a second old: the filter follows an error
   that lasts with a lag, which white noise of the time between two fixes alone would not cover.
@@ -81,7 +82,7 @@ def squared(lasting_s, known_s, before, most, change):
 @inner(forceinline=True)
 def largest(rules, at_end):
     """s of an accelerometer axis, m/s^2, by (5, 2) `ImuRules`; at_end: its readings are at the end."""
-    if at_end:
-        return rules[4, 1]
-    limit, wrong = rules[1, 1], rules[2, 1]
-    return max(wrong, limit / OF_RANGE) if np.isfinite(limit) else wrong
+    limit, wrong = rules[1, 1], rules[4, 1] if at_end else rules[2, 1]
+    if not np.isfinite(limit):
+        return wrong
+    return max(wrong, limit if at_end else limit / OF_RANGE)

@@ -8,7 +8,8 @@
 An axis that is silent or stuck is given the mean that it had before (over `MEAN_S`, which vibration does not
 disturb), a saturated one keeps its reading. Either way the rate is wrong by an unknown amount, so the filter
 is told: white noise of such a density that the variance of the integrated error grows as that of the error
-itself. Of a saturated axis only the time counts that its readings spend at the end of the range.
+itself. Of a saturated axis only the time counts that its readings spend at the end of the range; an
+accelerometer that has nothing else in a block may be off by all of that range, as a fault leaves it.
 An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) integrates to
 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
@@ -178,7 +179,7 @@ def pushed(watch, speed, t_valid_s, now_s):
     speed : m/s, by what the velocity was corrected along it since the GPS velocity before
     """
     axis, force = watch.axes[3 + ROLL], watch.forces[ROLL]
-    if axis["state"] == GOOD or not t_valid_s > axis["since_s"]:
+    if axis["state"] == GOOD or not (t_valid_s > axis["since_s"] and force["lasting_s"] > 0.0):
         return
     age_s, shown = min(max(now_s - t_valid_s, 0.0), force["lasting_s"]), abs(speed)
     force["owed"] += (2.0 * force["shown"] + shown) * shown
@@ -269,14 +270,16 @@ def screen_packed(watch, block, readings, densities):
         if code != SATURATED or at_range:
             axis.seen_s = t_end_s
         axis.state = code
+        throughout = at_range and (not anywhere or _is_throughout(readings, k, rules[1, k // 3] * dt_s))
         if code == SATURATED:
-            added = _charge_at_end(rules[4, k // 3], axis, n * dt_s) if at_range else 0.0
+            missed = integrity_force.largest(rules, True) if throughout and k >= 3 else rules[4, k // 3]
+            added = _charge_at_end(missed, axis, n * dt_s) if at_range else 0.0
         else:
             added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
         densities[k // 3, k % 3] = added / (n * dt_s)
         if k >= 3:
             pushed += integrity_force.paid(watch.forces[k - 3]) + unseen
-            if code != SATURATED or at_range:
+            if code != SATURATED or throughout:
                 most = integrity_force.largest(rules, code == SATURATED)
                 pushed += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], n * dt_s)
     for i in range(3):
@@ -338,6 +341,15 @@ def _at_range(readings, k, limit):
         if abs(readings[m, k]) >= 0.999 * limit:
             return True
     return False
+
+
+@inner(forceinline=True)
+def _is_throughout(readings, k, limit):
+    """Whether all readings of axis k are at the end of the range: it has not been a peak of vibration."""
+    for m in range(readings.shape[0]):
+        if abs(readings[m, k]) < 0.999 * limit:
+            return False
+    return True
 
 
 @inner(forceinline=True)
