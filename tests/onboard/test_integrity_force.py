@@ -19,7 +19,7 @@ RULES = integrity_imu.ImuRules(
     repeats=np.array([np.inf, 20.0]),
     range=np.array([np.inf, RANGE]),
     wrong=np.array([1.0, SPREAD]),
-    change=np.array([0.5, CHANGE]),
+    change=np.array([0.5, CHANGE / integrity_force.LIT]),
     missed=np.array([1.0, 50.0]),
 )
 
@@ -28,10 +28,10 @@ RULES = integrity_imu.ImuRules(
 def test_the_force_runs_away_from_when_it_was_known(lasting_s, known_s, before):
     """Integral of m_0 + c (0.1 s + time) over the last of the time."""
     u, _ = integrate.quad(lambda t: before + 5.0 * (0.1 + t), known_s - lasting_s, known_s)
-    squared = plain(integrity_force.squared)
-    assert squared(lasting_s, known_s, before, 1e3, 5.0) == pytest.approx(u**2)
-    assert squared(lasting_s, known_s, before, 0.5, 5.0) == pytest.approx((0.5 * lasting_s) ** 2)
-    assert squared(lasting_s, known_s, np.inf, 7.0, 5.0) == pytest.approx((7.0 * lasting_s) ** 2)
+    squared, change = plain(integrity_force.squared), 5.0 / integrity_force.LIT
+    assert squared(lasting_s, known_s, before, 1e3, change) == pytest.approx(u**2)
+    assert squared(lasting_s, known_s, before, 0.5, change) == pytest.approx((0.5 * lasting_s) ** 2)
+    assert squared(lasting_s, known_s, np.inf, 7.0, change) == pytest.approx((7.0 * lasting_s) ** 2)
 
 
 def test_what_a_force_can_be():

@@ -26,6 +26,7 @@ from shefex_nav.compiled import inner, kernel, rows
 
 MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the slowest vibration
 FOLLOWED_S = 1.0  # [E] of an angle that lasts, as a filter with ten star fixes a second follows it
+LIT = 4.0  # [E] c over `ImuRules.change`: a motor is lit faster than thrust changes while it burns
 OF_RANGE = 3.0  # [E] sigmas of specific force in the range of a sensor that was chosen for it
 ROLL = 0  # the axis whose force keeps its direction
 
@@ -54,7 +55,7 @@ def begin(force, held, age_s):
 def added(force, most, change, duration_s):
     """u^2 that is to be added, m^2/s^2, after a further time in which the axis was not read.
 
-    most : m/s^2, s of the module's text;  change : m/s^3, c
+    most : m/s^2, s of the module's text;  change : m/s^3, c over LIT
     """
     force.most = most
     force.lasting_s += duration_s
@@ -75,8 +76,8 @@ def paid(force):
 
 @kernel(forceinline=True)
 def squared(lasting_s, known_s, before, most, change):
-    """u^2 of the module's text, m^2/s^2: t, T, m_0, s and c."""
-    return (lasting_s * min(most, before + change * (MEAN_S + known_s - 0.5 * lasting_s))) ** 2
+    """u^2 of the module's text, m^2/s^2: t, T, m_0, s; c over LIT."""
+    return (lasting_s * min(most, before + LIT * change * (MEAN_S + known_s - 0.5 * lasting_s))) ** 2
 
 
 @inner(forceinline=True)
