@@ -32,7 +32,9 @@ class Gyro(Settings):
         "rad s3/m2", "0.03 deg/h/gee2", "bias per square of the vibration level", non_negative=True
     )
     range: float = quantity("rad/s", "1000 deg/s", "largest rate measured", positive=True, words=UNLIMITED)
-    quantum: float = quantity("rad", "0.1 arcsec", "angle of one count", positive=True, words=OFF)
+    quantum: float = quantity(
+        "rad", "0.1 arcsec", "angle of one count", positive=True, at_most="360 deg", words=OFF
+    )
 
 
 class Accelerometer(Settings):
@@ -52,7 +54,9 @@ class Accelerometer(Settings):
     range: float = quantity(
         "m/s2", "20 gee", "largest specific force measured", positive=True, words=UNLIMITED
     )
-    quantum: float = quantity("m/s", "0.1 mm/s", "velocity of one count", positive=True, words=OFF)
+    quantum: float = quantity(
+        "m/s", "0.1 mm/s", "velocity of one count", positive=True, at_most="1 km/s", words=OFF
+    )
 
 
 class Vibration(Settings):

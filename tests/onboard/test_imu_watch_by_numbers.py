@@ -45,6 +45,7 @@ def test_bounds_of_repeats():
     assert imu.repeats(1.0, 0.0) == 20.0  # a driver may send one sample twice
     assert imu.repeats(1e-3, 1.0) == np.inf and imu.repeats(0.0, 1.0) == np.inf
     assert imu.repeats(-1.0, 1.0) == np.inf
+    assert imu.repeats(1e-200, 1.0, carried=True) == imu.repeats(5e-324, 1.0, carried=True) == np.inf
     width = 10.0 + 1.165  # quanta of ten sigma: a random walk stays within them for so long
     assert imu.repeats(0.1, 1.0, carried=True) == np.ceil(2.0 * np.log(4e9 / np.pi) * (width / np.pi) ** 2)
 
@@ -63,7 +64,7 @@ class Unit:
 
     def __init__(self, rules=RULES):
         self.watch, self.t_s, self.k = imu.start(rules, N), 0.0, 0
-        self.readings, self.densities = np.empty((N, 6)), np.empty((2, 3))
+        self.readings, self.densities = np.empty((N, 6)), np.empty((3, 3))
 
     def values(self):
         """Next block: (4, 6), no two samples alike, mean RATE dt."""

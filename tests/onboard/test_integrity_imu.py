@@ -35,10 +35,10 @@ def blocks(samples, saturated=(), lost=()):
 
 
 def run(samples, rules=RULES, **options):
-    """What `screen` gives for every block: readings (4, 6), densities (n, 2, 3), states (n, 6), health."""
+    """What `screen` gives for every block: readings (4, 6), densities (n, 3, 3), states (n, 6), health."""
     watch, found = watch_imu.start(rules, N), []
     for block in blocks(samples, **options):
-        out, densities = np.empty((N, 6)), np.empty((2, 3))
+        out, densities = np.empty((N, 6)), np.empty((3, 3))
         health = watch_imu.screen(watch, block, out, densities)
         found.append((out, densities, watch.state.copy(), health))
     out, densities, states, health = zip(*found, strict=True)
@@ -48,7 +48,7 @@ def run(samples, rules=RULES, **options):
 def test_a_healthy_unit_passes_unchanged():
     """Two minutes: 288 000 readings, of which one in a thousand million might look stuck."""
     watch = watch_imu.start(RULES, N)
-    screened, densities = np.empty((N, 6)), np.empty((2, 3))
+    screened, densities = np.empty((N, 6)), np.empty((3, 3))
     for block in blocks(readings(120.0, np.random.default_rng(1))):
         assert not watch_imu.screen(watch, block, screened, densities)
         assert not densities.any()
@@ -121,7 +121,7 @@ def test_a_unit_that_is_silent_from_the_start_is_given_nothing_to_hold():
     assert np.all(states[:10] == SILENT) and not states[10:].any()
     assert not np.any(out[:10])
     age_s = 10 * N * DT
-    assert np.allclose(densities.sum(axis=0) * N * DT, (RULES.wrong[:, None] * age_s) ** 2, rtol=0.01)
+    assert np.allclose(densities[:, :2].sum(axis=0) * N * DT, (RULES.wrong[:, None] * age_s) ** 2, rtol=0.01)
 
 
 def test_a_silent_unit_is_bridged_with_the_mean():
@@ -132,7 +132,7 @@ def test_a_silent_unit_is_bridged_with_the_mean():
         assert np.allclose(out[k][:, 3:] / DT, [20.0, 0.5, -0.3], atol=0.1)
         assert np.allclose(out[k][:, :3] / DT, [0.3, -0.02, 0.01], atol=1e-3)
     age = 20 * N * DT
-    given = densities.sum(axis=0) * N * DT
+    given = densities[:, :2].sum(axis=0) * N * DT
     assert np.allclose(given, (RULES.change[:, None] * (watch_imu.MEAN_S + 0.5 * age) * age) ** 2)
     assert [(record.source, record.healthy) for record in health] == [("imu", False), ("imu", True)]
 
@@ -142,7 +142,7 @@ def test_a_block_sent_again_is_not_believed():
     samples[400:480] = np.tile(samples[396:400], (20, 1))
     _, densities, states, health = run(samples)
     assert np.all(states[100:120] == REPEATED) and not states[120:].any() and not states[:100].any()
-    assert densities[100:120].all() and "again" in health[0].reason
+    assert densities[100:120, :2].all() and "again" in health[0].reason
 
 
 def test_an_axis_at_the_end_of_its_range_is_told_from_the_others():
@@ -174,7 +174,7 @@ def test_only_the_time_at_the_end_of_the_range_counts():
 def test_a_fix_ends_what_was_missed_before_it():
     samples = readings(4.0, np.random.default_rng(16))
     samples[400:, 0] = RULES.range[0] * DT
-    watch, out, densities = watch_imu.start(RULES, N), np.empty((N, 6)), np.empty((2, 3))
+    watch, out, densities = watch_imu.start(RULES, N), np.empty((N, 6)), np.empty((3, 3))
     for k, block in enumerate(blocks(samples, saturated=range(100, 400))):
         watch_imu.screen(watch, block, out, densities)
         if k == 299:

@@ -245,7 +245,7 @@ def test_noise_that_comes_on_top_acts_along_its_axes():
     """As of an axis at the end of its range, or one that is stuck: densities per body axis."""
     assert np.allclose(process_noise(QUIET), 0.0)
     rate, force = np.array([0.5, 0.0, 0.2]) ** 2 * 0.01, np.array([0.0, 10.0, 3.0]) ** 2 * 0.01
-    Q = process_noise(QUIET, np.array([rate, force]))
+    Q = process_noise(QUIET, np.array([0.75 * rate, force, 0.25 * rate]))  # of either kind
     C_ib = MOTION.C_ib(0.0)  # at the start of the interval
     angle = 0.01 * MOTION.spin / 2.0  # by which the axes have turned on average: all that is left out
     assert np.allclose(Q[ATT, ATT], np.diag(rate) * 0.01, atol=rate.max() * 0.01 * 2.0 * angle)

@@ -28,7 +28,7 @@ START = NavState(0.0, R_0, V_0, Q_0, *[np.zeros(3)] * 4)
 def window(omega_b, f_b):
     """One tick at a steady rate and specific force."""
     increments = np.tile(np.concatenate([omega_b, f_b]) * DT, (6, 1))
-    return ImuWindow(0.01, DT, increments, 0.0, np.zeros((2, 3)))
+    return ImuWindow(0.01, DT, increments, 0.0, np.zeros((3, 3)))
 
 
 def predicted(P, seconds, f_b):

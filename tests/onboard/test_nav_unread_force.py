@@ -85,10 +85,10 @@ def test_a_missed_force_is_felt_across_by_the_error_of_the_attitude():
     _, P = initial(PARAMS, ORDER, alignment(START))
     root = 0.03 * rng.standard_normal((3, 3))
     P[ATT, ATT] = root @ root.T
-    extra = np.zeros((2, 3))
+    extra = np.zeros((3, 3))
     extra[1, AXIS] = (m * 0.01) ** 2 / 0.01
     C = rotation.dcm_from_quat(Q_0)
-    (_, with_it), (_, without) = (one_tick(P, np.zeros(3), e) for e in (extra, np.zeros((2, 3))))
+    (_, with_it), (_, without) = (one_tick(P, np.zeros(3), e) for e in (extra, np.zeros((3, 3))))
     added = C.T @ (with_it - without)[VEL, VEL] @ C
     theta = rng.multivariate_normal(np.zeros(3), P[ATT, ATT], 20000)
     expected = ALIKE**2 * (0.01 * m) ** 2 * np.cov(np.cross(theta, np.eye(3)[AXIS]).T)
@@ -99,9 +99,9 @@ def test_a_missed_force_is_felt_across_by_the_error_of_the_attitude():
 def test_what_is_lost_across_is_bounded_as_a_sine_is():
     _, P = initial(PARAMS, ORDER, alignment(START))
     P[ATT, ATT] = UNKNOWN2 * np.eye(3)
-    extra = np.zeros((2, 3))
+    extra = np.zeros((3, 3))
     extra[1, AXIS] = 1.0
     C = rotation.dcm_from_quat(Q_0)
-    (_, with_it), (_, without) = (one_tick(P, np.zeros(3), e) for e in (extra, np.zeros((2, 3))))
+    (_, with_it), (_, without) = (one_tick(P, np.zeros(3), e) for e in (extra, np.zeros((3, 3))))
     across = np.diag(C.T @ (with_it - without)[VEL, VEL] @ C)[:2]
     np.testing.assert_allclose(across, 0.5 * ALIKE**2 * 0.01, rtol=0.01)

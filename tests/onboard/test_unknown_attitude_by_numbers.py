@@ -138,7 +138,7 @@ def test_no_direction_across_an_axis_is_known_better(k):
     np.testing.assert_allclose(changed(unknown._lose_direction, P, k), wanted, rtol=1e-9)
 
 
-QUIET, STILL = np.zeros((2, 3)), (0.0, 0.0, 0.0)
+QUIET, STILL = np.zeros((3, 3)), (0.0, 0.0, 0.0)
 
 
 def test_what_is_put_right_depends_on_what_is_unknown():
@@ -162,7 +162,7 @@ def test_what_is_put_right_depends_on_what_is_unknown():
     wide[7, 7] = 1.04 * UNKNOWN2  # within the margin: it loses its ties little by little
     got = changed(unknown.widen, wide, angle, STILL, QUIET, 0.01, Q)
     assert got[7, 7] == pytest.approx(UNKNOWN2, rel=1e-3) and got[6, 6] == pytest.approx(P[6, 6], rel=1e-6)
-    extra = np.zeros((2, 3))
+    extra = np.zeros((3, 3))
     extra[0], extra[1, 1] = 5.0, 3.0  # of gyros nothing follows for the force
     wanted = small.copy()
     plain(unknown._lose_force)(wanted, 1, 100.0 * 0.01 * 3.0, Q)

@@ -48,30 +48,29 @@ def test_which_sensor_makes_what_doubtful():
 
 def test_without_specific_force_the_attitude_is_what_gyros_and_stars_say():
     """Position and velocity run away; whether the attitude may be used says its level, or a sensor."""
-    assert [integrity_watch.blind(np.eye(7, 6, dtype=int)[k]) for k in range(7)] == [1, 1, 1, 2, 2, 2, 0]
-    assert integrity_watch.blind(np.ones(6, dtype=int)) == integrity_watch.Blind.TO_RATE
-    assert doubts(blind=integrity_watch.Blind.TO_FORCE) == "II-"
-    assert doubts(blind=integrity_watch.Blind.TO_FORCE, star_tracker=BAD) == "IIC"
-    assert doubts(blind=integrity_watch.Blind.TO_FORCE, gps_velocity=BAD) == "IIC"
-    assert doubts(blind=integrity_watch.Blind.TO_RATE, star_tracker=BAD) == "III"
-    of_force = np.eye(6, dtype=int)[3]
-    assert integrity_watch.blind(of_force, tied=True) == integrity_watch.Blind.TO_RATE
+    rate, force = integrity_watch.Blind.TO_RATE, integrity_watch.Blind.TO_FORCE
+    blind = [integrity_watch.blind(np.eye(7, 6, dtype=int)[k]) for k in range(7)]
+    assert blind == 3 * [rate] + 3 * [force] + [integrity_watch.Blind.NOT]
+    assert integrity_watch.blind(np.ones(6, dtype=int)) == rate | force
+    assert doubts(blind=force) == "II-"
+    assert doubts(blind=force, star_tracker=BAD) == "IIC"
+    assert doubts(blind=force, gps_velocity=BAD) == "IIC"
+    assert doubts(blind=rate, star_tracker=BAD) == doubts(blind=rate | force, star_tracker=BAD) == "III"
     one = watch()
-    one.unread = integrity_watch.Blind.TO_FORCE
+    one.unread = force
     assert doubts(one, blind=None) == "II-"
     one.distrusted = True
-    assert doubts(one, blind=None) == "III"
+    assert one.imu_blind == rate | force and doubts(one, blind=None) == "III"
 
 
-@pytest.mark.parametrize("deg_h_gee, tied", [(0.5, False), (0.9, False), (1.1, True), (36.0, True)])
-def test_gyros_that_turn_by_the_specific_force_are_tied_to_it(deg_h_gee, tied):
-    """Known as noise of the model, or estimated as a block of states."""
-    known = np.radians(deg_h_gee / 3600.0) / 9.80665
+def test_what_gyros_turn_by_under_force_is_known_either_way():
+    """As noise of the model, or estimated as a block of states."""
+    known = np.radians(36.0 / 3600.0) / 9.80665
     model = PARAMS.imu._replace(gyro_g_sensitivity=known)
-    assert integrity_watch.start(PARAMS._replace(imu=model)).tied == tied
+    assert integrity_watch.start(PARAMS._replace(imu=model)).gyros.sensed == known
     model = PARAMS.imu._replace(gyro_g_sensitivity=0.0)
     blocks = PARAMS.sigma_blocks | {"gyro_g_sensitivity": np.full(9, known)}
-    assert integrity_watch.start(PARAMS._replace(imu=model, sigma_blocks=blocks)).tied == tied
+    assert integrity_watch.start(PARAMS._replace(imu=model, sigma_blocks=blocks)).gyros.sensed == known
 
 
 @pytest.mark.parametrize(

@@ -169,6 +169,17 @@ def test_overrides(default):
     assert differences(default, scenario) == changed
 
 
+@pytest.mark.parametrize("name, most, more", [
+    ("gyro", "360 deg", "1e308 arcsec"), ("accelerometer", "1 km/s", "1e300 m/s"),
+])  # fmt: skip
+def test_a_count_has_a_size(name, most, more):
+    """Beyond, its square is no number any more."""
+    key = f"imu.{name}.quantum"
+    assert load(DEFAULT, [f"{key}={most}"]).imu.gyro.quantum > 0.0
+    with pytest.raises(ScenarioError, match=f"{key}: must be at most {most}, got '{more}'"):
+        load(DEFAULT, [f"{key}={more}"])
+
+
 def test_null_takes_away(tmp_path):
     """What a base gives and a variant has not; on the command line too."""
     path = tmp_path / "calm.yaml"

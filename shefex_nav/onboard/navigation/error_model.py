@@ -344,13 +344,18 @@ def process_noise(top, along, across, extra, C, T, Q):
     ----------
     top : (9, n) first rows of Phi
     along, across : of `noise_densities`
-    extra : (2, 3) white noise of more, per body axis: rad^2/s of the attitude, m^2/s^3 of the velocity
+    extra : (3, 3) white noise of more, per body axis: rad^2/s of the attitude by gyros that are not read,
+        m^2/s^3 of the velocity, rad^2/s by the specific force that is not read and turns gyros
     C : C_ib at the start
     T : s
     Q : (9, 9), written
     """
     half, a = 0.5 * T, ATT.start
-    w = along[0] + extra[0, 0], across[0] + extra[0, 1], across[0] + extra[0, 2]
+    w = (
+        along[0] + extra[0, 0] + extra[2, 0],
+        across[0] + extra[0, 1] + extra[2, 1],
+        across[0] + extra[0, 2] + extra[2, 2],
+    )
     d = along[1] + extra[1, 0], across[1] + extra[1, 1], across[1] + extra[1, 2]
     for i in range(ATT.stop):
         x, y, z = half * w[0] * top[i, a], half * w[1] * top[i, a + 1], half * w[2] * top[i, a + 2]

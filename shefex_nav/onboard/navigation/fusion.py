@@ -39,6 +39,7 @@ from shefex_nav.onboard.navigation.sensor import Measurement
 from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
 from shefex_nav.onboard.navigation.state import (
     ATT,
+    VEL,
     X_Q,
     Layout,
     NavParams,
@@ -339,6 +340,7 @@ def _apply(nav, now, measurement, results, recorder):
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
+        nav.watch.corrected(dx[VEL], now.x)
         _used(nav, now, measurement, P, prior, H, R, confirmed)
         if confirmed:
             nav.health[measurement.sensor] = sensor.confirmed(nav, now, fix)

@@ -93,7 +93,7 @@ class History:
     x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
-    increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 2, 3), (size, 6, m) likewise
+    increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 3, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
     arrays : these and x, P as `prediction.propagate` takes them, Memory
     corrections : Corrections until the instant that has been reached
@@ -119,7 +119,7 @@ class History:
 
     def _allocate(self, size, samples, driving):
         """Make the arrays."""
-        self.numbers, self.extra = np.zeros((size, 4)), np.zeros((size, 2, 3))
+        self.numbers, self.extra = np.zeros((size, 4)), np.zeros((size, 3, 3))
         self.increments, self.drives = np.zeros((size, BEFORE + samples, 6)), np.zeros((size, 6, driving))
         self.xs, self.Ps = np.empty((size, *self.x.shape)), np.empty((size, *self.P.shape))
         self.arrays = Memory(

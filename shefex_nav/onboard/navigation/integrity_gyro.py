@@ -116,6 +116,7 @@ class GyroWatch:
     """
 
     def __init__(self, model, relative, sensed):
+        self.sensed = sensed
         self.noise = np.array(
             [
                 model.gyro_random_walk**2,

@@ -8,7 +8,8 @@
 An axis that is silent or stuck is given the mean that it had before (over `MEAN_S`, which vibration does not
 disturb), a saturated one keeps its reading. Either way the rate is wrong by an unknown amount, so the filter
 is told: white noise of such a density that the variance of the integrated error grows as that of the error
-itself. Of a saturated axis only the time counts that its readings spend at the end of the range.
+itself. Of a saturated axis only the time counts that its readings spend at the end of the range; an
+accelerometer that has nothing else in a block may be off by all of that range, as a fault leaves it.
 An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) integrates to
 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
@@ -29,9 +30,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, rows
+from shefex_nav.onboard.navigation import integrity_force
+from shefex_nav.onboard.navigation.integrity_force import FORCE, MEAN_S, ROLL
 from shefex_nav.records import NavHealth
 
-MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the slowest vibration
 CALM_S = 1.0  # [E] an axis that vibrates into the end of its range has left it after so long without
 SIGN_S = 10.0  # [E] for how long the error of a sensor that cannot be trusted keeps its sign
 FEWEST_REPEATS = 20  # [E] readings; a driver may well send one sample twice
@@ -86,6 +88,8 @@ class ImuWatch(NamedTuple):
     rules: np.ndarray  # (5, 2) the ImuRules
     last: np.ndarray  # (n, 6) the block before, as it was read; NaN at the start
     axes: np.ndarray  # (6,) of AXIS, gyros first
+    forces: np.ndarray  # (3,) of `integrity_force.FORCE`, of the accelerometers
+    sensed: float  # rad/s per m/s^2, sigma of the g-sensitivity of the gyros
 
     @property
     def state(self):
@@ -111,18 +115,19 @@ def repeats(sigma, quantum, carried=False):
     if p < 1.0:
         most = ceil(log(ONCE) / log(p)) if p > 0.0 else 0.0
     if carried:
-        width = quantum / sigma + 1.165
-        most = min(most, ceil(2.0 * log(4.0 / (pi * ONCE)) * (width / pi) ** 2))
+        width = (quantum / sigma + 1.165) / pi
+        steps = 2.0 * log(4.0 / (pi * ONCE)) * (width * width)
+        most = min(most, ceil(steps) if steps < inf else inf)  # inf: noise too small for its square
     return float(max(FEWEST_REPEATS, most))
 
 
-def start(rules, n):
-    """ImuWatch for blocks of n samples. ImuRules, int -> ImuWatch"""
+def start(rules, n, sensed=0.0):
+    """ImuWatch for blocks of n samples. ImuRules, int, rad/s per m/s^2 -> ImuWatch"""
     axes = np.zeros(6, dtype=AXIS)
     axes["run"] = 1.0
     for name in ("mean_rate", "before", "since_s", "seen_s", "fixed_s"):
         axes[name] = np.nan
-    return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes)
+    return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes, np.zeros(3, dtype=FORCE), sensed)
 
 
 def screen(watch, block, readings, densities):
@@ -133,7 +138,8 @@ def screen(watch, block, readings, densities):
     watch : ImuWatch, brought up to date
     block : ImuBlock
     readings : (n, 6), written: its increments [rad, m/s], with others on axes that cannot be used
-    densities : (2, 3), written: white noise on top of that of a healthy unit, rad^2/s and m^2/s^3, body axes
+    densities : (3, 3), written: white noise on top of that of a healthy unit, body axes: rad^2/s and m^2/s^3
+        of axes that are not read, rad^2/s of gyros that answer to a force that is not read
 
     Returns
     -------
@@ -156,6 +162,37 @@ def fixed(watch, sensor, t_valid_s, now_s):
                 age_s = axis["at_end_s"] = min(age_s, axis["at_end_s"])
                 sigma = missed[sensor]
             axis["charged"] = integrated_variance(sigma, change[sensor], age_s, False)
+
+
+def turned(watch, t_valid_s, now_s):
+    """A star fix of t_valid_s has been used: what a force that is not read has turned counts from there."""
+    for axis, force in zip(watch.axes[3:], watch.forces, strict=True):
+        if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
+            age_s = max(now_s - t_valid_s, 0.0) + integrity_force.FOLLOWED_S
+            force["lasting_s"], force["shown"] = min(age_s, force["lasting_s"]), 0.0
+            force["charged"] = _charged(watch.rules, force)
+
+
+def pushed(watch, speed, t_valid_s, now_s):
+    """A GPS velocity of t_valid_s has been used: along the roll axis it shows the force that was not read.
+
+    speed : m/s, by what the velocity was corrected along it since the GPS velocity before
+    """
+    axis, force = watch.axes[3 + ROLL], watch.forces[ROLL]
+    if axis["state"] == GOOD or not (t_valid_s > axis["since_s"] and force["lasting_s"] > 0.0):
+        return
+    age_s, shown = min(max(now_s - t_valid_s, 0.0), force["lasting_s"]), abs(speed)
+    force["owed"] += (2.0 * force["shown"] + shown) * shown
+    force["shown"] += shown
+    force["before"] = shown / max(force["known_s"] - age_s, MEAN_S)
+    force["lasting_s"] = force["known_s"] = age_s
+    force["charged"] = _charged(watch.rules, force)
+
+
+def _charged(rules, force):
+    """u^2 of `integrity_force` that the filter has been given, m^2/s^2."""
+    since = (float(force[name]) for name in ("lasting_s", "known_s", "before", "most"))
+    return integrity_force.squared(*since, float(rules[3, 1]))
 
 
 def replaced(state):
@@ -193,7 +230,7 @@ def integrated_variance(wrong, change, age_s, held):
 def screen_packed(watch, block, readings, densities):
     """`screen`, compiled. -> int, bit k: the state of axis k has changed"""
     rules, last, axes, t_end_s, dt_s = watch.rules, watch.last, watch.axes, block.t_valid_s, block.dt_s
-    n, changed = block.dtheta_b.shape[0], 0
+    n, changed, pushed = block.dtheta_b.shape[0], 0, 0.0
     for m in range(n):
         for i in range(3):
             readings[m, i], readings[m, 3 + i] = block.dtheta_b[m, i], block.dv_b[m, i]
@@ -216,6 +253,8 @@ def screen_packed(watch, block, readings, densities):
         if code != axis.state:
             changed |= 1 << k
         if code == GOOD:
+            if k >= 3 and axis.state != GOOD:
+                pushed += integrity_force.paid(watch.forces[k - 3])
             axis.since_s, axis.charged, axis.fixed_s, axis.state = np.nan, 0.0, np.nan, GOOD
             axis.at_end_s = 0.0
             densities[k // 3, k % 3] = 0.0
@@ -225,14 +264,26 @@ def screen_packed(watch, block, readings, densities):
             axis.since_s = t_end_s - age_s
             if code == STUCK and np.isfinite(axis.before):
                 unseen = ((readings[n - 1, k] / dt_s - axis.before) * age_s) ** 2
+            if k >= 3:
+                held = code != SATURATED and np.isfinite(axis.mean_rate)
+                integrity_force.begin(watch.forces[k - 3], held, max(age_s - n * dt_s, 0.0))
         if code != SATURATED or at_range:
             axis.seen_s = t_end_s
         axis.state = code
+        throughout = at_range and (not anywhere or _is_throughout(readings, k, rules[1, k // 3] * dt_s))
         if code == SATURATED:
-            added = _charge_at_end(rules[4, k // 3], axis, n * dt_s) if at_range else 0.0
+            missed = integrity_force.largest(rules, True) if throughout and k >= 3 else rules[4, k // 3]
+            added = _charge_at_end(missed, axis, n * dt_s) if at_range else 0.0
         else:
             added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
         densities[k // 3, k % 3] = added / (n * dt_s)
+        if k >= 3:
+            pushed += integrity_force.paid(watch.forces[k - 3]) + unseen
+            if code != SATURATED or throughout:
+                most = integrity_force.largest(rules, code == SATURATED)
+                pushed += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], n * dt_s)
+    for i in range(3):
+        densities[2, i] = watch.sensed**2 * pushed / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
     _hold(readings, axes, dt_s)
@@ -290,6 +341,15 @@ def _at_range(readings, k, limit):
         if abs(readings[m, k]) >= 0.999 * limit:
             return True
     return False
+
+
+@inner(forceinline=True)
+def _is_throughout(readings, k, limit):
+    """Whether all readings of axis k are at the end of the range: it has not been a peak of vibration."""
+    for m in range(readings.shape[0]):
+        if abs(readings[m, k]) < 0.999 * limit:
+            return False
+    return True
 
 
 @inner(forceinline=True)

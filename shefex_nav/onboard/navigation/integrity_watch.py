@@ -3,12 +3,12 @@
 `fusion` asks it at each IMU block and each measurement; `computer` hands what it says to the log.
 """
 
-from enum import IntEnum
+from enum import IntFlag
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_drift,
@@ -21,6 +21,7 @@ from shefex_nav.onboard.navigation import (
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.settings import Release
+from shefex_nav.onboard.navigation.state import X_Q
 from shefex_nav.records import Doubt, NavHealth
 
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
@@ -31,16 +32,15 @@ ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
 BACK = 0.3  # [E] share of a step, to within which one back ends it
 OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
-TIED = np.radians(1.0 / 3600.0) / STANDARD_GRAVITY  # rad s/m [E]: 10 gee in 10 s turn by 0.03 deg
 ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
 MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
 
 
-class Blind(IntEnum):
-    """Of what the IMU does not say what it is at the moment."""
+class Blind(IntFlag):
+    """Of what the IMU does not say what it is at the moment: of one, of both, or of none."""
 
     NOT = 0
-    TO_RATE = 1  # and perhaps to specific force
+    TO_RATE = 1
     TO_FORCE = 2
 
 
@@ -74,7 +74,7 @@ class Watch:
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
         self.learnt = integrity_learnt.Learnt()
         self.unread = Blind.NOT  # by readings of an axis that are replaced, or are at the end of its range
-        self.tied = False  # whether gyros turn by the specific force, more than TIED
+        self.uncounted = 0.0  # m/s, along the roll axis: corrections since a GPS velocity, blind to force
         self.replaced = False  # whether some have been replaced: axes that are silent or stuck
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
@@ -95,8 +95,9 @@ class Watch:
     def screen(self, block, readings, densities):
         """What of an ImuBlock can be used: `integrity_imu.screen`, which writes the two arrays."""
         if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
-            started = integrity_imu.start(self.params.imu, len(block.dtheta_b))
-            self.imu = started if self.imu is None else started._replace(axes=self.imu.axes)
+            started = integrity_imu.start(self.params.imu, len(block.dtheta_b), self.gyros.sensed)
+            kept = {} if self.imu is None else {"axes": self.imu.axes, "forces": self.imu.forces}
+            self.imu = started._replace(**kept)
         changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
             self._changed(changes)
@@ -130,7 +131,9 @@ class Watch:
     def _changed(self, changes):
         """The state of axes of the unit has changed."""
         self.pending += changes
-        self.unread = blind(self.imu.state, self.tied)
+        self.unread = blind(self.imu.state)
+        if not self.unread & Blind.TO_FORCE:
+            self.uncounted = 0.0
         self.replaced = integrity_imu.replaced(self.imu.state)
         self.gyros.forget()
 
@@ -138,7 +141,7 @@ class Watch:
     def imu_blind(self):
         """Blind: what of the moment is not measured on an axis, or cannot be trusted."""
         if self.distrusted or self.disputed > 0.0:
-            return Blind.TO_RATE
+            return self.unread | Blind.TO_RATE
         return self.unread
 
     def gyros_wrong(self, now_s, found):
@@ -163,10 +166,22 @@ class Watch:
             self.reasons.get(name, "") != reason for name in self.gyros.recovered
         )
 
+    def corrected(self, dv_i, x):
+        """A measurement has just corrected the velocity by dv_i (3,), m/s, of packed values x."""
+        if self.unread & Blind.TO_FORCE:
+            self.uncounted += float(dv_i @ rotation.dcm_from_quat(x[X_Q])[:, 0])
+
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""
-        if self.unread and fix_of(sensor) in MEASURES:
-            integrity_imu.fixed(self.imu, MEASURES[fix_of(sensor)], t_valid_s, now_s)
+        quantity = fix_of(sensor)
+        if not self.unread or quantity not in MEASURES:
+            return
+        integrity_imu.fixed(self.imu, MEASURES[quantity], t_valid_s, now_s)
+        if quantity is ATTITUDE:
+            integrity_imu.turned(self.imu, t_valid_s, now_s)
+        else:
+            integrity_imu.pushed(self.imu, self.uncounted, t_valid_s, now_s)
+            self.uncounted = 0.0
 
     def accept_velocity(self, name, z, pushed):
         """A GPS velocity is believed against the accelerometers, which show nothing wrong by themselves.
@@ -202,16 +217,16 @@ class Watch:
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
 
         {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the gyros do not measure
-        all three run away, without specific force position and velocity alone, unless the gyros are `tied`
-        to it: the attitude is what gyros and stars say. A star tracker that contradicts says that the
-        attitude is wrong, or itself; position and velocity are checked by GPS, where there is any. A GPS
-        velocity contradicts an attitude as well, by the direction of the thrust: any other sensor makes all
-        three doubtful. A GPS position
-        whose velocity goes on contradicts the position alone: most likely it has jumped, but the filter may
-        have followed it before. So does one that was believed in the end.
+        all three run away, without specific force position and velocity alone: the attitude is what gyros
+        and stars say, and its level knows what the force turns gyros by (`integrity_force`). A star tracker
+        that contradicts says that the attitude is wrong, or itself; position and velocity are checked by GPS,
+        where there is any. A GPS velocity contradicts an attitude as well, by the direction of the thrust:
+        any other sensor makes all three doubtful. A GPS position whose velocity goes on contradicts the
+        position alone: most likely it has jumped, but the filter may have followed it before. So does one
+        that was believed in the end.
         """
         imu_blind = self.imu_blind if imu_blind is None else imu_blind
-        if imu_blind == Blind.TO_RATE:
+        if imu_blind & Blind.TO_RATE:
             return ALL_OF[Doubt.IMU]
         found = self._contradicted(health)
         return np.where(OF_FORCE, Doubt.IMU, found) if imu_blind else found
@@ -262,14 +277,10 @@ class Watch:
         return changes
 
 
-def blind(state, tied=False):
-    """Blind, of the states (6,) of the axes of gyros and accelerometers.
-
-    tied : gyros turn by the specific force; what is not read of it is missing in what is taken off them
-    """
-    if state[:3].any() or (tied and state[3:].any()):
-        return Blind.TO_RATE
-    return Blind.TO_FORCE if state[3:].any() else Blind.NOT
+def blind(state):
+    """Blind, of the states (6,) of the axes of gyros and accelerometers."""
+    rate = Blind.TO_RATE if state[:3].any() else Blind.NOT
+    return rate | Blind.TO_FORCE if state[3:].any() else rate
 
 
 def start(params):
@@ -278,7 +289,6 @@ def start(params):
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
     limit = chi_square_limit(integrity_gps.DRIFT_PROBABILITY, 3)
     watch = Watch(params.integrity or DEFAULT, limit, gyros)
-    watch.tied = sensed > TIED
     watch.drifts = {aid.name: integrity_drift.Drift(aid.drift) for aid in params.aids if aid.drift}
     return watch
 

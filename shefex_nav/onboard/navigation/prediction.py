@@ -68,7 +68,7 @@ class Memory(NamedTuple):
 
     numbers: np.ndarray  # (size, 4)
     increments: np.ndarray  # (size, 2 + samples, 6)
-    extra: np.ndarray  # (size, 2, 3)
+    extra: np.ndarray  # (size, 3, 3)
     xs: np.ndarray  # (size, X)
     Ps: np.ndarray  # (size, n, n)
     x: np.ndarray  # (X,) of the instant that has been reached

@@ -40,7 +40,7 @@ from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
-NO_EXTRA = np.zeros((2, 3))
+NO_EXTRA = np.zeros((3, 3))
 
 
 class ImuWindow(NamedTuple):
@@ -50,7 +50,7 @@ class ImuWindow(NamedTuple):
     dt_s: float
     increments: np.ndarray  # (2 + n, 6) rad and m/s, as measured
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
-    extra: np.ndarray = NO_EXTRA  # (2, 3) white noise of more, body axes: rad^2/s, m^2/s^3
+    extra: np.ndarray = NO_EXTRA  # (3, 3) white noise of more, body axes, as `integrity_imu.screen` says
     drive: np.ndarray = NO_DRIVE  # (6, m) what the last m errors drive, as in `calibration`
 
     @property

@@ -1,0 +1,89 @@
+"""What turns the attitude while the specific force is not read: gyros that answer to force, by G.
+
+An accelerometer axis that cannot be read is off by a force m, and the rate by sigma_G m about each axis. Both
+last: the angle grows as sigma_G u, u the integral of m, and not as the root of the time. Since m was known
+last, m_0 at the time 0, it has run away by the rate c at most, and it is at most s, of what a sensor of
+that range is made for. Over the last t of a time T since then
+
+    u(t) = t min(s, m_0 + c (tau + T - t/2)),        angle^2 = sigma_G^2 u^2,     tau as in `integrity_imu`.
+
+A reading that is held was right at first, m_0 = 0; one at the end of its range may be off by all of that. A
+peak of vibration there is none of these.
+
+- **A star fix** says the angle, from which it counts again, as if a second old: the filter follows an error
+  that lasts with a lag, which white noise of the time between two fixes alone would not cover.
+- **A GPS velocity** says u since the one before: it is what the velocity has been corrected by along the roll
+  axis, p. These errors are of one sign as G is, so they count as one, (sum of |p|)^2, and m_0 is |p| over the
+  time. Across the roll axis a spin turns the force, of which GPS shows less than the gyros sense; there
+  nothing is taken from it.
+
+The charge is made on the attitude alone: which sign it has, an unknown G does not say.
+"""
+
+import numpy as np
+
+from shefex_nav.compiled import inner, kernel, rows
+
+MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the slowest vibration
+FOLLOWED_S = 1.0  # [E] of an angle that lasts, as a filter with ten star fixes a second follows it
+LIT = 4.0  # [E] c over `ImuRules.change`: a motor is lit faster than thrust changes while it burns
+OF_RANGE = 3.0  # [E] sigmas of specific force in the range of a sensor that was chosen for it
+ROLL = 0  # the axis whose force keeps its direction
+
+FORCE = rows(
+    [
+        ("lasting_s", float),  # for which the angle has grown since it was known
+        ("known_s", float),  # since m was
+        ("before", float),  # m/s^2, m_0; inf: unknown
+        ("most", float),  # m/s^2, s of the last block in which it was not read
+        ("charged", float),  # m^2/s^2, u^2 of that time, which the filter has been given
+        ("shown", float),  # m/s, sum of |p| since a star fix
+        ("owed", float),  # m^2/s^2, that GPS has shown, and the filter has not been given yet
+    ]
+)
+
+
+@inner(forceinline=True)
+def begin(force, held, age_s):
+    """An axis is not read any more, since age_s. held : whether it is given a reading that was right then"""
+    force.lasting_s = force.known_s = age_s
+    force.before = 0.0 if held else np.inf
+    force.most = force.charged = force.shown = force.owed = 0.0
+
+
+@inner(forceinline=True)
+def added(force, most, change, duration_s):
+    """u^2 that is to be added, m^2/s^2, after a further time in which the axis was not read.
+
+    most : m/s^2, s of the module's text;  change : m/s^3, c over LIT
+    """
+    force.most = most
+    force.lasting_s += duration_s
+    force.known_s += duration_s
+    u2 = squared(force.lasting_s, force.known_s, force.before, most, change)
+    more = max(u2 - force.charged, 0.0)
+    force.charged = max(u2, force.charged)
+    return more
+
+
+@inner(forceinline=True)
+def paid(force):
+    """What is owed, m^2/s^2, and from now on is not."""
+    owed = force.owed
+    force.owed = 0.0
+    return owed
+
+
+@kernel(forceinline=True)
+def squared(lasting_s, known_s, before, most, change):
+    """u^2 of the module's text, m^2/s^2: t, T, m_0, s; c over LIT."""
+    return (lasting_s * min(most, before + LIT * change * (MEAN_S + known_s - 0.5 * lasting_s))) ** 2
+
+
+@inner(forceinline=True)
+def largest(rules, at_end):
+    """s of an accelerometer axis, m/s^2, by (5, 2) `ImuRules`; at_end: its readings are at the end."""
+    limit, wrong = rules[1, 1], rules[4, 1] if at_end else rules[2, 1]
+    if not np.isfinite(limit):
+        return wrong
+    return max(wrong, limit if at_end else limit / OF_RANGE)
