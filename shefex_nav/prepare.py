@@ -93,10 +93,13 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False, room=
         flight = fly_vehicle(scenario, seed, brief=brief, room=room)
         room.release()
     wanted = np.empty((len(flight.trajectory.t_s), 6)) if biases else None
-    return with_faults(scenario, measure(scenario, seed, flight, brief=brief, biases=wanted))
+    healthy = measure(scenario, seed, flight, brief=brief, biases=wanted, room=room)
+    found = with_faults(scenario, healthy)
+    room.release()
+    return found
 
 
-def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
+def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None, room=MEMORY):
     """Let the sensors measure a flight; which of them fail is not looked at yet, `with_faults`.
 
     Parameters
@@ -104,6 +107,7 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     scenario, seed, flight, brief : as of `build_world`
     biases : (N, 6), written if it is given: the true biases of the IMU at every sample
     sky : gps.Sky of the flight, if it is there already
+    room : record.Memory, where the truth of the flight lies
 
     Returns
     -------
@@ -114,8 +118,10 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     scenario = settled(scenario, flight if brief else None)
     world = unmeasured(scenario, seed, flight)
     sensed = imu.sense(settings(scenario.imu), flight.trajectory, noise.generator(seed, "imu"), biases)
+    room.release()
     receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
+    room.release()
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
     said = gps.received(receiver, seen, flight.events, start_s, *rngs)
     return Healthy(scenario, seed, world._replace(imu_biases=biases), sensed, said)

@@ -86,7 +86,7 @@ class Route:
         telemetry = RECORDS if columns is None else columns
         self._at_ticks = ()
         if columns is None:
-            self._at_ticks = Rows(truth_of(world.flight.trajectory, 1)), Rows(self.read)
+            self._at_ticks = Rows(truth_of(world.flight.trajectory, 1, self.schedule.ticks)), Rows(self.read)
         self._link, computer = _on_board(world, scenario, seed, step, self.schedule, telemetry)
         self._aboard = computer if pace is None else pace.around(computer)
 
@@ -343,8 +343,7 @@ def looking_up(trajectory, camera):
     x_i = wgs84.perpendicular(z_i)
     C_ic = np.column_stack([x_i, np.cross(z_i, x_i), z_i])
     q_ib = rotation.quat_from_dcm(C_ic @ camera.settings.mounting.C_bc.T)
-    n = len(brief.t_s)
-    return brief._replace(q_ib=np.tile(q_ib, (n, 1)), omega_ib_b=np.zeros((n, 3)))
+    return brief._replace(q_ib=np.tile(q_ib, (len(brief.t_s), 1)), omega_ib_b=np.zeros_like(brief.v_i))
 
 
 def happens_s(record):

@@ -94,7 +94,6 @@ def fly(
     get_ready(scenario)
     scenario = prepare.settled(scenario, room=room)
     world = prepare.build_world(scenario, seed, room=room)
-    room.release()
     flown = programme.of_flight(world.flight)
     room.release()
     told((*programme.of_files(scenario), *programme.warnings(scenario, flown)))

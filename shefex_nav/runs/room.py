@@ -46,7 +46,7 @@ class Room:
                 one.madvise(mmap.MADV_DONTNEED)
 
     def _mapped(self, size):
-        """A file of `size` bytes, mapped; its place on the disk is taken now: later a full one would kill us."""
+        """A file of `size` bytes, mapped; all of it is there at once, for want of a page ends a process."""
         try:
             with tempfile.TemporaryFile(dir=self._folder) as file:
                 if hasattr(os, "posix_fallocate"):
