@@ -5,10 +5,10 @@ import gc
 import mmap
 import os
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
 
 from shefex_nav import prepare, runs, simulate
 from shefex_nav.log.run_data import RunDataBuilder
@@ -17,7 +17,7 @@ from shefex_nav.runs import flying
 from shefex_nav.runs.room import Room, RoomError
 from shefex_nav.scenario.load import load
 
-ORBIT = ROOT / "scenarios" / "orbit.yaml"
+ORBIT = Path(__file__).parent.parent / "scenarios" / "orbit.yaml"
 
 
 def orbit(seconds):
@@ -65,16 +65,18 @@ def test_bytes_that_a_tick_of_a_flight_takes():
 
 
 def test_a_flight_whose_truth_lies_in_files_is_the_same(tmp_path, monkeypatch):
-    rooms, scenario = [], orbit(20.0)
+    places, scenario = [], orbit(20.0)
 
-    def in_files(folder):
-        rooms.append(Room(folder, least=1))
-        return rooms[-1]
+    class InFiles(Room):
+        def empty(self, shape):
+            found = super().empty(shape)
+            places.append(len(self._maps))
+            return found
 
     plain = runs.fly(scenario, 3, log=tmp_path / "plain.mcap")
-    monkeypatch.setattr(flying, "Room", in_files)
+    monkeypatch.setattr(flying, "Room", lambda folder: InFiles(folder, least=1))
     filed = runs.fly(scenario, 3, log=tmp_path / "filed.mcap")
-    assert len(rooms) == 1 and len(rooms[0]._maps) == 8  # one for each column of the record
+    assert places == [1, 2, 3, 4, 5, 6, 7, 8]  # a file for each column of the record
     assert sorted(path.name for path in tmp_path.iterdir()) == ["filed.mcap", "plain.mcap"]
     for name in ("truth", "imu", "nav", "covariance"):
         ours, others = getattr(plain.data, name), getattr(filed.data, name)

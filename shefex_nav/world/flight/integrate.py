@@ -59,13 +59,11 @@ class Samples(NamedTuple):
 
     t_start: float  # s
     dt: float  # s
-    rows: (
-        np.ndarray
-    )  # (n, dynamics.ROW) state and aux of each, written; sample k in row k unless they are taken
-    # called whenever the rows are full and at the end of the section, with the number of the first sample and
-    # rows (m, ROW), which are written again afterwards. None: the rows are those of the whole flight
+    rows: np.ndarray  # (n, dynamics.ROW) state and aux of each, written; sample k stands in row k
+    # of samples that are taken away as they come: called when the rows are full, and at the end of a section,
+    # with the number of the first sample and rows (m, ROW), which are used again afterwards
     take: Callable | None = None
-    count: int = 0  # of samples in all, if they are taken
+    count: int = 0  # of samples in all, if they are taken away
 
 
 class _Piece(NamedTuple):
@@ -286,13 +284,13 @@ def _in_pieces(x, span, k, samples, steered, scene, world, tolerance):
     progress = _Progress(x, workspace(), np.array([first_step, 1e-4, t_begin, 0.0, 0.0]))
     t_start, dt, rows, take, count = samples
     piece = _Piece(float(t_start), float(dt), rows, 0, len(rows), len(rows))
-    room = len(rows) - int(max(LARGEST_STEP, first_step) / dt) - 2  # where the samples of a step have place
-    if take is not None and room < 1:
+    most = len(rows) - int(max(LARGEST_STEP, first_step) / dt) - 2  # beside those of one more step
+    if take is not None and most < 1:
         raise ValueError(f"{len(rows)} rows are not enough for the samples of a step")
     t_s, k, how = t_begin, int(k), PAUSED
     while how == PAUSED:
         if take is not None:
-            piece = piece._replace(first=k, pause=k + room, count=count)
+            piece = piece._replace(first=k, pause=k + most, count=count)
         at = t_begin, t_s, t_end, breaks
         t_s, k, how = _integrate(progress, at, k, piece, steered, scene, world.gravity, tolerance)
         if take is not None:
