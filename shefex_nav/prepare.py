@@ -30,6 +30,7 @@ from shefex_nav.scenario.told import as_told
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.fault_settings import Faults
 from shefex_nav.world.flight import fly
+from shefex_nav.world.flight.record import MEMORY
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
 PLANNED = 1  # seed of the planned flight
@@ -69,7 +70,7 @@ class Healthy(NamedTuple):
     gps: gps.GpsData
 
 
-def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
+def build_world(scenario, seed, *, brief=False, flight=None, biases=False, room=MEMORY):
     """Fly the vehicle and let the sensors measure it.
 
     Parameters
@@ -80,6 +81,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flies to its end either way
     flight : a Flight of the same vehicle that has been flown already, if there is one
     biases : whether to keep the true biases of the IMU at every sample, `true_biases`
+    room : record.Memory, where the truth lies
 
     Returns
     -------
@@ -87,12 +89,16 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     """
     aboard.activate(scenario)
     if flight is None:
-        flight = fly_vehicle(scenario, seed, brief=brief)
+        flight = fly_vehicle(scenario, seed, brief=brief, room=room)
+        room.release()
     wanted = np.empty((len(flight.trajectory.t_s), 6)) if biases else None
-    return with_faults(scenario, measure(scenario, seed, flight, brief=brief, biases=wanted))
+    healthy = measure(scenario, seed, flight, brief=brief, biases=wanted, room=room)
+    found = with_faults(scenario, healthy)
+    room.release()
+    return found
 
 
-def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
+def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None, room=MEMORY):
     """Let the sensors measure a flight; which of them fail is not looked at yet, `with_faults`.
 
     Parameters
@@ -100,6 +106,7 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     scenario, seed, flight, brief : as of `build_world`
     biases : (N, 6), written if it is given: the true biases of the IMU at every sample
     sky : gps.Sky of the flight, if it is there already
+    room : record.Memory, where the truth of the flight lies
 
     Returns
     -------
@@ -110,8 +117,10 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None):
     scenario = settled(scenario, flight if brief else None)
     world = unmeasured(scenario, seed, flight)
     sensed = imu.sense(settings(scenario.imu), flight.trajectory, noise.generator(seed, "imu"), biases)
+    room.release()
     receiver, start_s = params.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
+    room.release()
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
     said = gps.received(receiver, seen, flight.events, start_s, *rngs)
     return Healthy(scenario, seed, world._replace(imu_biases=biases), sensed, said)
@@ -173,27 +182,28 @@ def gps_sky(scenario, flight, with_ranges=True):
     return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)
 
 
-def settled(scenario, flight=None, moved=None):
+def settled(scenario, flight=None, moved=None, room=MEMORY):
     """The Scenario with the names of the blocks that its filter estimates, if it leaves them to the program.
 
     flight : the planned one, if it has been flown already; it does not depend on the run
     moved : its wanted_states.Motion, if that is there, which is kept for other scenarios
+    room : record.Memory of one that has to be flown
     """
-    return settled_with_effects(scenario, flight, moved)[0]
+    return settled_with_effects(scenario, flight, moved, room)[0]
 
 
-def settled_with_effects(scenario, flight=None, moved=None):
+def settled_with_effects(scenario, flight=None, moved=None, room=MEMORY):
     """The same, and why these blocks: list of wanted_states.Effect, empty if the scenario names them."""
     if scenario.navigation.states != AUTOMATIC:
         return scenario, []
-    effects = wanted(scenario, flight, moved)
+    effects = wanted(scenario, flight, moved, room)
     return load.with_states(scenario, [one.block for one in effects if one.on]), effects
 
 
-def wanted(scenario, flight=None, moved=None):
+def wanted(scenario, flight=None, moved=None, room=MEMORY):
     """list of wanted_states.Effect of a scenario, by its planned flight; arguments as of `settled`."""
     if flight is None:
-        flight = fly_vehicle(scenario, PLANNED)
+        flight = fly_vehicle(scenario, PLANNED, room=room)
     if moved is None:
         moved = wanted_states.motion(flight.trajectory)
     return wanted_states.effects(as_told(scenario), moved, flight.events, float(flight.trajectory.t_s[-1]))
@@ -224,7 +234,7 @@ def truth(scenario, trajectory, earth):
     return Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario, at))
 
 
-def fly_vehicle(scenario, seed, *, brief=False):
+def fly_vehicle(scenario, seed, *, brief=False, room=MEMORY):
     """The flight alone, without sensors; arguments as of `build_world`. -> Flight"""
     if scenario.trajectory is not None:
         from shefex_nav.trajectory import flight as given_flight  # its splines are SciPy's, half a second
@@ -234,7 +244,7 @@ def fly_vehicle(scenario, seed, *, brief=False):
     if brief and scenario.launch is None:
         flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
     rng = noise.generator(seed, "attitude_control")
-    return fly.fly(flight_params, earth_rotation(scenario), rng)
+    return fly.fly(flight_params, earth_rotation(scenario), rng, room)
 
 
 def fly_begin(scenario, seed):

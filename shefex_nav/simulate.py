@@ -8,6 +8,7 @@ where a model stands for pictures (`statistical`), and in experiments. `run` is 
 import copy
 import pickle
 import time
+from array import array
 from bisect import bisect_right
 from itertools import zip_longest
 
@@ -85,7 +86,7 @@ class Route:
         telemetry = RECORDS if columns is None else columns
         self._at_ticks = ()
         if columns is None:
-            self._at_ticks = Rows(truth_of(world.flight.trajectory, 1)), Rows(self.read)
+            self._at_ticks = Rows(truth_of(world.flight.trajectory, 1, self.schedule.ticks)), Rows(self.read)
         self._link, computer = _on_board(world, scenario, seed, step, self.schedule, telemetry)
         self._aboard = computer if pace is None else pace.around(computer)
 
@@ -271,7 +272,7 @@ class Schedule:
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix,
         GpsRanges and readings of instruments
-    ends_s : list of mission times at which the ticks end, from the first one on
+    ends_s : array of mission times at which the ticks end, from the first one on; its items are floats
     busy : ticks at which one of `received` has its turn
     ticks : int, how many are flown
 
@@ -285,7 +286,7 @@ class Schedule:
         steered = control_samples(flight.control, flight.trajectory) if with_control else None
         self.steered = [] if steered is None else rows(steered)[::-1]
         self.received = sorted(world.received, key=happens_s, reverse=True)
-        self.ends_s = ends_s.tolist()
+        self.ends_s = array("d", ends_s.tobytes())
         received_s = [happens_s(record) for record in self.received]
         self.busy = np.unique([*(np.searchsorted(ends_s + SAME_S, received_s) + 1), *stops]).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
@@ -342,8 +343,7 @@ def looking_up(trajectory, camera):
     x_i = wgs84.perpendicular(z_i)
     C_ic = np.column_stack([x_i, np.cross(z_i, x_i), z_i])
     q_ib = rotation.quat_from_dcm(C_ic @ camera.settings.mounting.C_bc.T)
-    n = len(brief.t_s)
-    return brief._replace(q_ib=np.tile(q_ib, (n, 1)), omega_ib_b=np.zeros((n, 3)))
+    return brief._replace(q_ib=np.tile(q_ib, (len(brief.t_s), 1)), omega_ib_b=np.zeros_like(brief.v_i))
 
 
 def happens_s(record):
@@ -386,7 +386,7 @@ def steady_columns(world, every):
     control = control_samples(world.flight.control, trajectory)
     if control is not None:
         known.append((control, np.searchsorted(ends_s + SAME_S, control.t_s) + 1))
-    return Steady(known, Columns(every))
+    return Steady(known, Columns(every, len(ends_s)))
 
 
 def stops_of(ends_s, events):

@@ -46,7 +46,7 @@ def read(path):
     arrays, lists, single, steady = {}, {}, {}, kept_as_arrays()
     for topic in _stored_topics(path, raw):
         with readable(path, f"a message of {topic.topic}"):
-            decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
+            decoded = wire.codec(topic).decode(raw.messages.pop(topic.topic, []))  # not kept twice
         if topic.record in steady:
             arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
         elif topic.record in LISTS:

@@ -22,7 +22,7 @@ from shefex_nav.onboard.navigation.state import ATT, MOUNTING, X_MOUNTING, X_Q, 
 from shefex_nav.onboard.startracker.tracker import Context
 
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
-_FIRST_ROWS = 1024  # of a table, which doubles when they are used up
+_FIRST_ROWS = 1024  # of a table, which doubles when they are used up; more if so many are expected
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
 
 
@@ -62,11 +62,13 @@ class Columns:
     """All is kept, and nothing handed over until the end.
 
     every : int, ticks from one NavSolution that is kept to the next; NavCovariance comes as always
+    ticks : of the whole flight, if that is known: tables need not grow
     """
 
-    def __init__(self, every):
-        self.every = every
-        self._solutions, self._covariances, self._layout = _Table(solution.WIDTH), None, None
+    def __init__(self, every, ticks=0):
+        self.every, self._ticks = every, ticks
+        self._solutions = _Table(solution.WIDTH, ticks // every)
+        self._covariances, self._layout = None, None
 
     def now(self, nav, tick):
         """Keep what there is of a tick, as `Records.now`. -> nothing to hand over"""
@@ -85,7 +87,8 @@ class Columns:
             solution.fill(nav, ticks, self._solutions.more(len(ticks)), imu_blind)
         if ticks := _among(first, last, COVARIANCE_TICKS, later):
             if self._layout is None:
-                self._layout, self._covariances = nav.layout, _Table(covariance.width(nav.layout))
+                self._layout = nav.layout
+                self._covariances = _Table(covariance.width(nav.layout), self._ticks // COVARIANCE_TICKS)
             covariance.fill(nav, ticks, self._covariances.more(len(ticks)))
 
     def solutions(self, first, last):
@@ -289,8 +292,8 @@ def _among(first, last, every, later):
 class _Table:
     """Rows of numbers, one after the other."""
 
-    def __init__(self, width):
-        self._rows, self._n = np.empty((_FIRST_ROWS, width)), 0
+    def __init__(self, width, expected=0):
+        self._rows, self._n = np.empty((max(expected, _FIRST_ROWS), width)), 0
 
     def more(self, count):
         """The next `count` rows, to be written."""

@@ -58,18 +58,29 @@ class Column(NamedTuple):
 
 def tables(data):
     """Tables of a RunData: {name: list of Column}; those without a row are left out."""
-    out = {}
+    return dict(_each(data))
+
+
+def _each(data):
+    """The same one by one, each made when it is asked for. Yields (name, list of Column)"""
+    for name, columns in _all(data):
+        if columns and len(columns[0].values):
+            yield name, columns
+
+
+def _all(data):
+    """The same with those without a row."""
     for name, field in _SOURCES.items():
         topic, source = of_record(_RECORDS[field]), getattr(data, field)
         if name != "gps_ranges":
-            out[name] = _table(topic, source)
+            yield name, _table(topic, source)
         for inner, counted in _PER_ELEMENT.get(name, ()):
-            out[inner] = _elements(topic, source, counted)
-    out |= {name: _table(of_record(one.record), data.readings[name]) for name, one in TABLE.items()}
-    out |= _errors(data)
+            yield inner, _elements(topic, source, counted)
+    for name, one in TABLE.items():
+        yield name, _table(of_record(one.record), data.readings[name])
+    yield from _errors(data).items()
     for name, other in data.others.items():
-        out |= _of_other(name, data.with_other(name, other))
-    return {name: columns for name, columns in out.items() if columns and len(columns[0].values)}
+        yield from _of_other(name, data.with_other(name, other)).items()
 
 
 def _of_other(name, data):
@@ -264,7 +275,7 @@ def write(data, folder, kind):
     import pyarrow.parquet
 
     written, listed = [], []
-    for name, columns in tables(data).items():
+    for name, columns in _each(data):
         table, path = arrow(columns), Path(folder) / f"{name}.{kind}"
         with whole(path) as half:
             if kind == "csv":
@@ -273,6 +284,7 @@ def write(data, folder, kind):
                 pa.parquet.write_table(table, half, compression="zstd")
         written.append(path)
         listed += [(name, c.name, c.comment) for c in columns]
+        del table, columns  # before the next is made: of a log of many hours each takes a gigabyte
     listing = pa.table([list(column) for column in zip(*listed, strict=True)] if listed else [[], [], []],
                        names=["table", "column", "comment"])  # fmt: skip
     written.append(Path(folder) / COLUMNS)

@@ -12,6 +12,7 @@
 Arrays are in SI units and radians; the frames of their components are the last letter of their names.
 
 flying    a scenario is flown, logged and kept
+room      where the truth of a long flight lies
 run       what came out: Run, and its Errors
 frames    the pictures of a run
 """

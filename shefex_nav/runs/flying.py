@@ -17,6 +17,7 @@ from shefex_nav.log.steady import Reached
 from shefex_nav.log.topics import RunSummary
 from shefex_nav.pacing import Pace
 from shefex_nav.records import TruthSample
+from shefex_nav.runs.room import Room
 from shefex_nav.runs.run import Run
 from shefex_nav.workers import collected_afterwards
 
@@ -89,16 +90,17 @@ def fly(
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
-    began = time.perf_counter()
+    began, room = time.perf_counter(), Room(path.parent)
     get_ready(scenario)
-    scenario = prepare.settled(scenario)
-    world = prepare.build_world(scenario, seed)
+    scenario = prepare.settled(scenario, room=room)
+    world = prepare.build_world(scenario, seed, room=room)
     flown = programme.of_flight(world.flight)
+    room.release()
     told((*programme.of_files(scenario), *programme.warnings(scenario, flown)))
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
     clock = None if pace is None else Pace(pace)
-    flight = _seen(world, scenario, seed, until_s, watch, clock)
+    flight = _seen(world, scenario, seed, until_s, watch, clock, room)
     with _cycles(scenario):
         setup_s = time.perf_counter() - began
         data = _record(flight, mission, scenario.log, path, overwrite, setup_s, pace)
@@ -118,17 +120,18 @@ class _Flight(NamedTuple):
     records: object  # iterator, as `watch` passes them on
     steady: object  # log.steady.Steady, what does not come as records
     cut_s: float  # mission time at which it is not looked at any more, NaN if it is to the end
+    room: Room  # in which its truth lies
 
 
-def _seen(world, scenario, seed, until_s, watch, pace):
-    """_Flight of a World; the other arguments are those of `fly`. pace : Pace"""
+def _seen(world, scenario, seed, until_s, watch, pace, room):
+    """_Flight of a World in its Room; the other arguments are those of `fly`. pace : Pace"""
     from shefex_nav import simulate
 
     t_s = world.flight.trajectory.t_s
     steady = simulate.steady_columns(world, thinning.ticks(scenario.log.rate))
     records = simulate.route(world, scenario, seed, until_s=until_s, columns=steady, pace=pace)
     cut_s = float(until_s) if until_s < t_s[-1] else math.nan
-    return _Flight(watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), steady, cut_s)
+    return _Flight(watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), steady, cut_s, room)
 
 
 def _record(flight, mission, wanted, path, overwrite, setup_s, pace):
@@ -148,7 +151,9 @@ def _record(flight, mission, wanted, path, overwrite, setup_s, pace):
     with LogWriter(path, mission, policy, **how) as writer:
         for record in thinning.thinned(flight.records, wanted.rate, mission.start_s):
             writer.write(record)
-            if type(record) is not Reached:
+            if type(record) is Reached:
+                flight.room.release()
+            else:
                 kept.add(record)
         columns = flight.steady.read()
         last_s = next(float(one.t_s[-1]) for one in columns if type(one) is TruthSample)

@@ -8,9 +8,10 @@ from shefex_nav.records import ControlSample, TruthSample
 CONTROL_TICKS = 10  # between two records of the attitude control
 
 
-def truth_of(trajectory, every):
-    """TruthSample of arrays over the ticks every, 2 every ... of a Trajectory."""
-    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
+def truth_of(trajectory, every, last=None):
+    """TruthSample of arrays over the ticks every, 2 every ... of a Trajectory. last : tick; None: its last"""
+    end = len(trajectory.t_s) if last is None else last * SAMPLES_PER_TICK + 1
+    k = np.arange(every * SAMPLES_PER_TICK, end, every * SAMPLES_PER_TICK)
     return TruthSample(
         trajectory.t_s[k],
         trajectory.phase[k].astype(np.int64),

@@ -119,8 +119,8 @@ def reported(settings, t_s, sensed, wrong=()):
     dt_s = sample_s(t_s)
     faults.imu_sensed(wrong, t_s, dtheta_b, dv_b)
     at_range = _clip(dtheta_b, settings.gyro.range * dt_s), _clip(dv_b, settings.accelerometer.range * dt_s)
-    dtheta_b = quantise(dtheta_b, settings.gyro.quantum)
-    dv_b = quantise(dv_b, settings.accelerometer.quantum)
+    quantise(dtheta_b, settings.gyro.quantum)
+    quantise(dv_b, settings.accelerometer.quantum)
     missing = faults.imu_sent(wrong, t_s, dtheta_b, dv_b, at_range)
     saturated = at_range[0].any(axis=1) | at_range[1].any(axis=1)
     return ImuData(t_s, dtheta_b, dv_b, saturated, sensed.errors, missing)
@@ -176,18 +176,23 @@ def bandwidth(settings):
 
 
 def quantise(increments, quantum):
-    """Whole quanta; what is left over is counted in the next sample, so that no drift arises.
+    """Whole quanta, in place; what is left over is counted in the next sample, so that no drift arises.
 
-    The sum of the output is the sum of the input rounded to the nearest quantum, at every sample.
-    (N, 3) -> (N, 3).
+    The sum of the output is the sum of the input rounded to the nearest quantum, at every sample. (N, 3)
     """
-    if quantum == 0.0:
-        return increments
-    out = np.empty_like(increments)
+    if quantum > 0.0:
+        _count(increments, quantum)
+
+
+@kernel
+def _count(increments, quantum):
+    """As `quantise`, of a quantum above zero."""
     for j in range(increments.shape[1]):
-        counts = np.rint(np.cumsum(increments[:, j]) / quantum)
-        out[:, j] = np.diff(counts, prepend=0.0) * quantum
-    return out
+        total, counted = 0.0, 0.0
+        for k in range(increments.shape[0]):
+            total += increments[k, j]
+            count = np.rint(total / quantum)
+            increments[k, j], counted = (count - counted) * quantum, count
 
 
 def stacked(data):

@@ -57,6 +57,13 @@ def test_a_rocket_with_a_parachute_that_opens_by_height():
     assert np.linalg.norm(v_e) == pytest.approx(np.sqrt(2.0 * 245.0 * 9.82 / (1.225 * 20.0)), rel=0.03)
 
 
+@pytest.mark.parametrize("limit_s", [20.0, 20.04, 20.06, 20.0999])
+def test_the_last_sample_is_the_one_before_the_time_limit(limit_s):
+    trajectory, _, _ = flown(SATELLITE._replace(time_limit_s=limit_s, programme=()))
+    assert np.array_equal(trajectory.t_s, np.arange(201) / 10.0)
+    assert all(len(column) == len(trajectory.t_s) and np.isfinite(column).all() for column in trajectory)
+
+
 def test_a_parachute_that_opens_at_a_time():
     chute = replace(ROCKET.parachute, height=None, at=230.0)
     trajectory, events, _ = flown(ROCKET._replace(parachute=chute))

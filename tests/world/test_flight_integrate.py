@@ -152,6 +152,37 @@ def test_rows_are_not_written_beyond_their_end():
     assert np.array_equal(rows[3:], guard, equal_nan=True)
 
 
+def test_samples_that_are_taken_in_pieces_are_those_of_the_whole_bit_for_bit():
+    steering, law = control.none(), IDLE
+    whole, taken = np.full((4000, dynamics.ROW), np.nan), np.full((4000, dynamics.ROW), np.nan)
+
+    def take(first, rows):
+        assert np.isnan(taken[first : first + len(rows)]).all()  # each comes once
+        taken[first : first + len(rows)] = rows
+        rows[:] = np.nan  # they are written again
+
+    ends = []
+    for samples in (
+        integrate.Samples(0.0, 0.0025, whole),
+        integrate.Samples(0.0, 0.0025, np.zeros((30, dynamics.ROW)), take, 4000),
+    ):
+        x, t, k = TUMBLING.copy(), 0.0, 0
+        for end in (0.51, 3.3, 10.1):  # there are samples until 9.9975 s alone
+            flown = integrate.Vehicle(body(), dynamics.FREE, law, steering)
+            t, k, how = integrate.integrate(x, t, end, k, samples, flown, world(), 1e-10)
+            assert (t, how) == (end, integrate.T_END)
+        ends.append((k, x.tobytes()))
+    assert ends[0] == ends[1] and ends[0][0] == 4000
+    assert taken.tobytes() == whole.tobytes()
+
+
+def test_a_piece_holds_the_samples_of_a_step():
+    samples = integrate.Samples(0.0, 0.0025, np.zeros((20, dynamics.ROW)), lambda first, rows: None, 4000)
+    flown = integrate.Vehicle(body(), dynamics.FREE, IDLE, control.none())
+    with pytest.raises(ValueError, match="20 rows are not enough"):
+        integrate.integrate(TUMBLING.copy(), 0.0, 1.0, 0, samples, flown, world(), 1e-10)
+
+
 def fall_time(r_0, r, gm):
     """Time of the fall along a line from rest at r_0 to r in the field of a point mass."""
     x = r / r_0

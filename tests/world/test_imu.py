@@ -220,7 +220,8 @@ def test_quantised_increments_are_whole_quanta_and_do_not_drift(flight):
 def test_quantise_against_counting_with_a_remainder():
     increments = np.random.default_rng(3).normal(0.3, 1.0, (200, 3))
     remainder = np.zeros(3)
-    counted = imu.quantise(increments, 0.25)
+    counted = increments.copy()
+    imu.quantise(counted, 0.25)
     for k in range(200):
         counts = np.rint((increments[k] + remainder) / 0.25)
         remainder += increments[k] - counts * 0.25

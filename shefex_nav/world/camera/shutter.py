@@ -81,7 +81,7 @@ class Shutter:
         ----------
         n : tick that has been seen to
         tick : at which something else comes
-        ends_s : list of mission times at which the ticks end, from the first one on
+        ends_s : sequence of mission times at which the ticks end, from the first one on
 
         Returns
         -------

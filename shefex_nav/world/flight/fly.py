@@ -28,8 +28,8 @@ from shefex_nav.world.flight import (
     vehicle,
 )
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Samples, Vehicle, integrate
-from shefex_nav.world.flight.record import split
+from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Vehicle, integrate
+from shefex_nav.world.flight.record import MEMORY, Record
 from shefex_nav.world.flight.timeline import EPS, Kind
 
 REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the other way round
@@ -67,7 +67,7 @@ class Flight(NamedTuple):
     dropped: tuple = ()  # of Dropped in order of time
 
 
-def fly(params, earth, rng=None):
+def fly(params, earth, rng=None, room=MEMORY):
     """Fly the mission once.
 
     Parameters
@@ -75,6 +75,7 @@ def fly(params, earth, rng=None):
     params : FlightParams
     earth : EarthRotation
     rng : numpy Generator of the errors of the attitude reference; None: it has no errors
+    room : record.Memory, where the truth lies
 
     Returns
     -------
@@ -83,12 +84,13 @@ def fly(params, earth, rng=None):
     timeline.check(params)
     world, q_eb = start.surround(params, earth)
     dt = 1.0 / params.sample_rate_hz
-    rows = np.zeros((int(np.floor((params.time_limit_s - params.t_start_s) / dt + 1e-6)) + 1, dynamics.ROW))
+    n = int(np.floor((params.time_limit_s - params.t_start_s) / dt + 1e-6)) + 1
+    record = Record(params.t_start_s, dt, n, room)
     if isinstance(params.start, settings.Ground):
-        start.stand(params, world, q_eb, params.payload.mass, rows, params.time_limit_s + dt)
-        return _record(params, earth, rows, {}, None, False)
+        _, n = start.stand(params, world, q_eb, params.payload.mass, record, params.time_limit_s + dt)
+        return _flight(params, earth, record.until(n), {}, None, False)
     steering = control.none() if params.cold_gas is None else _steering(params, rng)
-    run = _at_the_start(params, world, q_eb, rows, steering)
+    run = _at_the_start(params, world, q_eb, record, steering)
     run.to_the_end()
     history = None
     if params.cold_gas is not None and params.programme and params.attitude == p.FLOWN:
@@ -97,21 +99,21 @@ def fly(params, earth, rng=None):
         empty = h[:, 7] >= params.cold_gas.propellant * (1.0 - 1e-12)
         if empty.any():
             run.instants["cold_gas_empty"] = h[np.argmax(empty), 0]
-    flight = _record(params, earth, rows[: run.k], run.instants, history, run.landed)
+    flight = _flight(params, earth, record.until(run.k), run.instants, history, run.landed)
     return flight._replace(dropped=tuple(run.dropped))
 
 
-def _at_the_start(params, world, q_eb, rows, steering):
+def _at_the_start(params, world, q_eb, record, steering):
     """The run at lift-off, the time on the pad behind it, or in orbit: `_Run`."""
     vehicles = configurations(params)
     if isinstance(params.start, settings.Orbit):
         t_start = float(params.t_start_s)
         x = start.orbit(params, lever(vehicles[0], t_start))
-        return _Run(params, world, rows, vehicles, steering, _Begin(x, t_start, 0, dynamics.FREE))
+        return _Run(params, world, record, vehicles, steering, _Begin(x, t_start, 0, dynamics.FREE))
     lift_off = timeline.burns(params)[0].t_0
-    x, k = start.stand(params, world, q_eb, vehicles[0].mass[-1, 1], rows, lift_off)
+    x, k = start.stand(params, world, q_eb, vehicles[0].mass[-1, 1], record, lift_off)
     begin = _Begin(x, lift_off, k, dynamics.ON_RAIL)
-    run = _Run(params, world, rows, vehicles, steering, begin)
+    run = _Run(params, world, record, vehicles, steering, begin)
     run.instants["lift_off"] = lift_off
     if lift_off > 0.0:
         run.instants["ignition_1"] = lift_off
@@ -167,8 +169,8 @@ class _Begin(NamedTuple):
 class _Run:
     """The flight while it is flown: state, what is attached, who steers."""
 
-    def __init__(self, params, world, rows, vehicles, steering, begin):
-        self.params, self.world, self.rows = params, world, rows
+    def __init__(self, params, world, record, vehicles, steering, begin):
+        self.params, self.world, self.record = params, world, record
         self.vehicles, self.steering = vehicles, steering
         self.x, self.t_s, self.k, self.mode = begin
         self.configuration, self.law = vehicles[0], attitude.hold(0.0, 1.0, 0.0)
@@ -218,11 +220,10 @@ class _Run:
         steering = self.steering if self.mode == dynamics.CONTROLLED else self.unsteered
         steering = steering._replace(stop_height=self.stop_height)
         flown = Vehicle(self.configuration, self.mode, self.law, steering)
-        samples = Samples(self.params.t_start_s, 1.0 / self.params.sample_rate_hz, self.rows)
         begin = self.t_s
         try:
             self.t_s, self.k, event = integrate(
-                self.x, begin, t_end, self.k, samples, flown, self.world, TOLERANCE
+                self.x, begin, t_end, self.k, self.record.samples, flown, self.world, TOLERANCE
             )
         except MotionError as error:
             raise FlightError(
@@ -327,7 +328,7 @@ class _Run:
         """Begin a task flown by cold gas."""
         c, x = self.steering, self.x
         self._gather_drift()
-        control.settle(c, self.rows[self.k - self._last_revolutions() : self.k, 10:13])
+        control.settle(c, self.record.columns.omega_ib_b[self.k - self._last_revolutions() : self.k])
         spinning = abs(x[10]) > control.SPINNING
         if isinstance(task, tasks.Damp):
             follow = control.RATES
@@ -357,9 +358,9 @@ class _Run:
 
     def _gather_drift(self):
         """Let the attitude reference drift over the samples since it was last used."""
-        c, rows = self.steering, self.rows[self.gathered : self.k]
+        c, columns, new = self.steering, self.record.columns, slice(self.gathered, self.k)
         dt = 1.0 / self.params.sample_rate_hz
-        c.tilt_i[:] += control.drift_over(rows[:, 6:10], rows[:, 13:16], dt, c.drift, c.roll_scale)
+        c.tilt_i[:] += control.drift_over(columns.q_ib[new], columns.dtheta_b[new], dt, c.drift, c.roll_scale)
         self.gathered = self.k
 
     def _rate_law(self, task, q_ib, spin):
@@ -374,10 +375,10 @@ class _Run:
         return rotation.dcm_from_quat(self.x[6:10])
 
 
-def _record(params, earth, rows, instants, history, landed):
-    """Split the rows of the integration into the record: Flight."""
-    t_s = params.t_start_s + np.arange(len(rows)) / params.sample_rate_hz
-    *motion, (mass, mach, pressure, thrust, height, attack) = split(rows)
+def _flight(params, earth, columns, instants, history, landed):
+    """Flight of the record.Columns of its samples."""
+    *motion, (mass, mach, pressure, thrust, height, attack) = columns
+    t_s = params.t_start_s + np.arange(len(columns.r_i)) / params.sample_rate_hz
     stage = events.burning(params, t_s)
     if not isinstance(params.start, settings.Ground):
         for burn in timeline.burns(params):

@@ -9,8 +9,12 @@ differences of that of the integrals, and so sum up to the integrals over the st
 Steps end exactly at the corners of the vehicle's histories, at the ticks of the attitude control and at the
 end of the section; each sees the histories as they are between its ends. Ends that depend on the state are
 found by bisection of the last step.
+
+Samples may be taken away while the integration goes on: it pauses when a piece is full, and the steps are the
+same as without a pause.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +27,7 @@ from shefex_nav.world.flight.attitude_program import RateLaw
 from shefex_nav.world.flight.dynamics import CONTROLLED, ON_RAIL, PROGRAMMED, STATE, Section, derivative
 from shefex_nav.world.flight.runge_kutta import (
     MOVING,
+    Work,
     begin,
     dense_output,
     make_step,
@@ -40,7 +45,7 @@ FIRST_STEP = 0.01  # s, tried at the start of a section
 TIME_EPS = 1e-9  # s, instants closer than this are one sample
 EVENT_EPS = 1e-12  # s, to which an end that depends on the state is found
 FREE_STEPS, STEPS_PER_S = 100_000, 7000.0  # of a section at most; a spin of 250 rad/s (40 rev/s) needs 5700
-T_END, EVENT, STOP, TOO_FAST = 0, 1, 2, 3  # how a section ends
+T_END, EVENT, STOP, TOO_FAST, PAUSED = 0, 1, 2, 3, 4  # how a section ends; or does not yet
 
 _SAFETY, _SHRINK, _GROW, _BETA = 0.9, 0.2, 10.0, 0.04  # of the step size control
 
@@ -54,7 +59,32 @@ class Samples(NamedTuple):
 
     t_start: float  # s
     dt: float  # s
-    rows: np.ndarray  # (n, dynamics.ROW) state and aux of each, written
+    rows: np.ndarray  # (n, dynamics.ROW) state and aux of each, written; sample k stands in row k
+    # of samples that are taken away as they come: called when the rows are full, and at the end of a section,
+    # with the number of the first sample and rows (m, ROW), which are used again afterwards
+    take: Callable | None = None
+    count: int = 0  # of samples in all, if they are taken away
+
+
+class _Piece(NamedTuple):
+    """Where samples are written, for the kernel."""
+
+    t_start: float  # s, as of Samples
+    dt: float  # s
+    rows: np.ndarray  # (n, dynamics.ROW)
+    first: int  # number of the sample in row 0
+    pause: int  # number of the sample from which on the integration pauses
+    count: int  # of samples in all
+
+
+class _Progress(NamedTuple):
+    """A section on its way."""
+
+    x: np.ndarray  # (19,) state
+    work: Work  # of `runge_kutta`
+    # (5,) size and error of the Pace, end [s] of the step's smooth stretch, whether the last stage of the
+    # step before is the first one of the next (0 or 1), steps made
+    numbers: np.ndarray
 
 
 class Vehicle(NamedTuple):
@@ -77,22 +107,23 @@ class Pace(NamedTuple):
 def _write_samples(t_s, t_new, x, k, samples, section, work):
     """Write the samples of [t_s, t_new), from number k on. Returns the number of the next one."""
     y, taken, h = work.y, work.taken, t_new - t_s
-    t_start, dt, rows = samples
+    t_start, dt, rows, first, _, count = samples
     for j in range(6):
         taken[j] = 0.0
     bent = False
-    while k < rows.shape[0] and t_start + k * dt < t_new - TIME_EPS:
+    while k < count and t_start + k * dt < t_new - TIME_EPS:
         if not bent:
             dense_output(h, work)
             bent = True
         t_k = max(t_start + k * dt, t_s)
         part = (t_k - t_s) / h if t_k - t_s > TIME_EPS else 0.0
         read(x, part, work)
-        derivative(t_k, y, section, remainder(work.fine, part), rows[k, :STATE], rows[k, STATE:])
+        row = rows[k - first]
+        derivative(t_k, y, section, remainder(work.fine, part), row[:STATE], row[STATE:])
         for j in range(MOVING):
-            rows[k, j] = y[j]
+            row[j] = y[j]
         for j in range(6):
-            rows[k, MOVING + j] = y[MOVING + j] - taken[j]
+            row[MOVING + j] = y[MOVING + j] - taken[j]
             taken[j] = y[MOVING + j]
         k += 1
     return k
@@ -200,22 +231,26 @@ def _controlled_step(t_s, t_new, x, pace, tolerance, section, gravity, work):
 
 
 @kernel
-def _integrate(x, span, k, samples, steered, scene, gravity, tolerance):
-    """As `integrate`, for a Scene.
+def _integrate(progress, span, k, samples, steered, scene, gravity, tolerance):
+    """As `integrate`, for a Scene; or until the samples are to be taken away: PAUSED.
 
-    span : t_s, t_end and the instants (n,) at which steps have to end;  steered : mode, law, control
+    progress : _Progress, with which it goes on;  samples : _Piece
+    span : s, where the section begins, what has been reached, t_end and the instants (n,) at which steps
+        have to end;  steered : mode, law, control
     """
-    (t_s, t_end, breaks), (mode, law, control) = span, steered
-    s, tables, work = scene.record[0], scene.tables, workspace()
+    (t_begin, t_s, t_end, breaks), (mode, law, control) = span, steered
+    (x, work, numbers), s, tables = progress, scene.record[0], scene.tables
     section = Section(mode, law, s, tables)
-    pace = Pace(FIRST_STEP if tolerance > 0.0 else -tolerance, 1e-4)
-    steps, t_begin = 0, t_s
-    follows, t_break = False, t_s  # the last stage of the step before is the first one of this step
+    pace, t_break, follows, steps = Pace(numbers[0], numbers[1]), numbers[2], numbers[3] > 0.0, numbers[4]
     height = _height(t_s, x, s)
     if mode == CONTROLLED:
         for j in range(3):
             s.torque[j] = control.torque[j]
     while t_s < t_end:
+        if k >= samples.pause and k < samples.count:
+            numbers[0], numbers[1], numbers[2] = pace.size, pace.last_error, t_break
+            numbers[3], numbers[4] = 1.0 if follows else 0.0, steps
+            return t_s, k, PAUSED
         if not follows:
             t_break = _next_corner(t_s, t_end, breaks)
             vehicle.choose_rows(s, tables, 0.5 * (t_s + t_break))
@@ -232,15 +267,35 @@ def _integrate(x, span, k, samples, steered, scene, gravity, tolerance):
             t_new, how = _bisect(t_s, t_new, x, height, control.stop_height, section, gravity, work)
         k = _write_samples(t_s, t_new, x, k, samples, section, work)
         _advance(x, work)
-        follows = t_new < t_break
-        t_s = t_new
+        follows, t_s = t_new < t_break, t_new
         if how != T_END:
             return t_s, k, how
         height = _height(t_s, x, s)
-        steps += 1
+        steps += 1.0
         if tolerance > 0.0 and steps > FREE_STEPS + STEPS_PER_S * (t_s - t_begin):
             return t_s, k, TOO_FAST
     return t_s, k, T_END
+
+
+def _in_pieces(x, span, k, samples, steered, scene, world, tolerance):
+    """`_integrate` to the end of the section, its samples handed over: (time, number of the next, how)."""
+    t_begin, t_end, breaks = span
+    first_step = FIRST_STEP if tolerance > 0.0 else -tolerance
+    progress = _Progress(x, workspace(), np.array([first_step, 1e-4, t_begin, 0.0, 0.0]))
+    t_start, dt, rows, take, count = samples
+    piece = _Piece(float(t_start), float(dt), rows, 0, len(rows), len(rows))
+    most = len(rows) - int(max(LARGEST_STEP, first_step) / dt) - 2  # beside those of one more step
+    if take is not None and most < 1:
+        raise ValueError(f"{len(rows)} rows are not enough for the samples of a step")
+    t_s, k, how = t_begin, int(k), PAUSED
+    while how == PAUSED:
+        if take is not None:
+            piece = piece._replace(first=k, pause=k + most, count=count)
+        at = t_begin, t_s, t_end, breaks
+        t_s, k, how = _integrate(progress, at, k, piece, steered, scene, world.gravity, tolerance)
+        if take is not None:
+            take(piece.first, rows[: k - piece.first])
+    return t_s, k, how
 
 
 def integrate(x, t_s, t_end, k, samples, flown, world, tolerance):
@@ -262,12 +317,9 @@ def integrate(x, t_s, t_end, k, samples, flown, world, tolerance):
     """
     configuration, *steered = flown
     span = float(t_s), float(t_end), vehicle.corners(configuration)
-    samples = Samples(float(samples.t_start), float(samples.dt), samples.rows)
     scene = prepare(configuration, world)
     try:
-        reached_s, k, how = _integrate(
-            x, span, int(k), samples, tuple(steered), scene, world.gravity, float(tolerance)
-        )
+        reached_s, k, how = _in_pieces(x, span, k, samples, tuple(steered), scene, world, float(tolerance))
     except ArithmeticError:
         raise MotionError(
             f"the motion grows without bound between T{t_s:+.1f} s and T{t_end:+.1f} s"

@@ -1,14 +1,17 @@
-"""The rows that the integration writes, as columns of the record: in one pass, for they fill no cache."""
+"""The rows that the integration writes, as columns of the record: piece by piece, while they are at hand."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.world.flight.dynamics import STATE
+from shefex_nav.world.flight.dynamics import ROW, STATE
+from shefex_nav.world.flight.integrate import Samples
+
+AT_ONCE = 4096  # samples of a piece, which stays in the cache of the processor
 
 
-class Record(NamedTuple):
+class Columns(NamedTuple):
     """Arrays over N samples, named as in `records.Trajectory`."""
 
     r_i: np.ndarray  # (N, 3), as the next ones but q_ib
@@ -22,18 +25,56 @@ class Record(NamedTuple):
     # total angle of attack
 
 
+class Memory:
+    """Where the arrays of a flight lie; another one may put them elsewhere, `room.Room`."""
+
+    @staticmethod
+    def empty(shape):
+        """Array of floats, not written."""
+        return np.empty(shape)
+
+    @staticmethod
+    def release():
+        """What has been written or read of the arrays need not be at hand."""
+
+
+MEMORY = Memory()
+
+
+class Record:
+    """The record of a flight on its way: room for n samples, of which sample k is at t_start + k dt."""
+
+    def __init__(self, t_start, dt, n, room=MEMORY):
+        self._room = room
+        self.samples = Samples(t_start, dt, np.zeros((AT_ONCE, ROW)), self.take, n)
+        threes = (room.empty((n, 3)) for _ in range(6))
+        r_i, v_i, omega_b, f_b, dtheta_b, dv_b = threes
+        self.columns = Columns(r_i, v_i, room.empty((n, 4)), omega_b, f_b, dtheta_b, dv_b, room.empty((6, n)))
+
+    def __len__(self):
+        return len(self.columns.r_i)
+
+    def take(self, first, rows):
+        """Rows (m, ROW) of the samples from `first` on."""
+        _write(rows, first, self.columns)
+        self._room.release()
+
+    def until(self, k):
+        """Columns of the samples before k."""
+        *columns, air = self.columns
+        return Columns(*(column[:k] for column in columns), air[:, :k])
+
+
 @kernel
-def split(rows):
-    """Record of rows (N, `dynamics.ROW`)."""
-    n = rows.shape[0]
-    r_i, v_i, q_ib, omega_b = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3))
-    f_b, dtheta_b, dv_b, air = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((6, n))
-    for k in range(n):
+def _write(rows, first, columns):
+    """Write rows (n, `dynamics.ROW`) into Columns from a sample on."""
+    r_i, v_i, q_ib, omega_b, f_b, dtheta_b, dv_b, air = columns
+    for i in range(rows.shape[0]):
+        k = first + i
         for j in range(3):
-            r_i[k, j], v_i[k, j], omega_b[k, j] = rows[k, j], rows[k, 3 + j], rows[k, 10 + j]
-            dtheta_b[k, j], dv_b[k, j], f_b[k, j] = rows[k, 13 + j], rows[k, 16 + j], rows[k, STATE + j]
+            r_i[k, j], v_i[k, j], omega_b[k, j] = rows[i, j], rows[i, 3 + j], rows[i, 10 + j]
+            dtheta_b[k, j], dv_b[k, j], f_b[k, j] = rows[i, 13 + j], rows[i, 16 + j], rows[i, STATE + j]
         for j in range(4):
-            q_ib[k, j] = rows[k, 6 + j]
+            q_ib[k, j] = rows[i, 6 + j]
         for j in range(6):
-            air[j, k] = rows[k, STATE + 3 + j]
-    return Record(r_i, v_i, q_ib, omega_b, f_b, dtheta_b, dv_b, air)
+            air[j, k] = rows[i, STATE + 3 + j]

@@ -54,7 +54,6 @@ class Work(NamedTuple):
     taken: np.ndarray  # (6,) increments that samples within the step have taken
 
 
-@inner
 def workspace():
     """Work for one section."""
     seven, three = np.zeros((7, STATE)), np.zeros((3, STATE))

@@ -34,8 +34,8 @@ def _rail(site):
     return surroundings.Rail(r_e, np.ascontiguousarray(C_eb[:, 0]), length), rotation.quat_from_dcm(C_eb)
 
 
-def stand(params, world, q_eb, mass, rows, until_s):
-    """Stand on the Earth: fill the rows before until_s; (state then, number of the next sample).
+def stand(params, world, q_eb, mass, record, until_s):
+    """Stand on the Earth: fill the record.Record before until_s; (state then, number of the next sample).
 
     Rate and specific force are constant in body axes, hence so are the increments.
     """
@@ -47,17 +47,21 @@ def stand(params, world, q_eb, mass, rows, until_s):
     aux = np.zeros(AUX)
     aux[:4], aux[7] = (*f_b, mass), params.start.height
     n = int(np.ceil((until_s - params.t_start_s) / dt - 1e-6))  # samples before until_s
-    t_s = np.append(params.t_start_s + dt * np.arange(min(n, len(rows))), until_s)
+    t_s = np.append(params.t_start_s + dt * np.arange(min(n, len(record))), until_s)
     since_s = np.diff(t_s, prepend=t_s[0])
     k = len(t_s) - 1
-    last = np.empty((1, STATE))
-    surroundings.rest_on_earth(earth, r_e, q_eb, t_s[:k], rows[:k])
-    surroundings.rest_on_earth(earth, r_e, q_eb, t_s[k:], last)
-    for states, since in ((rows[:k], since_s[:k]), (last, since_s[k:])):
-        states[:, 10:13] = omega_b
-        states[:, 13:16], states[:, 16:19] = np.outer(since, omega_b), np.outer(since, f_b)
-    rows[:k, STATE:] = aux
-    return last[0], k
+
+    def stood(rows, of):
+        surroundings.rest_on_earth(earth, r_e, q_eb, t_s[of], rows)
+        rows[:, 10:13], rows[:, STATE:] = omega_b, aux
+        rows[:, 13:16], rows[:, 16:19] = np.outer(since_s[of], omega_b), np.outer(since_s[of], f_b)
+        return rows
+
+    rows = record.samples.rows
+    for first in range(0, k, len(rows)):
+        end = min(first + len(rows), k)
+        record.take(first, stood(rows[: end - first], slice(first, end)))
+    return stood(rows[:1], slice(k, k + 1))[0, :STATE].copy(), k
 
 
 def orbit(params, lever_b):
