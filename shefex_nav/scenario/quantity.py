@@ -23,7 +23,8 @@ from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 LARGEST = 1e15  # [E] of a value in SI of another unit than these; what is computed with it is a number yet
 LARGEST_OF = {  # [E] nothing in a mission is as large
     "rad": 1e4, "rad/s": 1e4, "rad/sqrt(s)": 1e2, "rad/s2": 1e6, "rad s/m": 10.0, "rad s3/m2": 1.0,
-    "s2/m": 1.0, "m": 1e12, "m/s": 1e5, "m/s2": 1e5, "m/s(3/2)": 1e3, "s": 1e10, "K": 1e5, "T": 1e2, "": 1e9,
+    "m": 1e12, "m/s": 1e5, "m/s2": 1e5, "m/s(3/2)": 1e3, "s2/m": 1.0, "s": 1e10,
+    "K": 1e5, "T": 1e2, "mag": 1e2, "dB": 1e3, "": 1e9,
 }  # fmt: skip
 SMALLEST = 1e-40  # [E] of a value but zero, for the same reason
 MOST_COUNT = 1_000_000_000  # of a whole number: kernels count in 32 or 64 bits
