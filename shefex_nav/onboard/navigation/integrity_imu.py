@@ -15,13 +15,11 @@ An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
 
 and a held reading, from which the truth runs away at the rate c, to (c (tau + t/2) t)^2 before that: what is
-held is a mean that is tau = `MEAN_S` old. A fault is seen
-later than it begins; the variance of the time before is made up for at once. Once a fix has said where the
-integral was at an instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: that is much
-less than the same noise would add that knows nothing of a bound on the rate.
+held is a mean that is tau = `MEAN_S` old. A fault is seen later than it begins; the variance of the time
+before is made up for at once. Once a fix has said where the integral was at an instant, the error counts from
+there, V(t) <= s^2 t^2 with t since the fix: less than noise that knows of no bound on the rate would add.
 
-An axis that is wrong in a way that looks alive is not seen here, but by the stars and by GPS, whose fixes
-then contradict the strapdown (`integrity`).
+An axis that is wrong but looks alive is seen by stars and GPS alone, which then contradict the strapdown.
 """
 
 from math import ceil, erf, inf, log, pi, sqrt
@@ -231,13 +229,7 @@ def screen_packed(watch, block, readings, densities):
     """`screen`, compiled. -> int, bit k: the state of axis k has changed"""
     rules, last, axes, t_end_s, dt_s = watch.rules, watch.last, watch.axes, block.t_valid_s, block.dt_s
     n, changed, pushed = block.dtheta_b.shape[0], 0, 0.0
-    for m in range(n):
-        for i in range(3):
-            readings[m, i], readings[m, 3 + i] = block.dtheta_b[m, i], block.dv_b[m, i]
-    whole = GOOD if block.valid and np.isfinite(readings).all() else SILENT
-    if whole == GOOD and np.isfinite(rules[0, 0]) and np.isfinite(rules[0, 1]) and _same(readings, last):
-        whole = REPEATED
-    anywhere = False
+    whole, anywhere = _of_block(block, readings, rules, last), False
     for k in range(6):
         anywhere = anywhere or _at_range(readings, k, rules[1, k // 3] * dt_s)
     for k in range(6):
@@ -255,8 +247,7 @@ def screen_packed(watch, block, readings, densities):
         if code == GOOD:
             if k >= 3 and axis.state != GOOD:
                 pushed += integrity_force.paid(watch.forces[k - 3])
-            axis.since_s, axis.charged, axis.fixed_s, axis.state = np.nan, 0.0, np.nan, GOOD
-            axis.at_end_s = 0.0
+            _found(axis)
             densities[k // 3, k % 3] = 0.0
             continue
         unseen = 0.0  # variance of what a reading that was none has added until it was called stuck
@@ -282,12 +273,28 @@ def screen_packed(watch, block, readings, densities):
             if code != SATURATED or throughout:
                 most = integrity_force.largest(rules, code == SATURATED)
                 pushed += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], n * dt_s)
-    for i in range(3):
-        densities[2, i] = watch.sensed**2 * pushed / (n * dt_s)
+    densities[2, :] = watch.sensed**2 * pushed / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
     _hold(readings, axes, dt_s)
     return changed
+
+
+@inner(forceinline=True)
+def _of_block(block, readings, rules, last):
+    """What a whole block is: GOOD, SILENT or REPEATED; its readings are put side by side."""
+    for m in range(readings.shape[0]):
+        for i in range(3):
+            readings[m, i], readings[m, 3 + i] = block.dtheta_b[m, i], block.dv_b[m, i]
+    if not block.valid or not np.isfinite(readings).all():
+        return SILENT
+    return REPEATED if np.isfinite(rules[0, 0] + rules[0, 1]) and _same(readings, last) else GOOD
+
+
+@inner(forceinline=True)
+def _found(axis):
+    """An axis is read again; changed in place."""
+    axis.since_s, axis.charged, axis.fixed_s, axis.at_end_s, axis.state = np.nan, 0.0, np.nan, 0.0, GOOD
 
 
 @inner(forceinline=True)
