@@ -69,7 +69,7 @@ def test_a_log_with_a_barometer_gives_the_same_solution_again(flown, tmp_path):
     with writer.LogWriter(path, mission, FramePolicy(0, "none", 4.0)) as log:
         for record in records:
             log.write(record)
-    data, again = reader.read(path), list(rerun.records(rerun.open_log(path)))
+    data, again = reader.read(path), list(rerun.run(path))
     assert len(data.readings["barometer"].t_valid_s) == 10 * (10 + UNTIL_S) - 1
     told = [record for record in again if type(record) is NavSolution]
     np.testing.assert_array_equal([one.r_i for one in told], data.nav.r_i)

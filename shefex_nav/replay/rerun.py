@@ -54,6 +54,27 @@ class Recording(NamedTuple):
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
 
+def run(log_path, overrides=()):
+    """Run the filter again over a log.
+
+    Parameters
+    ----------
+    log_path : MCAP file
+    overrides : texts 'navigation.key=value', or of requirements.attitude, of a filter that is configured
+        otherwise than in flight
+
+    Yields
+    ------
+    records in order of time: Alignment, then in each tick Event, TruthSample, FrameTruth, ImuBlock, what the
+    sensors said, GateResult, NavSolution, at 10 Hz NavCovariance
+
+    Raises
+    ------
+    LogError, ScenarioError with a message for people, before the first record
+    """
+    return records(open_log(log_path, overrides))
+
+
 def open_log(log_path, overrides=()):
     """Recording of a log; LogError or ScenarioError where it cannot be run again."""
     for text in overrides:
@@ -167,11 +188,7 @@ def start(recording):
 
 
 def records(recording):
-    """Run the filter again: records in order of time.
-
-    Alignment, then in each tick Event, TruthSample, FrameTruth, ImuBlock, what the sensors said, GateResult,
-    NavSolution, at 10 Hz NavCovariance.
-    """
+    """The records of `run`."""
     data = recording.data
     flies = Navigator(start(recording)) if recording.own is None else recording.own()
     yield data.alignment

@@ -117,7 +117,7 @@ def test_a_better_field_of_the_earth_reaches_the_integration(log):
 
 
 def test_records_come_in_order(log):
-    records = list(rerun.records(rerun.open_log(log)))
+    records = list(rerun.run(log))
     kinds = [type(record) for record in records if type(record) in (TruthSample, NavSolution)]
     assert kinds == [TruthSample, NavSolution] * 3000
     times = [record.t_s for record in records if type(record) in (TruthSample, GateResult)]

@@ -88,9 +88,9 @@ def test_log_and_table_name_it_and_it_runs_again_over_the_log(dead_reckoning, tm
     data = reader.read(log)
     (section, name, sha256), *more = data.mission.software
     assert (section, name, more) == ("navigation", "own.py:Reckoning", [])
-    again = solutions(rerun.records(rerun.open_log(log)))
+    again = solutions(rerun.run(log))
     assert np.array_equal([one.q_ib for one in again], data.nav.q_ib) and sha256
-    with_filter = solutions(rerun.records(rerun.open_log(log, ["navigation.software=built_in"])))
+    with_filter = solutions(rerun.run(log, ["navigation.software=built_in"]))
     assert np.array_equal(with_filter[-1].r_i, solutions(flown(*loaded()))[-1].r_i)
 
 
