@@ -107,7 +107,8 @@ def _reacquisition(scenario):
 def _rate(scenario):
     """Fixes that the clock can trigger, those on whole seconds among them."""
     rate = scenario.gps.rate
-    if abs(TICK_HZ / rate - round(TICK_HZ / rate)) > 1e-6 or abs(rate - round(rate)) > 1e-6:
+    whole = round(rate)
+    if whole < 1 or abs(rate - whole) > 1e-6 or abs(TICK_HZ / rate - round(TICK_HZ / rate)) > 1e-6:
         words = (
             f"{rate:g} Hz does not divide the on-board clock, 100 Hz; take 1, 2, 4, 5, 10, 20, 25 or 50 Hz"
         )

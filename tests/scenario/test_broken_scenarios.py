@@ -373,6 +373,8 @@ BAD_OVERRIDES = {
     "star_traker.rate=5 Hz": "--set star_traker.rate: star_traker: unknown key; did you mean 'star_tracker'?",
     "star_tracker.rate=5 m": "--set star_tracker.rate: '5 m' is a length, "
     "expected a frequency such as '10 Hz'",
+    "gps.rate=1e-9 Hz": "--set gps.rate: 1e-09 Hz does not divide the on-board clock, 100 Hz; "
+    "take 1, 2, 4, 5, 10, 20, 25 or 50 Hz",
     "star_tracker.rate=7 Hz": "--set star_tracker.rate: 7 Hz does not divide the on-board clock, 100 Hz; "
     "take 1, 2, 4, 5, 10 or 20 Hz",
     "star_tracker.rate=": "--set star_tracker.rate: expected a quantity such as '10 Hz', got nothing",
