@@ -20,7 +20,8 @@ def star_rows(star):
     yield "solved in the window", f"{star['solved']}{share}"
     if outside := star.get("outside"):
         beyond = star["fixes"] - star["solved"]
-        yield "outside it", f"{beyond} of {sum(outside.values())} solved; {_outside(outside)}"
+        solved = f"; {beyond} solved all the same" if beyond else ""
+        yield "outside it", f"{sum(outside.values())}: {_outside(outside)}{solved}"
     yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
     yield from _rate_rows(star["by_rate"])
     if star["no_fix"]:

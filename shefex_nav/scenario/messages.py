@@ -21,7 +21,10 @@ WITHOUT = {  # how to fly without what a section describes, which has to be ther
     ),
 }
 TIMES = "from", "until"  # an outage at given times is a fault
-FAULT = "an outage at given times is a fault: 'faults: {gps: [{fault: outage, from: 100 s, until: 130 s}]}'"
+FAULT = (
+    "an outage at given times is a fault: 'faults: {gps: [{fault: outage, from: 100 s, until: 130 s}]}'; "
+    "gps.outages follow events of the flight, each of a duration that is drawn"
+)
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 
@@ -127,6 +130,10 @@ def lines(model, validation_error, places):
     if len(absent[()]) >= MANY:
         found.append((places.key(()), _all_absent(model, absent[()])))
         absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
+    timed = [one["loc"][:-1] for one in errors if _is_timed_outage(one)]
+    for section in dict.fromkeys(timed):
+        found.append((places.key(plain(section)), f"{dotted(plain(section))}: {FAULT}"))
+    errors = [one for one in errors if one["loc"][:-1] not in timed]
     for section in [one for one in absent if absent[one] and plain(one) in places.made]:
         found.append((places.key(plain(section)), _all_required(model, section)))
         absent[section] = ()
@@ -182,6 +189,11 @@ def _all_required(model, section):
         f"{name}: the scenario has no {name} yet; a section needs all of its required fields, for example "
         f"'{name.split('.')[-1]}: {{{', '.join(required)}}}'"
     )
+
+
+def _is_timed_outage(error):
+    """Whether an error is about a time of an outage of the receiver, which has none."""
+    return plain(error["loc"])[:2] == ("gps", "outages") and error["loc"][-1] in TIMES
 
 
 def _incomplete(section, absent, errors):
@@ -257,7 +269,7 @@ def _unknown(model, error):
     known = field_at(model, location[:-1])[0].keys()
     if said := moved.words(plain(location), error["input"]):
         return said
-    if plain(location)[:2] == ("gps", "outages") and location[-1] in TIMES:
+    if plain(location) == ("gps", "outage"):
         return f"unknown key; {FAULT}"
     if is_tag(location[-2] if len(location) > 1 else ""):
         forms = [bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]

@@ -92,11 +92,14 @@ def test_the_mounting_error_has_a_row_of_its_own(log):
 
 def test_frames_too_near_to_both_sun_and_limb_are_told(log):
     star = metrics.summarise(reader.read(log))["star_tracker"]
-    star |= {"outside": {"sun": 1, "sun_and_earth_limb": 2, "earth_limb": 3}}
+    star |= {"outside": {"sun": 1, "sun_and_earth_limb": 2, "earth_limb": 3}, "fixes": star["solved"]}
     words = dict(star_rows(star))["outside it"]
-    assert words.endswith("1 too near to the Sun, 2 to both Sun and Earth's limb, 3 to the Earth's limb")
-    star["outside"] = {"sun_and_earth_limb": 2}
-    assert dict(star_rows(star))["outside it"].endswith("2 too near to both Sun and Earth's limb")
+    assert words == "6: 1 too near to the Sun, 2 to both Sun and Earth's limb, 3 to the Earth's limb"
+    star |= {"outside": {"sun_and_earth_limb": 2}, "fixes": star["solved"] + 1}
+    assert (
+        dict(star_rows(star))["outside it"]
+        == "2: 2 too near to both Sun and Earth's limb; 1 solved all the same"
+    )
 
 
 def noticed(source, from_s, until_s, reason):

@@ -119,8 +119,9 @@ def test_a_section_that_was_replaced_in_part_is_one_line():
 
 
 def test_an_outage_at_given_times_is_shown_its_place():
-    said = messages(DEFAULT, ["gps.outages=[{from: 10 s, until: 20 s}]"])
-    assert sum("an outage at given times is a fault: 'faults: {gps: [" in line for line in said) == 2
+    for given in ("gps.outages=[{from: 10 s, until: 20 s}]", "gps.outage={from: 10 s, until: 20 s}"):
+        (said,) = messages(DEFAULT, [given])
+        assert "an outage at given times is a fault: 'faults: {gps: [" in said
 
 
 def test_a_check_that_needs_what_is_not_there_ends_without_a_word():
