@@ -235,7 +235,7 @@ class Answers(Kind):
         self.spoilt = mutations.data(rng, self.content)
 
     def read(self, _rng):
-        nav = fuzz_programs.fly(self.scenario, fuzz_programs.Playback(self.spoilt)).nav
+        nav = fuzz_programs.fly(self.scenario, lambda _: fuzz_programs.Playback(self.spoilt)).nav
         _check_numbers("nav", nav, but=("sigma", "protection"))  # which software need not say
 
 

@@ -4,9 +4,7 @@ import contextlib
 import io
 import os
 import shlex
-import socket
-import threading
-import time
+import sys
 
 import mutations
 import typer
@@ -15,7 +13,6 @@ from shefex_nav.errors import UserError
 from shefex_nav.scenario import load
 
 FLOWN_S = 0.3  # with the answers
-SETTINGS = ("navigation.software={connect: tcp://127.0.0.1:9}",)
 ODD_WORDS = (
     "", " ", "-", "--", "-1", "0", "nan", "1e308", "99999999999999999999", "T+1s", "[bold]", "[/]",
     "\x1b[31m", "ü", "x" * 300, "a=b", "=", "imu", "imu.gyro.bias", "seed=", "..", "/", "/dev/null",
@@ -41,7 +38,7 @@ COMMANDS = (  # which end in a second or two; what they write goes into the fold
 
 
 class Playback:
-    """Channel to a program that answers what it is made of, whatever it is asked."""
+    """A program that answers what it is made of, whatever it is asked: in the place of channels.Pipe."""
 
     def __init__(self, answers):
         from shefex_nav.software import channels
@@ -55,7 +52,7 @@ class Playback:
         """The next message; some bytes come at once, as they do from a program."""
         while (message := self._buffer.next()) is None:
             if not self._answers:
-                raise self._gone("the connection has been closed")
+                raise self._gone("it ended with exit code 0")
             self._buffer.add(self._answers[:4096])
             self._answers = self._answers[4096:]
         return message
@@ -65,56 +62,51 @@ class Playback:
 
 
 class _Recorded:
-    """A channel that keeps what it receives."""
+    """A program whose answers are kept."""
 
-    def __init__(self, channel):
-        self._channel, self.send, self.close = channel, channel.send, channel.close
+    def __init__(self, pipe):
+        self._pipe, self.send, self.close = pipe, pipe.send, pipe.close
         self.bytes = b""
 
     def receive(self, until_s):
         from shefex_nav.software.messages import HEAD
 
-        name, body = self._channel.receive(until_s)
+        name, body = self._pipe.receive(until_s)
         head = name.encode("ascii")
         self.bytes += HEAD.pack(1 + len(head) + len(body), len(head)) + head + body
         return name, body
 
 
+def software_scenario():
+    """The scenario whose navigation is a program: the built-in filter in a process of its own."""
+    words = f"{sys.executable} -m shefex_nav.software.built_in"
+    return load.load("night_sky", [f"navigation.software={{command: {words}}}"], trust=True)
+
+
 def answers(scenario):
-    """Bytes that the built-in filter answers in a flight, as a program that is spoken to by TCP."""
-    from shefex_nav.software import channels, serve
-    from shefex_nav.software.built_in import BuiltIn
+    """Bytes that the program of a scenario answers in a flight."""
+    from shefex_nav.software import channels
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-    program = threading.Thread(target=serve, args=(BuiltIn(), address), daemon=True)
-    program.start()
-    heard = None
-    while heard is None:
-        try:
-            heard = _Recorded(channels.connected(address, time.monotonic() + 1.0))
-        except channels.Silent:  # it does not listen yet
-            time.sleep(0.05)
-    fly(scenario, heard)
-    program.join(10.0)
-    return heard.bytes
+    programs, start = [], channels.Pipe
+
+    def begun(words):
+        programs.append(_Recorded(start(words)))
+        return programs[-1]
+
+    fly(scenario, begun)
+    return programs[-1].bytes
 
 
-def fly(scenario, channel):
-    """RunData of a short flight with navigation software that is reached by a channel."""
+def fly(scenario, begun):
+    """RunData of a short flight. begun : function of the words of a command that gives its channel"""
     from shefex_nav import runs
     from shefex_nav.software import channels
 
-    before, channels.connected = channels.connected, lambda address, until_s: channel
+    before, channels.Pipe = channels.Pipe, begun
     try:
         return runs.fly(scenario, 1, until_s=scenario.mission.start + FLOWN_S).data
     finally:
-        channels.connected = before
-
-
-def software_scenario():
-    """The scenario whose navigation is a program."""
-    return load.load("night_sky", SETTINGS, trust=True)
+        channels.Pipe = before
 
 
 def command_line(rng):
