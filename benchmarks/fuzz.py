@@ -140,14 +140,17 @@ def _check_run(data, names):
 
 
 def _check_numbers(name, record, but=()):
-    """ValueError for NaN in a record of arrays; the sigma of a block that is not estimated may be.
+    """ValueError for NaN in a record of arrays; the sigma of a block that is not estimated may be, and what
+    a unit says that is silent.
 
     but : beginnings of names of fields that may
     """
+    rows = record.valid if "valid" in record._fields else slice(None)
+    t_s = (record.t_s if "t_s" in record._fields else record.t_valid_s)[rows]
     fields = [one for one in NUMBERS.get(name, record._fields) if not one.startswith(but)]
-    for field, column in ((one, getattr(record, one)) for one in fields):
+    for field, column in ((one, getattr(record, one)[rows]) for one in fields):
         if column.dtype.kind == "f" and not np.isfinite(column).all():
-            at_s = record.t_s[np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1))]
+            at_s = t_s[np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1))]
             raise ValueError(f"{name}.{field} at T{at_s:+.2f} s is NaN")
 
 

@@ -269,7 +269,8 @@ def _unknown(model, error):
     known = field_at(model, location[:-1])[0].keys()
     if said := moved.words(plain(location), error["input"]):
         return said
-    if plain(location) == ("gps", "outage"):
+    given = error["input"]
+    if plain(location) == ("gps", "outage") and isinstance(given, dict) and set(TIMES) & set(given):
         return f"unknown key; {FAULT}"
     if is_tag(location[-2] if len(location) > 1 else ""):
         forms = [bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]

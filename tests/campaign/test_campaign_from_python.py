@@ -138,7 +138,7 @@ def test_pictures_by_name_and_the_table(tmp_path):
 
 def test_a_campaign_without_dispersions_says_why_nothing_explains_it(tmp_path, monkeypatch):
     campaign = shefex_nav.open_campaign(write_synthetic(tmp_path / "campaign", 12))
-    monkeypatch.setattr(results.Campaign, "draws", {})
+    monkeypatch.setattr(results.Campaign, "draws", campaign.columns.beginning("of nothing."))
     assert "sensitivity" not in dir(campaign.plot) and "errors" in dir(campaign.plot)
     with pytest.raises(LookupError, match=r"'sensitivity': the scenario has no dispersions"):
         campaign.plot.sensitivity()

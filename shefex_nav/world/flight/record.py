@@ -8,6 +8,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.world.flight.dynamics import ROW, STATE
 from shefex_nav.world.flight.integrate import Samples
 
+MOST_LEFT = 0.8  # share of the samples from which on the record is left as it is
 AT_ONCE = 4096  # samples of a piece, which stays in the cache of the processor
 
 
@@ -46,10 +47,16 @@ class Record:
 
     def __init__(self, t_start, dt, n, room=MEMORY):
         self._room = room
-        self.samples = Samples(t_start, dt, np.zeros((AT_ONCE, ROW)), self.take, n)
+        self._samples = Samples(t_start, dt, np.zeros((AT_ONCE, ROW)), None, n)
         threes = (room.empty((n, 3)) for _ in range(6))
         r_i, v_i, omega_b, f_b, dtheta_b, dv_b = threes
         self.columns = Columns(r_i, v_i, room.empty((n, 4)), omega_b, f_b, dtheta_b, dv_b, room.empty((6, n)))
+
+    @property
+    def samples(self):
+        """Samples that come here; made anew, for a record that held its own method would wait for a search of
+        cycles, with all of its arrays."""
+        return self._samples._replace(take=self.take)
 
     def __len__(self):
         return len(self.columns.r_i)
@@ -60,9 +67,16 @@ class Record:
         self._room.release()
 
     def until(self, k):
-        """Columns of the samples before k."""
+        """Columns of the samples before k; copies of few, lest they hold the room of all."""
         *columns, air = self.columns
-        return Columns(*(column[:k] for column in columns), air[:, :k])
+        found = Columns(*(column[:k] for column in columns), air[:, :k])
+        return found if k > MOST_LEFT * len(self) else Columns(*map(self._copy, found))
+
+    def _copy(self, column):
+        """An array with the values of another, in the room."""
+        copy = self._room.empty(column.shape)
+        copy[:] = column
+        return copy
 
 
 @kernel
