@@ -20,13 +20,13 @@ ODD_WORDS = (
     "--until", "--help",
 )  # fmt: skip
 COMMANDS = (  # which end in a second or two; what they write goes into the folder of the case
-    "run night_sky --until 1s --seed 3 --set gps.rate='5 Hz' --out out.mcap --overwrite",
+    "run night_sky --until 1s --seed 3 --set gps.rate='5 Hz' --out out.mcap --force",
     "check night_sky --set gps.rate='5 Hz' --json",
     "report whole.mcap --json",
-    "report whole.mcap --html page.html",
-    "export whole.mcap --csv tables",
-    "export whole.mcap --kml track.kml",
-    "show whole.mcap --at 2s --out picture.png",
+    "report whole.mcap --html page.html --force",
+    "export whole.mcap --csv tables --force",
+    "export whole.mcap --kml track.kml --force",
+    "export whole.mcap --parquet tables --force",
     "scenarios --json",
     "instruments",
     "schema",
