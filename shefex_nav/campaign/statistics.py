@@ -15,7 +15,7 @@ from shefex_nav.report.requirements import words
 QUANTILES = (50.0, 95.0, 99.0)
 CONFIDENCE = 0.95
 FLAT = 1e-9  # km; a dispersion below this is none
-FEWEST = 8  # runs of an ellipse: that of 3 is 9 times as long, and says nothing of the dispersion
+FEWEST = 8  # runs of an ellipse: that of 3 is 13 times as long, and says nothing of the dispersion
 CURVED_KM = 5.0  # km that the mean of places may lie below them: of more no plane is near
 ENTRY = "summary.navigation.at_entry"
 ATTITUDE = tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3))  # columns, axis by axis

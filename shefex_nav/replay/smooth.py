@@ -20,7 +20,7 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames
 from shefex_nav.log.run_data import RunData, RunDataBuilder
 from shefex_nav.onboard.driving import drive
-from shefex_nav.onboard.navigation import adaptation, covariance, integrity_imu, solution
+from shefex_nav.onboard.navigation import adaptation, covariance, integrity_readings, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED, STATES
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
@@ -182,7 +182,7 @@ def without_hedging(final, states, saturated, rules):
     at_range |= unnamed[:, None]
     for axis in range(6):
         run_s = 0.0
-        for k in np.flatnonzero(states[:, axis] == integrity_imu.SATURATED):
+        for k in np.flatnonzero(states[:, axis] == integrity_readings.SATURATED):
             if not at_range[k, axis]:
                 extra[k, axis // 3, axis % 3] = 0.0
                 continue

@@ -34,7 +34,7 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
         coarseness, as those of files that others have rounded: an axis may repeat itself then, and each
         sample is rounded by itself, where a unit carries what is left over on to the next
     """
-    from shefex_nav.onboard.navigation import integrity_imu, integrity_watch
+    from shefex_nav.onboard.navigation import integrity_imu, integrity_readings, integrity_watch
 
     navigation = settings(scenario.navigation)
     integrity = navigation.integrity
@@ -42,7 +42,9 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     repeats = [
         np.inf
         if coarse_if_silent and not triad.quantum
-        else integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum, not coarse_if_silent)
+        else integrity_readings.repeats(
+            triad.random_walk * np.sqrt(dt_s), triad.quantum, not coarse_if_silent
+        )
         for triad in triads
     ]
     return integrity_watch.IntegrityParams(

@@ -6,7 +6,8 @@ from plain import plain
 from scipy import integrate, stats
 
 from shefex_nav.onboard.navigation import integrity_imu as imu
-from shefex_nav.onboard.navigation.integrity_imu import GOOD, REPEATED, SATURATED, SILENT, STUCK
+from shefex_nav.onboard.navigation import integrity_readings
+from shefex_nav.onboard.navigation.integrity_readings import GOOD, REPEATED, SATURATED, SILENT, STUCK
 from shefex_nav.records import ImuBlock
 
 DT, N = 1.0 / 400.0, 4
@@ -37,17 +38,23 @@ def test_a_held_reading_is_right_at_first():
 @pytest.mark.parametrize("sigma, quantum", [(1.0, 1.0), (0.3, 1.0), (1.0, 0.1)])
 def test_equal_readings_in_a_row_have_the_probability_of_one_count(sigma, quantum):
     p = stats.norm.cdf(0.5 * quantum / sigma) - stats.norm.cdf(-0.5 * quantum / sigma)
-    n = imu.repeats(sigma, quantum)
+    n = integrity_readings.repeats(sigma, quantum)
     assert n == max(20.0, np.ceil(np.log(1e-9) / np.log(p)))
 
 
 def test_bounds_of_repeats():
-    assert imu.repeats(1.0, 0.0) == 20.0  # a driver may send one sample twice
-    assert imu.repeats(1e-3, 1.0) == np.inf and imu.repeats(0.0, 1.0) == np.inf
-    assert imu.repeats(-1.0, 1.0) == np.inf
-    assert imu.repeats(1e-200, 1.0, carried=True) == imu.repeats(5e-324, 1.0, carried=True) == np.inf
+    assert integrity_readings.repeats(1.0, 0.0) == 20.0  # a driver may send one sample twice
+    assert integrity_readings.repeats(1e-3, 1.0) == np.inf and integrity_readings.repeats(0.0, 1.0) == np.inf
+    assert integrity_readings.repeats(-1.0, 1.0) == np.inf
+    assert (
+        integrity_readings.repeats(1e-200, 1.0, carried=True)
+        == integrity_readings.repeats(5e-324, 1.0, carried=True)
+        == np.inf
+    )
     width = 10.0 + 1.165  # quanta of ten sigma: a random walk stays within them for so long
-    assert imu.repeats(0.1, 1.0, carried=True) == np.ceil(2.0 * np.log(4e9 / np.pi) * (width / np.pi) ** 2)
+    assert integrity_readings.repeats(0.1, 1.0, carried=True) == np.ceil(
+        2.0 * np.log(4e9 / np.pi) * (width / np.pi) ** 2
+    )
 
 
 def block(t_s, values, saturated=False, valid=True):

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from shefex_nav.onboard.navigation import integrity_imu as watch_imu
-from shefex_nav.onboard.navigation.integrity_imu import GOOD, REPEATED, SATURATED, SILENT, STUCK
+from shefex_nav.onboard.navigation import integrity_readings
+from shefex_nav.onboard.navigation.integrity_readings import GOOD, REPEATED, SATURATED, SILENT, STUCK
 from shefex_nav.records import ImuBlock
 
 DT, N = 1.0 / 400.0, 4
 SIGMA, QUANTUM = np.array([4.4e-7, 2.5e-5]), np.array([4.85e-7, 5e-5])  # of the default mission's IMU
 RULES = watch_imu.ImuRules(
-    repeats=np.array([watch_imu.repeats(*pair) for pair in zip(SIGMA, QUANTUM, strict=True)]),
+    repeats=np.array([integrity_readings.repeats(*pair) for pair in zip(SIGMA, QUANTUM, strict=True)]),
     range=np.array([np.radians(1000.0), 400.0]),
     wrong=np.array([1.0, 50.0]),
     change=np.array([0.35, 30.0]),
@@ -56,10 +57,10 @@ def test_a_healthy_unit_passes_unchanged():
 
 
 def test_repeats_follow_from_noise_and_quantum():
-    assert watch_imu.repeats(4.4e-7, 4.85e-7) == pytest.approx(np.log(1e-9) / np.log(0.418), abs=1.0)
-    assert watch_imu.repeats(0.0, 1e-6) == np.inf  # without noise it may repeat for ever
-    assert watch_imu.repeats(1e-9, 1e-6) == np.inf
-    assert watch_imu.repeats(1e-6, 0.0) == watch_imu.FEWEST_REPEATS
+    assert integrity_readings.repeats(4.4e-7, 4.85e-7) == pytest.approx(np.log(1e-9) / np.log(0.418), abs=1.0)
+    assert integrity_readings.repeats(0.0, 1e-6) == np.inf  # without noise it may repeat for ever
+    assert integrity_readings.repeats(1e-9, 1e-6) == np.inf
+    assert integrity_readings.repeats(1e-6, 0.0) == integrity_readings.FEWEST_REPEATS
 
 
 @pytest.mark.parametrize("axis", range(6))
@@ -99,7 +100,7 @@ def test_the_noise_covers_a_held_reading_that_the_truth_leaves():
         t = np.linspace(0.0, age_s, 20001)
         weight = (age_s - t) * np.exp(-t / watch_imu.SIGN_S)
         markov = 2.0 * RULES.wrong[0] ** 2 * np.trapezoid(weight, t)
-        expected = min(markov, (RULES.change[0] * (watch_imu.MEAN_S + 0.5 * age_s) * age_s) ** 2)
+        expected = min(markov, (RULES.change[0] * (integrity_readings.MEAN_S + 0.5 * age_s) * age_s) ** 2)
         assert given[k] == pytest.approx(expected, rel=1e-3)
 
 
@@ -133,7 +134,7 @@ def test_a_silent_unit_is_bridged_with_the_mean():
         assert np.allclose(out[k][:, :3] / DT, [0.3, -0.02, 0.01], atol=1e-3)
     age = 20 * N * DT
     given = densities[:, :2].sum(axis=0) * N * DT
-    assert np.allclose(given, (RULES.change[:, None] * (watch_imu.MEAN_S + 0.5 * age) * age) ** 2)
+    assert np.allclose(given, (RULES.change[:, None] * (integrity_readings.MEAN_S + 0.5 * age) * age) ** 2)
     assert [(record.source, record.healthy) for record in health] == [("imu", False), ("imu", True)]
 
 
@@ -216,9 +217,12 @@ def longest_run(counts):
 def test_a_unit_that_carries_on_what_rounding_leaves_repeats_itself_less(ratio):
     """Truth: half a million readings at the rate that repeats most, of which none reaches the limit."""
     rng = np.random.default_rng(11)
-    limit, rounded = watch_imu.repeats(ratio, 1.0, carried=True), watch_imu.repeats(ratio, 1.0)
+    limit, rounded = (
+        integrity_readings.repeats(ratio, 1.0, carried=True),
+        integrity_readings.repeats(ratio, 1.0),
+    )
     found = longest_run(counted(500_000, ratio, rng))
-    assert found < limit < 6.0 * max(found, watch_imu.FEWEST_REPEATS / 6.0)
+    assert found < limit < 6.0 * max(found, integrity_readings.FEWEST_REPEATS / 6.0)
     assert limit <= rounded
     assert ratio > 0.2 or limit < 0.1 * rounded  # so long a stuck axis of such a unit was not seen
 
@@ -229,7 +233,7 @@ def test_noise_that_is_told_too_large_calls_a_healthy_unit_stuck_a_few_times_at_
     rng, ratio, n = np.random.default_rng(12), 0.2, 120_000
     samples = np.column_stack([counted(n, one, rng) for one in 3 * [ratio] + 3 * [3.0]])
     samples[-1600:, 1] = samples[-1601, 1]
-    told = watch_imu.repeats(factor * ratio, 1.0, carried=True)
+    told = integrity_readings.repeats(factor * ratio, 1.0, carried=True)
     rules = RULES._replace(repeats=np.full(2, told), range=np.full(2, np.inf))
     _, _, states, health = run(samples, rules=rules)
     stuck = states == STUCK

@@ -9,7 +9,7 @@ from flown_log import Options, write
 from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import adaptation, integrity_imu
+from shefex_nav.onboard.navigation import adaptation, integrity_readings
 from shefex_nav.onboard.navigation.blocks import Block
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -304,7 +304,7 @@ def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_n
     increments[[5, 6, 20], 3, 3] = 0.25, -0.26, 0.25  # of 100 m/s^2
     extra = np.full((ticks + 1, 2, 3), 7.0)
     states = np.zeros((ticks + 1, 6), dtype=int)
-    states[5:, 3], states[8:, 1] = integrity_imu.SATURATED, integrity_imu.STUCK
+    states[5:, 3], states[8:, 1] = integrity_readings.SATURATED, integrity_readings.STUCK
     rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 7.0], [0.5, 50.0], [10.0, 50.0]])
     xs, drives = np.zeros((ticks + 1, N_NOMINAL)), np.zeros((ticks + 1, 6, 0))
     final = final_pass.Final(numbers, increments, extra, xs, [()] * (ticks + 1), drives)

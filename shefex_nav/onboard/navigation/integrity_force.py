@@ -23,8 +23,8 @@ The charge is made on the attitude alone: which sign it has, an unknown G does n
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, rows
+from shefex_nav.onboard.navigation.integrity_readings import MEAN_S
 
-MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the slowest vibration
 FOLLOWED_S = 1.0  # [E] of an angle that lasts, as a filter with ten star fixes a second follows it
 LIT = 4.0  # [E] c over `ImuRules.change`: a motor is lit faster than thrust changes while it burns
 OF_RANGE = 3.0  # [E] sigmas of specific force in the range of a sensor that was chosen for it

@@ -22,25 +22,33 @@ there, V(t) <= s^2 t^2 with t since the fix: less than noise that knows of no bo
 An axis that is wrong but looks alive is seen by stars and GPS alone, which then contradict the strapdown.
 """
 
-from math import ceil, erf, inf, log, pi, sqrt
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, rows
 from shefex_nav.onboard.navigation import integrity_force
-from shefex_nav.onboard.navigation.integrity_force import FORCE, MEAN_S, ROLL
+from shefex_nav.onboard.navigation.integrity_force import FORCE, ROLL
+from shefex_nav.onboard.navigation.integrity_readings import (
+    END,
+    GOOD,
+    MEAN_S,
+    REPEATED,
+    SATURATED,
+    SILENT,
+    STUCK,
+    at_range,
+    at_range_throughout,
+    limit_of_run,
+    of_block,
+    read_axis,
+)
 from shefex_nav.records import NavHealth
 
 CALM_S = 1.0  # [E] an axis that vibrates into the end of its range has left it after so long without
 SIGN_S = 10.0  # [E] for how long the error of a sensor that cannot be trusted keeps its sign
-FEWEST_REPEATS = 20  # [E] readings; a driver may well send one sample twice
-AGAIN = 2.0  # [E] times the longest run of a triad that ended by itself
-BY_ITSELF = 4.0  # [E] times the limit: a longer run was a fault; so was one of more than NATURAL_S
-NATURAL_S = 1.0  # [E]
-ONCE = 1e-9  # probability, per reading, of calling a healthy axis stuck
 NAMES = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz")
-GOOD, STUCK, SATURATED, SILENT, REPEATED = range(5)
 WORDS = {
     STUCK: "stuck: the same reading again and again",
     SATURATED: "at the end of its range",
@@ -93,30 +101,6 @@ class ImuWatch(NamedTuple):
     def state(self):
         """(6,) int, GOOD ..."""
         return self.axes["state"]
-
-
-def repeats(sigma, quantum, carried=False):
-    """Equal readings in a row that a healthy axis gives once in a thousand million readings at most.
-
-    A reading is the noisy increment, sigma (of one sample), rounded to quanta q. No count is more frequent
-    than one in the middle of the noise, p = erf(q/(2 sqrt(2) sigma)), and n of them in a row have p^n.
-
-    carried : what rounding leaves is counted in the next sample, as by a unit that counts whole angles. While
-        it repeats itself the sum of what is left, a random walk, stays within one quantum, which n steps do
-        with 4/pi exp(-n (pi sigma/L)^2/2), L = q + 1.165 sigma as it is looked at once a sample (Siegmund,
-        Advances in Applied Probability 11, 1979); a rate between two counts, or one that changes, leaves it
-        sooner.
-    """
-    if sigma <= 0.0:
-        return inf
-    most, p = inf, erf(quantum / (2.0 * sqrt(2.0) * sigma))
-    if p < 1.0:
-        most = ceil(log(ONCE) / log(p)) if p > 0.0 else 0.0
-    if carried:
-        width = (quantum / sigma + 1.165) / pi
-        steps = 2.0 * log(4.0 / (pi * ONCE)) * (width * width)
-        most = min(most, ceil(steps) if steps < inf else inf)  # inf: noise too small for its square
-    return float(max(FEWEST_REPEATS, most))
 
 
 def start(rules, n, sensed=0.0):
@@ -229,18 +213,16 @@ def screen_packed(watch, block, readings, densities):
     """`screen`, compiled. -> int, bit k: the state of axis k has changed"""
     rules, last, axes, t_end_s, dt_s = watch.rules, watch.last, watch.axes, block.t_valid_s, block.dt_s
     n, changed, pushed = block.dtheta_b.shape[0], 0, 0.0
-    whole, anywhere = _of_block(block, readings, rules, last), False
+    whole, anywhere = of_block(block, readings, rules, last), _anywhere(readings, rules, dt_s)
     for k in range(6):
-        anywhere = anywhere or _at_range(readings, k, rules[1, k // 3] * dt_s)
-    for k in range(6):
-        axis, code, age_s = axes[k], whole, n * dt_s
+        axis, code, age_s, end = axes[k], whole, n * dt_s, rules[1, k // 3] * dt_s
         # if the unit does not say which axis is at the end of its range, it may be any
-        at_range = _at_range(readings, k, rules[1, k // 3] * dt_s) or (block.saturated and not anywhere)
+        at_end = at_range(readings, k, end) or (block.saturated and not anywhere)
         if whole == GOOD:
-            limit, end = _limit(rules[0, k // 3], axes, k // 3), 0.999 * rules[1, k // 3] * dt_s
-            code, age_s = _read_axis(readings, last[n - 1, k], axis, k, limit, end, dt_s)
+            limit = limit_of_run(rules[0, k // 3], axes, k // 3)
+            code, age_s = read_axis(readings, last[n - 1, k], axis, k, limit, END * end, dt_s)
             calm = axis.state == SATURATED and t_end_s - axis.seen_s > CALM_S
-            if at_range or (code == GOOD and axis.state == SATURATED and not calm):
+            if at_end or (code == GOOD and axis.state == SATURATED and not calm):
                 code = SATURATED
         if code != axis.state:
             changed |= 1 << k
@@ -250,21 +232,19 @@ def screen_packed(watch, block, readings, densities):
             _found(axis)
             densities[k // 3, k % 3] = 0.0
             continue
-        unseen = 0.0  # variance of what a reading that was none has added until it was called stuck
+        unseen = 0.0
         if axis.state == GOOD:
-            axis.since_s = t_end_s - age_s
-            if code == STUCK and np.isfinite(axis.before):
-                unseen = ((readings[n - 1, k] / dt_s - axis.before) * age_s) ** 2
+            unseen = _lost(axis, code, readings[n - 1, k] / dt_s, age_s, t_end_s)
             if k >= 3:
                 held = code != SATURATED and np.isfinite(axis.mean_rate)
                 integrity_force.begin(watch.forces[k - 3], held, max(age_s - n * dt_s, 0.0))
-        if code != SATURATED or at_range:
+        if code != SATURATED or at_end:
             axis.seen_s = t_end_s
         axis.state = code
-        throughout = at_range and (not anywhere or _is_throughout(readings, k, rules[1, k // 3] * dt_s))
+        throughout = at_end and (not anywhere or at_range_throughout(readings, k, end))
         if code == SATURATED:
             missed = integrity_force.largest(rules, True) if throughout and k >= 3 else rules[4, k // 3]
-            added = _charge_at_end(missed, axis, n * dt_s) if at_range else 0.0
+            added = _charge_at_end(missed, axis, n * dt_s) if at_end else 0.0
         else:
             added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
         densities[k // 3, k % 3] = added / (n * dt_s)
@@ -281,30 +261,27 @@ def screen_packed(watch, block, readings, densities):
 
 
 @inner(forceinline=True)
-def _of_block(block, readings, rules, last):
-    """What a whole block is: GOOD, SILENT or REPEATED; its readings are put side by side."""
-    for m in range(readings.shape[0]):
-        for i in range(3):
-            readings[m, i], readings[m, 3 + i] = block.dtheta_b[m, i], block.dv_b[m, i]
-    if not block.valid or not np.isfinite(readings).all():
-        return SILENT
-    return REPEATED if np.isfinite(rules[0, 0] + rules[0, 1]) and _same(readings, last) else GOOD
+def _anywhere(readings, rules, dt_s):
+    """Whether any axis is at the end of its range."""
+    for k in range(6):
+        if at_range(readings, k, rules[1, k // 3] * dt_s):
+            return True
+    return False
+
+
+@inner(forceinline=True)
+def _lost(axis, code, rate, age_s, t_end_s):
+    """An axis is not read any more, since age_s. Variance of what it has added until it was called stuck."""
+    axis.since_s = t_end_s - age_s
+    if code == STUCK and np.isfinite(axis.before):
+        return ((rate - axis.before) * age_s) ** 2
+    return 0.0
 
 
 @inner(forceinline=True)
 def _found(axis):
     """An axis is read again; changed in place."""
     axis.since_s, axis.charged, axis.fixed_s, axis.at_end_s, axis.state = np.nan, 0.0, np.nan, 0.0, GOOD
-
-
-@inner(forceinline=True)
-def _same(readings, last):
-    """Whether two blocks are the same to the last bit."""
-    for m in range(last.shape[0]):
-        for k in range(6):
-            if readings[m, k] != last[m, k]:
-                return False
-    return True
 
 
 @inner(forceinline=True)
@@ -339,62 +316,3 @@ def _hold(readings, axes, dt_s):
             kept = axes[k].before if code == STUCK else axes[k].mean_rate
             for m in range(readings.shape[0]):
                 readings[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
-
-
-@inner(forceinline=True)
-def _at_range(readings, k, limit):
-    """Whether a reading of axis k is at the end of the range, to a part in a thousand."""
-    for m in range(readings.shape[0]):
-        if abs(readings[m, k]) >= 0.999 * limit:
-            return True
-    return False
-
-
-@inner(forceinline=True)
-def _is_throughout(readings, k, limit):
-    """Whether all readings of axis k are at the end of the range: it has not been a peak of vibration."""
-    for m in range(readings.shape[0]):
-        if abs(readings[m, k]) < 0.999 * limit:
-            return False
-    return True
-
-
-@inner(forceinline=True)
-def _limit(told, axes, triad):
-    """Equal readings in a row that are too many: by what was told, or by what the triad has shown."""
-    for k in range(3 * triad, 3 * triad + 3):
-        told = max(told, AGAIN * axes[k].longest)
-    return told
-
-
-@inner(forceinline=True)
-def _read_axis(readings, previous, axis, k, repeats, end, dt_s):
-    """Run length and mean of one axis with a new block, `end` the largest reading within its range.
-
-    A unit whose noise is told too large repeats itself more often than that allows. A run that is too long
-    and yet ends soon was no fault, and longer ones are allowed from then on.
-
-    -> GOOD or STUCK, age of the fault s
-    """
-    n, total, longest = readings.shape[0], 0.0, 0.0
-    for m in range(n):
-        value = readings[m, k]
-        if value == previous:
-            axis.run += 1.0
-        else:
-            if axis.run < repeats:  # a run that was no fault
-                axis.before = axis.mean_rate
-            if axis.run < min(BY_ITSELF * repeats, NATURAL_S / dt_s) and abs(previous) < end:
-                axis.longest = max(axis.longest, axis.run)
-            axis.run = 1.0
-        longest = max(longest, axis.run)
-        previous, total = value, total + value
-    rate = total / (n * dt_s)
-    if longest >= repeats:
-        axis.mean_rate = axis.before  # it has taken in repeated readings until they were too many
-        return STUCK, axis.run * dt_s
-    if not np.isfinite(axis.mean_rate):
-        axis.mean_rate = axis.before = rate
-    else:
-        axis.mean_rate += min(1.0, n * dt_s / MEAN_S) * (rate - axis.mean_rate)
-    return GOOD, n * dt_s

@@ -110,10 +110,10 @@ def _spread_s(scenario, factor):
 
 def _repeats_s(scenario, happening):
     """For how long a healthy axis can repeat a reading: s."""
-    from shefex_nav.onboard.navigation import integrity_imu
+    from shefex_nav.onboard.navigation import integrity_readings
 
     triad = scenario.imu.gyro if "gyro" in happening.words else scenario.imu.accelerometer
-    return integrity_imu.repeats(triad.random_walk / np.sqrt(IMU_HZ), triad.quantum) / IMU_HZ
+    return integrity_readings.repeats(triad.random_walk / np.sqrt(IMU_HZ), triad.quantum) / IMU_HZ
 
 
 def _repeated_s(fixes, window):
