@@ -43,11 +43,11 @@ def test_the_share_is_the_mean_with_a_memory_of_twenty_frames():
     """(1 - 1/20)^14 is the first power below one half."""
     share = 0.0
     for n in range(1, 40):
-        share = best_attitude.after(share, RESIDUALS)
+        is_denied, share = best_attitude.denied(share, RESIDUALS)
         assert share == pytest.approx(1.0 - 0.95**n)
-        assert best_attitude.is_denied(share) == (n >= 14)
-    for other in (Reason.NO_MATCH, Reason.SMEARED, Reason.SUN_EXCLUSION, Reason.TOO_FEW_STARS):
-        assert best_attitude.after(share, other) == share
+        assert is_denied == (n > 14)  # by the frames before it
+    for other in (Reason.NO_MATCH, Reason.SMEARED, Reason.SUN_EXCLUSION, Reason.TOO_FEW_STARS, None):
+        assert best_attitude.denied(share, other) == (True, share)
 
 
 def test_rare_attitudes_among_refused_frames_are_refused_too(ready):

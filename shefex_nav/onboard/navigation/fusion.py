@@ -39,6 +39,7 @@ from shefex_nav.onboard.navigation.sensor import Measurement
 from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
 from shefex_nav.onboard.navigation.state import (
     ATT,
+    NOTHING_TOLD,
     VEL,
     X_Q,
     Layout,
@@ -189,7 +190,8 @@ def fuse(nav, arrived):
     last, turn = history.newest - history.oldest, partial(_order, list(nav.sensors))
     earliest = last + 1
     for arrival, fix in arrived:
-        fix = measurements.understood(nav.params.gps_told, fix)
+        if nav.params.gps_told is not NOTHING_TOLD:
+            fix = measurements.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
@@ -340,8 +342,7 @@ def _apply(nav, now, measurement, results, recorder):
         if about(measurement.sensor) is VELOCITY:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
-        nav.watch.corrected(dx[VEL], now.x)
-        _used(nav, now, measurement, P, prior, H, R, confirmed)
+        _used(nav, now, measurement, dx, (P, prior, H, R), confirmed)
         if confirmed:
             nav.health[measurement.sensor] = sensor.confirmed(nav, now, fix)
     return measurement
@@ -372,11 +373,15 @@ def rows_used(nav, measurement, z, H, R):
     return z, H, counted(nav, fix, R, gap_s)
 
 
-def _used(nav, now, measurement, P, prior, H, R, confirmed):
-    """Tell the watch of a measurement that has just been used for the first time."""
-    fix, name = measurement.fix, measurement.sensor
+def _used(nav, now, measurement, dx, update, confirmed):
+    """Tell the watch of a measurement that has just been used for the first time.
+
+    dx : (n,) its correction;  update : P before it, the one it was used with, H, R
+    """
+    (P, prior, H, R), fix, name = update, measurement.fix, measurement.sensor
     whole = about(name) is ATTITUDE and fix.reason == Reason.NONE  # as good as the attitude
-    nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
+    as_sensor = "star_tracker" if whole else name
+    nav.watch.used(as_sensor, fix.t_valid_s, nav.history.ends_s[-1], dx[VEL], now.x)
     for instrument, drift in nav.watch.drifts.items():
         own = instrument == name
         drift.learn(now.t_s, prior, (H, R), own, drift.bend_of(fix) if own else 0.0)

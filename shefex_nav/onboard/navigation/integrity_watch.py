@@ -166,13 +166,13 @@ class Watch:
             self.reasons.get(name, "") != reason for name in self.gyros.recovered
         )
 
-    def corrected(self, dv_i, x):
-        """A measurement has just corrected the velocity by dv_i (3,), m/s, of packed values x."""
+    def used(self, sensor, t_valid_s, now_s, dv_i, x):
+        """A measurement has just been used: it has corrected the velocity by dv_i (3,), m/s.
+
+        x : (X,) packed values before
+        """
         if self.unread & Blind.TO_FORCE:
             self.uncounted += float(dv_i @ rotation.dcm_from_quat(x[X_Q])[:, 0])
-
-    def used(self, sensor, t_valid_s, now_s):
-        """A measurement has been used."""
         quantity = fix_of(sensor)
         if not self.unread or quantity not in MEASURES:
             return

@@ -18,7 +18,6 @@ from shefex_nav.onboard.navigation.state import (
     LATENCY,
     LEVER,
     MOUNTING,
-    NOTHING_TOLD,
     POS,
     VEL,
     X_GRAVITY,
@@ -256,7 +255,7 @@ def understood(told, message):
 
     GpsTold, record -> record
     """
-    if told is NOTHING_TOLD or not isinstance(message, GpsFix | GpsRanges):
+    if not isinstance(message, GpsFix | GpsRanges):
         return message
     t_valid_s = message.t_valid_s - told.clock_offset_s
     if not math.isnan(told.latency_s):

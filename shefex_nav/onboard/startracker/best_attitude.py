@@ -174,16 +174,12 @@ RECENT = 20  # frames, over which the share is averaged
 MOST = 0.5  # share of them that may be refused for residuals
 
 
-def is_denied(share):
-    """Whether an attitude is not to be given out. share : of `after` the frame before"""
-    return share > MOST
+def denied(share, reason):
+    """Whether the attitude of a frame is not to be given out, and the share of late frames with it.
 
-
-def after(share, reason):
-    """Share of late frames refused for residuals, of those that had an attitude or residuals.
-
-    share : before this frame, 0 at the start;  reason : Reason of this frame by itself
+    share : of frames refused for residuals, of those that had an attitude or residuals, 0 at the start
+    reason : Reason of this frame by itself; None of one that does not count
     """
     if reason not in (Reason.NONE, Reason.RESIDUALS):
-        return share
-    return share + ((reason == Reason.RESIDUALS) - share) / RECENT
+        return share > MOST, share
+    return share > MOST, share + ((reason == Reason.RESIDUALS) - share) / RECENT

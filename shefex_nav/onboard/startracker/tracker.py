@@ -256,8 +256,8 @@ def _given(tracker, misfits, frame, context, seen, result):
         found, reason, stars = _single(of_frame(tracker, frame, seen), ideal, context, seen.rate, reason)
     reason = reason if reason == Reason.NONE else explain(params, reason, seen.statistics.mean_dn, context)
     shows_lens = seen.at_instant and not is_fast  # else residuals are those of motion that nobody knows
-    after = best_attitude.after(misfits, reason) if shows_lens else misfits
-    if best_attitude.is_denied(misfits):
+    is_denied, after = best_attitude.denied(misfits, reason if shows_lens else None)
+    if is_denied:
         stars = NO_STARS
         if reason == Reason.NONE:
             reason, solution = Reason.RESIDUALS, NO_SOLUTION

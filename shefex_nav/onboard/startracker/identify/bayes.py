@@ -21,7 +21,7 @@ from shefex_nav.onboard.startracker.identify.doubts import (
     leans_on_one_star,
     recall,
 )
-from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of
+from shefex_nav.onboard.startracker.identify.ellipses import of_covariances
 from shefex_nav.onboard.startracker.identify.evidence import (
     BORDER_PX,
     WIDE_GATE,
@@ -139,7 +139,7 @@ def _identify(settings, camera, pairs, u_c, flux, prediction, P_px):
     if P_px is None:
         found = Solution(*solve_kernel(*pairs.quick, numbers, *frame, prediction))
     else:
-        ellipses = ellipses_of(checked(P_px, len(u_c)), numbers.centroid_error)
+        ellipses = of_covariances(P_px, len(u_c), numbers.centroid_error)
         found = Solution(*solve_kernel(*pairs.quick, numbers, *frame, prediction, ellipses))
     return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 

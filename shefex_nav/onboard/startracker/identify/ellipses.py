@@ -24,6 +24,11 @@ class Ellipses(NamedTuple):
     log_area: np.ndarray  # (n,) ln sqrt det of the spread
 
 
+def of_covariances(P_px, n, sigma_px):
+    """Ellipses of covariances, `checked` and taken by `ellipses_of`."""
+    return ellipses_of(checked(P_px, n), sigma_px)
+
+
 def checked(P_px, n, name="P_px"):
     """Covariances (n, 2, 2) px^2 as an array of our own layout, or a ValueError that says what is wrong."""
     P = np.ascontiguousarray(P_px, dtype=np.float64)
