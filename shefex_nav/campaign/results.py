@@ -295,12 +295,17 @@ def _said(warnings):
 
 
 def _grouped(said):
-    """Causes of (run, words), by what is said but for its numbers, the most frequent first: list of Cause."""
+    """Causes of (run, words), by what is said but for its numbers, the most frequent first: list of Cause.
+
+    The words of one run follow each other; it counts once however often it says the same of other numbers.
+    """
     first, runs = {}, {}
     for run, words in said:
         kind = _NUMBER.sub("#", words)
         first.setdefault(kind, words)
-        runs.setdefault(kind, []).append(run)
+        some = runs.setdefault(kind, [])
+        if not some or some[-1] != run:
+            some.append(run)
     groups = [Cause(first[kind], tuple(some)) for kind, some in runs.items()]
     return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0], cause.words))
 

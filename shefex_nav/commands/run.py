@@ -4,7 +4,6 @@ import math
 import os
 import subprocess
 import sys
-import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
@@ -110,15 +109,14 @@ def _viewer():
 
     It opens nothing until `_show` tells it which, and ends if this process does so before.
     """
-    words = ["view", THE_INPUT_SAYS, "--follow", "--since", str(time.time_ns())]
-    command = [sys.executable, "-m", "shefex_nav", *words]
+    command = [sys.executable, "-m", "shefex_nav", "view", THE_INPUT_SAYS, "--follow"]
     return subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True)
 
 
 def _show(viewer, log):
-    """Tell a `_viewer` the path of the log."""
+    """Tell a `_viewer` the path of the log, as `view` reads it."""
     with suppress(BrokenPipeError), viewer.stdin as pipe:  # one that has ended has said why
-        pipe.write(os.fsencode(log))
+        pipe.write(b"%d\n%b" % (written(log) or 0, os.fsencode(log)))
 
 
 def _free_name(name, seed):

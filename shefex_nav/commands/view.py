@@ -40,7 +40,6 @@ def view(
     follow: Annotated[
         bool, typer.Option("--follow", help="Show one log while it is written, from its first second on.")
     ] = False,
-    since: Annotated[int, typer.Option(hidden=True)] = 0,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite what --save and --screenshot name.")
     ] = False,
@@ -60,8 +59,8 @@ def view(
     from shefex_nav.report import viewer
 
     if follow:
-        named = _named_by_the_input if str(logs[0]) == THE_INPUT_SAYS else lambda: logs[0]
-        viewer.follow(named, page=chosen, web=web, since_ns=since)
+        named = _named_by_the_input if str(logs[0]) == THE_INPUT_SAYS else lambda: (logs[0], 0)
+        viewer.follow(named, page=chosen, web=web)
         return
     runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=chosen, web=web)
     for log, data in zip(logs, runs, strict=True):
@@ -73,9 +72,9 @@ def view(
 
 
 def _named_by_the_input():
-    """Path of the log that `run --live` is going to write, None if it cannot."""
-    name = sys.stdin.buffer.read()
-    return Path(os.fsdecode(name)) if name else None
+    """Path of the log that `run --live` is going to write, and `tail.Tail.old_ns`; None if it cannot."""
+    old_ns, _, name = sys.stdin.buffer.read().partition(b"\n")
+    return (Path(os.fsdecode(name)), int(old_ns)) if name else None
 
 
 def _check_together(web, follow, written, logs):

@@ -34,11 +34,11 @@ class Tail:
                 ...
 
     path : of the log, which may not be there yet
-    since_ns : a file that was changed last before this time is an old one, which will be overwritten
+    old_ns : when a file that will be overwritten was changed last, since 1970; 0: there is none
     """
 
-    def __init__(self, path, since_ns=0):
-        self._path, self._since_ns = Path(path), since_ns
+    def __init__(self, path, old_ns=0):
+        self._path, self._old_ns = Path(path), old_ns
         self._at = 0  # bytes of the file that have been taken
         self._file = None
         self._top = []  # records of the head
@@ -81,7 +81,7 @@ class Tail:
     def _open(self):
         """Whether there is a log yet."""
         try:
-            if self._path.stat().st_mtime_ns < self._since_ns:
+            if self._path.stat().st_mtime_ns == self._old_ns:
                 return False
             file = self._path.open("rb", buffering=0)  # what has been read may have changed
         except FileNotFoundError:

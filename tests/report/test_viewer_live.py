@@ -133,9 +133,13 @@ def test_following_shows_one_log_in_a_window(command, tmp_path, more):
     assert done.code == 2 and "--follow" in done.err
 
 
-def test_the_reader_of_a_log_is_told_its_path(tmp_path, monkeypatch):
-    """Bytes of any path arrive as they are; what has ended already is no error."""
-    log = tmp_path / "Flug \n ü.mcap"
+@pytest.mark.parametrize("is_old", [False, True])
+def test_the_reader_of_a_log_is_told_its_path(tmp_path, monkeypatch, is_old):
+    """Bytes of any path arrive as they are, and of which age an old log is; what has ended is no error."""
+    log, old_ns = tmp_path / "Flug \n ü.mcap", 0
+    if is_old:
+        log.write_bytes(b"")
+        old_ns = log.stat().st_mtime_ns
     reader = subprocess.Popen(
         [sys.executable, "-c", "import sys; sys.stdout.buffer.write(sys.stdin.buffer.read())"],
         stdin=subprocess.PIPE,
@@ -148,7 +152,7 @@ def test_the_reader_of_a_log_is_told_its_path(tmp_path, monkeypatch):
     reader.wait()
     with open(tmp_path / "told") as told:
         monkeypatch.setattr(sys, "stdin", told)
-        assert view._named_by_the_input() == log
+        assert view._named_by_the_input() == (log, old_ns)
     gone = subprocess.Popen([sys.executable, "-c", ""], stdin=subprocess.PIPE)
     gone.wait()
     run._show(gone, log)

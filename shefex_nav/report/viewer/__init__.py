@@ -64,22 +64,22 @@ def _import_what_shows():
         from shefex_nav.report.viewer import live, pages, recording  # noqa: F401
 
 
-def follow(named, *, page=layout.OVERVIEW, web=False, since_ns=0):
+def follow(named, *, page=layout.OVERVIEW, web=False):
     """Show a log in the viewer while it is written, and wait until the viewer is closed.
 
     Parameters
     ----------
-    named : function that waits for the path of the .mcap file, which need not be there yet, and gives it; or
-        None, then nothing is opened. Meanwhile is imported what shows it
+    named : function that waits for the path of the .mcap file, which need not be there yet, and gives it with
+        the `old_ns` of `tail.Tail`; or None, then nothing is opened. Meanwhile is imported what shows it
     page : of `layout.PAGES`, open at first
     web : serve it to a browser on this machine
-    since_ns : a file that was changed last before this time, since 1970, is an old one
     """
     environment = dict(os.environ)  # as it is without what `quieten` needs meanwhile
     importing = Thread(target=_import_what_shows)
     importing.start()
-    if (log := named()) is None:
+    if (found := named()) is None:
         return
+    log, old_ns = found
     with program.Window(web, environment) as window:
         importing.join()
         import rerun as rr
@@ -91,7 +91,7 @@ def follow(named, *, page=layout.OVERVIEW, web=False, since_ns=0):
         stream.connect_grpc(window.url)
         try:
             live.wait_for(log, stream)
-            live.follow(log, stream, page=page, since_ns=since_ns, is_wanted=window.is_open)
+            live.follow(log, stream, page=page, old_ns=old_ns, is_wanted=window.is_open)
         except RuntimeError:  # the SDK's, when nobody takes what it sends
             if window.is_open(within_s=2.0):
                 raise

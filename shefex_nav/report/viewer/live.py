@@ -32,7 +32,7 @@ FARTHEST = np.cos(np.radians(35.0))  # of the boresight from the middle of the m
 _KEPT_S = 0.2  # between two points of the path that is drawn again and again
 
 
-def follow(log, stream, *, page=layout.OVERVIEW, since_ns=0, is_wanted=lambda: True):
+def follow(log, stream, *, page=layout.OVERVIEW, old_ns=0, is_wanted=lambda: True):
     """Send a log to a rerun RecordingStream while it is written, until it is complete.
 
     Parameters
@@ -40,13 +40,13 @@ def follow(log, stream, *, page=layout.OVERVIEW, since_ns=0, is_wanted=lambda: T
     log : path, which need not be there yet
     stream : rerun RecordingStream, connected
     page : of `layout.PAGES`, open at first
-    since_ns : as of `tail.Tail`
+    old_ns : as of `tail.Tail`
     is_wanted : function that says whether anybody looks yet
 
     Raises LogError
     """
     live = Live(stream, page)
-    with tempfile.TemporaryDirectory() as folder, Tail(log, since_ns) as tail:
+    with tempfile.TemporaryDirectory() as folder, Tail(log, old_ns) as tail:
         part = Path(folder) / "slice.mcap"
         while is_wanted():
             if tail.write_slice(part):
