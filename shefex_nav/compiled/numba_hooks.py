@@ -321,15 +321,13 @@ class _Files(NullCache):
         return nullcontext() if name is None or store().path(name) else store().alone(name)
 
     def load_overload(self, sig, target_context):
-        if (name := self._wanted) is None:
-            return None
         _note_use(self._kernel, sig)
-        content = store().load(name)
+        content = None if self._wanted is None else store().load(self._wanted)
         if content is None:
             for listen in begins_to_compile:
                 listen(self._kernel)
             return None
-        _cache_log("[cache] data loaded from %r", name)
+        _cache_log("[cache] data loaded from %r", self._wanted)
         return machine_code.rebuilt(target_context, content)
 
     def save_overload(self, sig, cres):
@@ -348,7 +346,10 @@ class _Files(NullCache):
 
 
 def _note_use(kernel, args):
-    """Append a kernel to the file in which a list of those that are used is wanted."""
+    """Append a kernel to the file in which a list of those that are used is wanted.
+
+    UnknownType for arguments of a type that has no name: such a kernel is compiled in every process.
+    """
     if path := os.environ.get(USES):
         line = json.dumps([signature.name(kernel), [signature.encode(one) for one in args]])
         with open(path, "a", encoding="utf-8") as file:

@@ -4,10 +4,11 @@ import os
 import shutil
 import time
 
+import numpy as np
 import pytest
 from kernel_package import LOWER, UPPER, Package
 
-from shefex_nav.compiled import machine_code, numba_hooks, store
+from shefex_nav.compiled import kernel, machine_code, numba_hooks, signature, store
 
 
 @pytest.fixture
@@ -194,3 +195,14 @@ def test_environments_are_kept_that_code_asks_for():
     """
     kept = machine_code.environments(Result(), text)
     assert [one.env_name for one in kept] == ["_ZN08NumbaEnv6second", "_ZN08NumbaEnv5other"]
+
+
+def test_a_kernel_that_cannot_be_kept_is_told_and_not_listed(tmp_path, monkeypatch):
+    """A type of argument without a name, as of a random generator: it is compiled in every process."""
+    told, times = [], kernel(lambda rng: 2.0 * rng.random())
+    monkeypatch.setattr(numba_hooks, "begins_to_compile", [told.append])
+    assert 0.0 <= times(np.random.default_rng(1)) < 2.0
+    assert told == [times]
+    monkeypatch.setenv(numba_hooks.USES, str(tmp_path / "used.jsonl"))
+    with pytest.raises(signature.UnknownType, match="NumPyRandomGenerator"):
+        kernel(lambda rng: 3.0 * rng.random())(np.random.default_rng(1))

@@ -76,28 +76,35 @@ def digitise(electronics, mean_electrons, rng):
     read_noise, full_well, per_dn, black_level, bits = electronics
     bounded = np.minimum(mean_electrons, 10.0 * full_well)  # far beyond it all look alike
     pixel, few = np.uint8 if bits == 8 else np.uint16, bounded < MANY_ELECTRONS
-    if np.count_nonzero(~few) < WORTH_A_CALL:
+    n_many = len(bounded) - np.count_nonzero(few)
+    if n_many < WORTH_A_CALL:
         collected = np.minimum(rng.poisson(bounded), full_well)
         amplified = collected + read_noise * rng.standard_normal(len(collected))
         grey = np.floor(amplified / per_dn + black_level + 0.5)
         return np.clip(grey, 0.0, 2.0**bits - 1.0).astype(pixel)
     collected, grey = np.empty(len(bounded)), np.empty(len(bounded), dtype=pixel)
     collected[few] = rng.poisson(bounded[few])
-    _digitise_kernel(bounded, collected, rng, tuple(electronics), grey)
+    normals = rng.standard_normal(len(bounded) + n_many)
+    _digitise_kernel(bounded, collected, normals, tuple(electronics), grey)
     return grey
 
 
 @kernel
-def _digitise_kernel(mean, collected, rng, electronics, grey):
-    """Grey values; the charge of pixels with many electrons is drawn here, that of the others collected."""
+def _digitise_kernel(mean, collected, normals, electronics, grey):
+    """Grey values; the charge of pixels with many electrons is drawn here, that of the others collected.
+
+    normals : of charge, where it is drawn, and of read noise, pixel after pixel
+    """
     read_noise, full_well, per_dn, black_level, bits = electronics
-    largest = 2.0**bits - 1.0
+    largest, i = 2.0**bits - 1.0, 0
     for k in range(mean.size):
         electrons = collected[k]
         if mean[k] >= MANY_ELECTRONS:
-            z = rng.standard_normal()
+            z = normals[i]
+            i += 1
             electrons = np.floor(mean[k] + sqrt(mean[k]) * z + (z * z - 1.0) / 6.0 + 0.5)
-        amplified = min(electrons, full_well) + read_noise * rng.standard_normal()
+        amplified = min(electrons, full_well) + read_noise * normals[i]
+        i += 1
         value = np.floor(amplified / per_dn + black_level + 0.5)
         grey[k] = int(min(max(value, 0.0), largest))
 
