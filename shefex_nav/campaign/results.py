@@ -278,15 +278,18 @@ class Campaign:
 
     def causes(self):
         """Failures by what they say, the most frequent first: list of Cause."""
-        return _grouped((row["run"], row["reason"] or "") for row in self._failed("reason"))
+        return _grouped(([row["run"]], row["reason"] or "") for row in self._failed("reason"))
 
     def warnings(self):
         """What the scenario gets wrong of the flights, the most frequent first: list of Cause."""
         if table.WARNINGS not in self.columns:
             return []
-        names = "run", table.WARNINGS
-        rows = table.load(self._path, list(names), lambda batch: batch[table.WARNINGS].is_valid())
-        return _grouped((row["run"], words) for row in rows for words in _said(row[table.WARNINGS]))
+        return _grouped(
+            (runs, words)
+            for batch in table.batches(self._path, ["run", table.WARNINGS])
+            for runs, said in _alike(batch["run"], batch[table.WARNINGS])
+            for words in _said(said)
+        )
 
 
 def _said(warnings):
@@ -294,19 +297,31 @@ def _said(warnings):
     return sorted({f"{one['field']}: {one['text']}" for one in json.loads(warnings)})
 
 
-def _grouped(said):
-    """Causes of (run, words), by what is said but for its numbers, the most frequent first: list of Cause.
+def _alike(runs, warnings):
+    """Runs whose warnings are alike but for their numbers, with those of the first: iterator.
 
-    The words of one run follow each other; it counts once however often it says the same of other numbers.
+    runs, warnings : Arrow arrays; a run without a warning has null
+    """
+    import pyarrow.compute as pc
+
+    runs, warnings = runs.filter(warnings.is_valid()), warnings.drop_null()
+    kinds = pc.replace_substring_regex(warnings, _NUMBER.pattern, "#").dictionary_encode().indices
+    kinds, runs = kinds.to_numpy(), runs.to_numpy()
+    for first in np.unique(kinds, return_index=True)[1]:
+        yield runs[kinds == kinds[first]], warnings[first].as_py()
+
+
+def _grouped(said):
+    """Causes of (runs, words of the first) by what is said but for numbers: list, the most frequent first.
+
+    A run counts once however often it says the same of other numbers.
     """
     first, runs = {}, {}
-    for run, words in said:
+    for some, words in said:
         kind = _NUMBER.sub("#", words)
-        first.setdefault(kind, words)
-        some = runs.setdefault(kind, [])
-        if not some or some[-1] != run:
-            some.append(run)
-    groups = [Cause(first[kind], tuple(some)) for kind, some in runs.items()]
+        first[kind] = min(first.get(kind, (some[0], words)), (some[0], words))
+        runs.setdefault(kind, []).append(some)
+    groups = [Cause(first[kind][1], tuple(np.unique(np.concatenate(runs[kind])).tolist())) for kind in runs]
     return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0], cause.words))
 
 

@@ -236,11 +236,16 @@ def load(path, names=None, wanted=None):
 
     names : of columns, None: all;  wanted : function of a batch of rows that gives which of them, None: all
     """
+    for batch in batches(path, names):
+        yield from (batch if wanted is None else batch.filter(wanted(batch))).to_pylist()
+
+
+def batches(path, names=None):
+    """Rows of a Parquet file, so many at a time: iterator of pyarrow RecordBatch. names : as of `load`"""
     import pyarrow.parquet as pq
 
     with named(path), pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(batch_size=BATCH, columns=names, use_threads=False):
-            yield from (batch if wanted is None else batch.filter(wanted(batch))).to_pylist()
+        yield from file.iter_batches(batch_size=BATCH, columns=names, use_threads=False)
 
 
 class File:
