@@ -51,6 +51,11 @@ class Frames:
         self._truths = {truth.number: truth for truth in data.frame_truths}
         self.t_s = data.frames.t_valid_s  # (N,) middles of the exposures
 
+    def __repr__(self):
+        if not len(self):
+            return "<Frames: none>"
+        return f"<Frames: {len(self)}, T{self.t_s[0]:+.2f} to {self.t_s[-1]:+.2f} s; [t_s] gives the nearest>"
+
     def __len__(self):
         return len(self.t_s)
 
