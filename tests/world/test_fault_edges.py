@@ -41,6 +41,27 @@ def test_an_axis_that_is_stuck_from_before_the_flight_repeats_its_first_reading(
 
 
 @pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
+def test_an_axis_that_is_stuck_keeps_the_flag_of_its_last_good_reading(sensor):
+    """At the end of its range before the fault, and within it while it is stuck; and the other way round."""
+    triad = ("gyro", "accelerometer").index(sensor)
+    for was_at_end in (True, False):
+        t_s, dtheta_b, dv_b = readings()
+        flags = np.full((2, 41, 3), not was_at_end)
+        flags[triad, 4, 1] = was_at_end  # of the sample before the first that is stuck
+        faults.imu_sent(
+            (imu_fault("stuck", 0.01, 0.02, sensor=sensor, axis="y"),), t_s, dtheta_b, dv_b, flags
+        )
+        assert np.flatnonzero(flags[triad, :, 1] == was_at_end).tolist() == [4, 5, 6, 7, 8]
+
+
+def test_a_fault_from_the_first_sample_on_acts_on_the_second():
+    """Nothing was sent before the first: it is left as it is."""
+    dtheta_b, _, flags, missing = sent(imu_fault("dead", -1.0, 1.5 / RATE_HZ, sensor="gyro", axis="x"))
+    assert np.flatnonzero(dtheta_b[:, 0] == 0.0).tolist() == [1, 2] and not missing.any()
+    assert np.flatnonzero(~flags[0, :, 0]).tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
 def test_a_dead_axis_reads_zero_and_is_at_no_range(sensor):
     dtheta_b, dv_b, flags, _ = sent(imu_fault("dead", 0.01, 0.02, sensor=sensor, axis="z"))
     triad = ("gyro", "accelerometer").index(sensor)
