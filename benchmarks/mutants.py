@@ -53,7 +53,7 @@ PARTS = {  # files of the package, as glob patterns
     ),
 }
 TESTS = (
-    "world/test_faults*.py",
+    "world/test_fault*.py",
     "world/test_gps*.py",
     "world/test_instrument_faults.py",
     "onboard/test_*.py",

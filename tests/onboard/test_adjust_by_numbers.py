@@ -41,6 +41,17 @@ def test_an_attitude_is_turned_until_its_stars_fit(n_par):
     assert fit.log_det == pytest.approx(np.linalg.slogdet(N)[1], abs=1e-2)
 
 
+def test_it_ends_with_the_first_step_that_moves_no_star(monkeypatch):
+    """Off by 3 px, the first step is right and the second finds nothing to do; two stars beside need more."""
+    times, predict = [], plain(evidence.predict)
+    monkeypatch.setattr(evidence, "predict", lambda *given: times.append(1) or predict(*given))
+    adjusted(PLACES, (2e-3, -1e-3, 3e-3))
+    assert len(times) == 2
+    times.clear()
+    adjusted(PLACES + np.where(np.arange(6)[:, None] < 2, 1.2, 0.0))
+    assert len(times) > 2
+
+
 def test_a_focal_length_that_is_off_is_found_if_it_is_free():
     """A part in 200: 2 px at the corners, with noise that is told ten times smaller."""
     seen = MIDDLE + 1.005 * (PLACES - MIDDLE)

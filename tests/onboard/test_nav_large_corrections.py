@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from navigation_flight import ARCSEC, C_BC, DEG, EARTH, P_STAR_C, PARAMS, alignment, fly
+from plain import plain
 from unpacked import star_attitude, update
 
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import eskf, fusion, gate
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensor import Measurement
-from shefex_nav.onboard.navigation.state import ATT, POS, NavState, layout
+from shefex_nav.onboard.navigation.state import ATT, POS, NavState, initial_covariance, layout
 from shefex_nav.records import GpsFix, StarFix
 
 LAYOUT = layout(("mounting",))
@@ -89,9 +91,24 @@ def test_which_blocks_a_reset_cuts():
     forgotten, cut = gate.forgotten(nav, P, one, H)
     assert cut == (places["attitude"], mounting)
     assert not forgotten[ATT, mounting].any() and forgotten[0, 0] == P[0, 0]
+    assert np.array_equal(forgotten[ATT, ATT], np.pi**2 * np.eye(3))  # nothing is known of an attitude
+    assert np.array_equal(forgotten[mounting, mounting], initial_covariance(PARAMS, "mounting"))
     found = {"gyro_bias": np.array([0.0, 1e-3, 0.0])}
     _, cut = gate.forgotten(nav, P, one._replace(admitted=found), H)
     assert cut == ()
+
+
+@pytest.mark.parametrize("names", [("mounting", "lever_arm"), ("lever_arm",)])
+def test_the_camera_is_known_as_attitude_and_mounting_together(names):
+    """Turns add: J P J^T with J = C_cb (1 1) of the two blocks; without a state the mounting is as told."""
+    order, rng = layout(names), np.random.default_rng(5)
+    A = rng.standard_normal((order.n, order.n))
+    P, J = A @ A.T, np.zeros((3, order.n))
+    J[:, ATT] = C_BC.T
+    if "mounting" in names:
+        J[:, order.places["mounting"]] = C_BC.T
+    found = plain(navigator.camera_covariance)(order.at, P, C_BC)
+    np.testing.assert_allclose(found, J @ P @ J.T, rtol=1e-12)
 
 
 def test_a_fix_without_height_leaves_the_height_known():
