@@ -47,9 +47,16 @@ def test_it_ends_with_the_first_step_that_moves_no_star(monkeypatch):
     monkeypatch.setattr(evidence, "predict", lambda *given: times.append(1) or predict(*given))
     adjusted(PLACES, (2e-3, -1e-3, 3e-3))
     assert len(times) == 2
-    times.clear()
-    adjusted(PLACES + np.where(np.arange(6)[:, None] < 2, 1.2, 0.0))
-    assert len(times) > 2
+
+
+def test_it_does_not_end_with_a_star_beside_that_moves_nothing():
+    """Two opposite stars, pulled outwards by 1.2 px, turn nothing; the noise of the others leaves them out."""
+    seen = PLACES.copy()
+    for k in (0, 3):
+        outward = PLACES[k] - MIDDLE
+        seen[k] += 1.2 * outward / np.linalg.norm(outward)
+    fit, view, _ = adjusted(seen)
+    assert np.flatnonzero(view.det[: fit.n] < 0).tolist() == [0, 3] and fit.noise_px == pytest.approx(0.2)
 
 
 def test_a_focal_length_that_is_off_is_found_if_it_is_free():
