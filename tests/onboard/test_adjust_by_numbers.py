@@ -50,7 +50,7 @@ def test_it_ends_with_the_first_step_that_moves_no_star(monkeypatch):
 
 
 def test_it_does_not_end_with_a_star_beside_that_moves_nothing():
-    """Two opposite stars, pulled outwards by 1.2 px, turn nothing; the noise of the others leaves them out."""
+    """Two opposite stars, pulled outwards by 1.2 px, turn nothing; they are left out all the same."""
     seen = PLACES.copy()
     for k in (0, 3):
         outward = PLACES[k] - MIDDLE
