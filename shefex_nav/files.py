@@ -23,11 +23,14 @@ def finish(path):
 
 @contextmanager
 def named(path):
-    """An error of the disk within the `with` names `path`, if it names no file; most readers name none."""
+    """An error of the disk within the `with` names `path`, if it names no file; most readers name none.
+
+    One without a number is of a library and says what it says: a name would take its place.
+    """
     try:
         yield
     except OSError as error:
-        if error.filename is None:
+        if error.filename is None and error.errno is not None:
             error.filename = str(path)
         raise
 

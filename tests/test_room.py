@@ -14,6 +14,7 @@ import pytest
 from shefex_nav import prepare, runs, simulate
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
+from shefex_nav.log.topics import LogError
 from shefex_nav.runs import flying
 from shefex_nav.runs.room import Room, RoomError
 from shefex_nav.scenario.load import load
@@ -96,6 +97,12 @@ def test_a_flight_whose_truth_lies_in_files_is_the_same(tmp_path, monkeypatch):
         ours, others = getattr(plain.data, name), getattr(filed.data, name)
         assert all(a.tobytes() == b.tobytes() for a, b in zip(ours, others, strict=True)), name
     assert len(plain.data.gps) == len(filed.data.gps) > 15
+
+
+def test_a_log_without_a_folder_is_refused_before_there_is_a_room(tmp_path, monkeypatch):
+    monkeypatch.setattr(flying, "Room", lambda folder: pytest.fail("a room was made"))
+    with pytest.raises(LogError, match="a.mcap: cannot be written: no folder"):
+        runs.fly(orbit(20.0), 3, log=tmp_path / "none" / "a.mcap")
 
 
 def test_small_arrays_are_in_memory_and_large_ones_are_not_lost_when_they_leave_it(tmp_path):

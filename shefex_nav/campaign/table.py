@@ -11,11 +11,13 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
+from contextlib import contextmanager
 from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.files import named, whole
 
 LONGEST = 6  # numbers of a list that become columns
@@ -28,6 +30,10 @@ EXACT = 2**53  # whole numbers to here are the same as float
 BATCH = 4096  # rows in memory at a time
 DIGEST, STATE = b"results_digest", b"state"  # of the metadata of a file
 LARGE = "large"  # kind of whole numbers that no int64 holds
+
+
+class TableError(UserError):
+    """A table whose rows a disk has spoilt."""
 
 
 class Made(NamedTuple):
@@ -244,8 +250,23 @@ def batches(path, names=None):
     """Rows of a Parquet file, so many at a time: iterator of pyarrow RecordBatch. names : as of `load`"""
     import pyarrow.parquet as pq
 
-    with named(path), pq.ParquetFile(path) as file:
+    with _reading(path), pq.ParquetFile(path) as file:
         yield from file.iter_batches(batch_size=BATCH, columns=names, use_threads=False)
+
+
+@contextmanager
+def _reading(path):
+    """Errors of the disk name the table within the `with`; TableError for what is no table any more."""
+    import pyarrow as pa
+
+    try:
+        with named(path):
+            yield
+    except (OSError, pa.ArrowException) as error:
+        if getattr(error, "errno", None) is not None:
+            raise
+        words = f"{path}: spoilt: {str(error).splitlines()[0]}; delete it, it is made of the records again"
+        raise TableError(words) from None
 
 
 class File:
@@ -255,7 +276,7 @@ class File:
         import pyarrow.parquet as pq
 
         self._path = path
-        with named(path):
+        with _reading(path):
             self._file = pq.ParquetFile(path)
         self.names = self._file.schema_arrow.names
         metadata = self._file.metadata
@@ -263,7 +284,7 @@ class File:
 
     def column(self, name, groups):
         """A column of some groups of rows: pyarrow ChunkedArray."""
-        with named(self._path):
+        with _reading(self._path):
             return self._file.read_row_groups(groups, [name], use_threads=False).column(0)
 
 

@@ -37,7 +37,7 @@ def repeat(
     if keep:
         say(f"run {run} is {'kept' if kept else 'left as it was: now it comes out otherwise'}")
     if json:
-        print_json(repeated.result())
+        print_json(repeated.result() | ({"kept": kept} if keep else {}))
     else:
         typer.echo(repeated.words())
     raise typer.Exit(0 if repeated.same or kept else 1)

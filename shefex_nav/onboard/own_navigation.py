@@ -254,7 +254,11 @@ class OwnNavigation:
             value, what = getattr(given, name), f"{name} of its NavSolution"
             if not name.startswith(("sigma", "protection")):
                 self._own.numbers(self.now_s, what, value, *shape)
-            elif np.shape(value) != shape or (np.asarray(value) < 0.0).any():  # NaN: it does not say
+                continue
+            array = self._own.real(self.now_s, what, value)
+            if (
+                array.shape != shape or (array < 0.0).any()
+            ):  # NaN: it does not say; infinity: nothing is known
                 raise self._error(f"{what} must be of shape {shape} and not negative, got {value!r}")
 
     def _checked_context(self, context):

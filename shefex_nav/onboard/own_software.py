@@ -42,14 +42,20 @@ class OwnSoftware:
 
     def numbers(self, now_s, what, value, *shape):
         """Array of finite numbers of a shape; SoftwareError."""
-        try:
-            array = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            raise self.error(now_s, f"{what} must be numbers, got {value!r}") from None
+        array = self.real(now_s, what, value)
         if array.shape != shape or not np.isfinite(array).all():
             got = f"shape {array.shape}" if array.shape != shape else "NaN or infinity"
             raise self.error(now_s, f"{what} must be finite, shape {shape}, got {got}")
         return array
+
+    def real(self, now_s, what, value):
+        """Array of real numbers, NaN and infinity among them; SoftwareError."""
+        try:
+            if not np.iscomplexobj(value):  # NumPy would drop the imaginary part with a warning
+                return np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            pass
+        raise self.error(now_s, f"{what} must be numbers, got {value!r}")
 
     def quaternion(self, now_s, what, value):
         """Unit quaternion, normalised; SoftwareError."""

@@ -16,17 +16,14 @@ MOST_DB = 60.0  # gain of the camera
 class Solved(NamedTuple):
     """What came out of one frame, with an attitude or without."""
 
-    # camera to inertial axes at t_valid_s of the frame; None: no attitude
     q_ic: vector("", "attitude, camera to inertial axes, at the middle of the exposure", 4) = None
     P_c: matrix("rad^2", "covariance of its error, a rotation vector in camera axes") = None
     reason: member(Reason, "why there is no attitude") = int(Reason.NO_MATCH)
-    exposure_s: number("s", "of the next picture") = None  # of the next frame; None: as before
+    exposure_s: number("s", "of the next picture") = None  # None: as before
     gain_db: number("dB", "of the next picture") = None  # likewise
-    # objects found, at t_valid_s
     xy_px: number("px", "objects found, x, y of each", (-1, 2)) = np.empty((0, 2))
     flux_dn: number("DN", "their light above the background", (-1,)) = np.empty(0)
     hip: integer("their Hipparcos numbers, 0 where unidentified", (-1,)) = None
-    # of the frame; a star tracker need not say it, a whole computer must
     number: integer("of the picture; a computer says it") = None
 
 

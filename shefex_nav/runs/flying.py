@@ -86,10 +86,13 @@ def fly(
     """
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
+    from shefex_nav.log.topics import LogError
     from shefex_nav.report import programme
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
+    if not path.parent.is_dir():
+        raise LogError(f"{path}: cannot be written: no folder {path.parent}")
     began, room = time.perf_counter(), Room(path.parent)
     get_ready(scenario)
     scenario = prepare.settled(scenario, room=room)

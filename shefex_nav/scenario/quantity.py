@@ -23,7 +23,7 @@ from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 LARGEST = 1e15  # [E] of a value in SI of another unit than these; what is computed with it is a number yet
 LARGEST_OF = {  # [E] nothing in a mission is as large
     "rad": 1e4, "rad/s": 1e4, "rad/sqrt(s)": 1e2, "rad/s2": 1e6, "rad s/m": 10.0, "rad s3/m2": 1.0,
-    "m": 1e12, "m/s": 1e5, "m/s2": 1e5, "m/s(3/2)": 1e3, "s2/m": 1.0, "s": 1e10,
+    "m": 1e12, "m/s": 1e5, "m/s2": 1e6, "m/s(3/2)": 1e3, "s2/m": 1.0, "s": 1e13,
     "K": 1e5, "T": 1e2, "mag": 1e2, "dB": 1e3, "": 1e9,
 }  # fmt: skip
 SMALLEST = 1e-40  # [E] of a value but zero, for the same reason
@@ -93,11 +93,14 @@ def _dimension(unit):
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
-def check_size(number, value, unit=""):
-    """A refusal of what is larger than anything in a mission, or so small that dividing by it makes it so."""
-    largest, name = LARGEST_OF.get(unit, LARGEST), f" {unit}" if unit else ""
+def check_size(number, value, unit="", largest=None):
+    """A refusal of what is larger than anything in a mission, or so small that dividing by it makes it so.
+
+    largest : None: that of the unit
+    """
+    largest, name = largest or LARGEST_OF.get(unit, LARGEST), f" {unit}" if unit else ""
     if abs(number) > largest:
-        raise refuse(f"must be less than {largest:g}{name} in size, got {quoted(value)}")
+        raise refuse(f"must be at most {largest:g}{name} in size, got {quoted(value)}")
     if 0.0 < abs(number) < SMALLEST:
         raise refuse(f"must be 0 or more than {SMALLEST:g}{name} in size, got {quoted(value)}")
 
@@ -294,6 +297,7 @@ class NumberSpec:
     non_negative: bool = False
     at_least: float | None = None
     at_most: float | None = None
+    largest: float | None = None  # of its size, where that of a number without unit is too little
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any):
         return core_schema.no_info_plain_validator_function(self.read)
@@ -321,7 +325,7 @@ class NumberSpec:
         if self.whole and abs(value) > MOST_COUNT:
             bound = f"be at most {MOST_COUNT}" if value > 0 else f"not be below {-MOST_COUNT}"
             raise refuse(f"must {bound}, got {quoted(value)}")
-        check_size(value, value)
+        check_size(value, value, largest=self.largest)
         if self.positive and not value > 0:
             raise refuse(f"must be greater than zero, got {quoted(value)}")
         if self.non_negative and value < 0:

@@ -162,6 +162,21 @@ def test_a_table_that_lacks_runs_is_not_believed(folder):
     assert len(open_campaign(folder)) == 30
 
 
+def test_rows_that_a_disk_has_spoilt_are_told_with_the_file(tmp_path):
+    """Its head is whole, so that it is opened: what is read first of its rows says so, and what helps."""
+    folder = synthetic_campaign.write(tmp_path / "one", 6)
+    store.Store(folder).tabulate()
+    path = folder / "results.parquet"
+    content = bytearray(path.read_bytes())
+    head = int.from_bytes(content[-8:-4], "little") + 8
+    content[4:-head] = bytes(one ^ 0x5A for one in content[4:-head])
+    path.write_bytes(content)
+    with pytest.raises(table.TableError, match=r"results\.parquet: spoilt: .*; delete it, it is made of"):
+        open_campaign(folder).table()
+    path.unlink()
+    assert len(open_campaign(folder)) == 6
+
+
 def test_series_and_summary_of_one_run(folder):
     campaign = open_campaign(folder)
     run = int(campaign.runs[campaign.succeeded][3])

@@ -152,6 +152,14 @@ def test_a_group_of_covariance_is_that_of_sigma_and_correlation():
     assert by_sigma[1].factors == pytest.approx((0.6, 0.8))
 
 
+def test_covariances_are_as_large_as_their_units_make_them():
+    light = "paths: [star_camera.optics.zero_magnitude_flux, star_camera.detector.read_noise]"
+    (flux, noise) = pattern(
+        f"dispersions.light={{{light}, units: [electron/s, electron], covariance: [[4e10, 0], [0, 1]]}}"
+    ).dispersed
+    assert flux.law.sigma == pytest.approx(2e5) and noise.law.sigma == pytest.approx(1.0)
+
+
 def test_perfect_correlation_is_possible():
     group = f"{{{RAIL}, sigma: [0.1 deg, 0.5 deg], correlation: [[1, 1], [1, 1]]}}"
     assert pattern(f"dispersions.rail={group}").dispersed[1].factors == pytest.approx((1.0, 0.0))

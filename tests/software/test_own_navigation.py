@@ -110,6 +110,9 @@ WRONG = (
         f"{NAV_SOLUTION}(sigma_r_e=zeros(3) - 1)]",
         r"sigma_r_e of its NavSolution must be of shape \(3,\) and not",
     ),
+    (f"{NAV_SOLUTION}(sigma_r_e=['a', 'b', 'c'])]", r"sigma_r_e of its NavSolution must be numbers, got"),
+    (f"{NAV_SOLUTION}(protection_attitude=[[1, 2], [3]])]", r"protection_attitude of .* must be numbers"),
+    (f"{NAV_SOLUTION}(sigma_v_e=zeros(3) + 1e-3j)]", r"sigma_v_e of its NavSolution must be numbers, got"),
     (
         "from shefex_nav.records import NavHealth; return [NavHealth(0.49, 'a', True, '')]",
         r"gave a NavHealth of T\+0.490000 s, of another tick",

@@ -56,14 +56,12 @@ class Context(NamedTuple):
     sun_angle: number("rad", "boresight to the Sun") = np.nan
     limb_angle: number("rad", "boresight to the Earth's limb") = np.nan
     q_ic: vector("", "predicted attitude, camera to inertial axes", 4) = None
-    # covariance of its rotation-vector error in camera axes
-    P_c: matrix("rad^2", "of that, camera axes") = None
+    P_c: matrix("rad^2", "of that, camera axes") = None  # of the rotation vector of its error
     omega_c: vector("rad/s", "mean rate of the exposure, camera axes") = None
-    P_omega_c: matrix("", "of that [rad^2/s^2]") = None  # its covariance
-    # , how the camera turned besides: table of `geometry.unsteady`
+    P_omega_c: matrix("", "of that [rad^2/s^2]") = None
+    # table of `geometry.unsteady`
     unsteady_c: number("", "s from its instant; turn besides the mean rate [rad], x y z", (-1, 4)) = None
-    # of its error on each axis, the same for all stars
-    unsteady_variance: number("rad^2", "of the mean of that, each axis") = 0.0
+    unsteady_variance: number("rad^2", "of the mean of that, each axis") = 0.0  # the same for all stars
 
 
 NO_CONTEXT = Context()
