@@ -101,7 +101,7 @@ def test_a_flight_whose_truth_lies_in_files_is_the_same(tmp_path, monkeypatch):
 
 def test_a_log_without_a_folder_is_refused_before_there_is_a_room(tmp_path, monkeypatch):
     monkeypatch.setattr(flying, "Room", lambda folder: pytest.fail("a room was made"))
-    with pytest.raises(LogError, match="a.mcap: cannot be written: no folder"):
+    with pytest.raises(LogError, match=r"a\.mcap: cannot be written: no folder"):
         runs.fly(orbit(20.0), 3, log=tmp_path / "none" / "a.mcap")
 
 
