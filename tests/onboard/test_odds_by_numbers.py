@@ -200,6 +200,30 @@ def test_odds_of_places_with_a_focal_length_that_is_free():
     assert got == pytest.approx(np.logaddexp.reduce(total))
 
 
+@pytest.mark.parametrize("brightest", [True, False])
+def test_where_brightness_counts_the_brightest_detections_may_be_all_the_data(brightest):
+    """With 0.8 all n detections are data, with 0.2/n each number of the brightest; the likeliest way counts.
+
+    One of three is matched: the first, and one or no false one beside it, or the last, and all count.
+    """
+    place = (100.0, 100.0) if brightest else (500.0, 400.0)
+    scene = scene_of([(100.0, 100.0), (300.0, 50.0), (500.0, 400.0)], [-9.0, -8.0, -7.0])
+    view, log_det, total = view_of([place], [0 if brightest else 2], [0.09]), 30.0, []
+    for scale, weight in zip((1.0, 1.8, 3.4), (0.45, 0.28, 0.27), strict=True):
+        s = scale * 0.2
+        density = (
+            0.94 * np.exp(-0.045 / s**2) / s**2 + 0.06 * np.exp(-0.045 / (4 * s) ** 2) / (4 * s) ** 2
+        ) / (2 * np.pi)
+        match, volume = np.log(660.0 * 490.0 * density), 1.5 * np.log(2.0 * np.pi * s**2) - 0.5 * log_det
+        ways = [np.log(0.8) + match - np.log(3.0)]  # of 3 data one is matched: 2!/3!
+        if brightest:
+            ways += [np.log(0.2 / 3.0) + match, np.log(0.2 / 3.0) + match - np.log(2.0)]
+        else:
+            ways += [np.log(0.2 / 3.0)] * 2  # no match among the first or the first two
+        total.append(np.log(weight) + volume + max(ways))
+    assert plain(odds.place_odds)(scene, view, 1, log_det, 3) == pytest.approx(np.logaddexp.reduce(total))
+
+
 @pytest.mark.parametrize("seen, grows", [(0.5, False), (1.0, False), (9.0, True)])
 def test_an_unknown_variance_makes_errors_of_students_distribution(seen, grows):
     """chi2 of 6 degrees and 4 of what was told: factor (4 + chi2)/10, what exceeds 1 times 10/8."""

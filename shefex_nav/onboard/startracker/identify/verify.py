@@ -161,12 +161,10 @@ def _extend_kernel(camera, u_i, vmag, u_c, star, within_px, magnitude_margin, fe
         matched, distance2, n_missing = _match_kernel(
             camera, q_ic, u_i, vmag, xy_px, widening * gate_px, magnitude_margin, displaced_px
         )
-    n_known = 0
     for k in range(len(star)):
-        n_known += matched[k] >= 0
         if star[k] >= 0 and matched[k] != star[k]:
             return matched, distance2, -1
-    return matched, distance2, n_missing if n_known >= fewest_stars else -1
+    return matched, distance2, n_missing
 
 
 @inner
