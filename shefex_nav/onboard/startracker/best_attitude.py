@@ -171,7 +171,7 @@ def _solve_kernel(camera, criteria, u_c, seen_i, P_px, common):
 
 
 RECENT = 20  # frames, over which the share is averaged
-MOST = 0.5  # share of them that may be refused for residuals
+MOST_REFUSED = 0.5  # share of them that may be refused for residuals
 
 
 def denied(share, reason):
@@ -181,5 +181,5 @@ def denied(share, reason):
     reason : Reason of this frame by itself; None of one that does not count
     """
     if reason not in (Reason.NONE, Reason.RESIDUALS):
-        return share > MOST, share
-    return share > MOST, share + ((reason == Reason.RESIDUALS) - share) / RECENT
+        return share > MOST_REFUSED, share
+    return share > MOST_REFUSED, share + ((reason == Reason.RESIDUALS) - share) / RECENT
