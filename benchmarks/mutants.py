@@ -14,8 +14,9 @@ them. `--flights` takes up the survivors with the tests of FLIGHTS, compiled.
 DIR keeps the copy of the package that is changed, which `lines` and `run` bring up to date, the tables of
 lines of both modes (a test file that has changed is mapped again; where lines of the package have moved,
 delete the tables) and a line a mutant in mutants.jsonl: `run` goes on where it was stopped. Survivors that a
-reader found equivalent do not count, if `mutants_same.json` beside this file says why: {"FILE CHANGE":
-"argument"}. `show` prints the score of each part with its 95 % interval, and the survivors.
+reader found equivalent do not count, if `mutants_same.json` beside this file says why, by file, line of the
+source and change: {"FILE: SOURCE: CHANGE": "argument"}. `show` prints the score of each part with its 95 %
+interval, and the survivors.
 """
 
 import argparse
@@ -71,6 +72,7 @@ MODES = {"compiled": {}, "python": {"NUMBA_DISABLE_JIT": "1"}}  # of kernels: va
 LONGEST_S = 8  # of a test in the table of lines
 MOST_S = 10.0  # of all tests of one mutant, by the table; the fastest first
 FLIGHT_S = 900.0  # of the flights of one mutant
+NOT_COLLECTED = (2, 4)  # codes of pytest where a test file cannot be imported: without the mutant it could
 KILLED, SURVIVED, UNSEEN, STOPPED = "killed", "survived", "unseen", "stopped"  # the last one for its time
 
 
@@ -247,10 +249,12 @@ def judged(tree, tables, in_kernels, mutant, flights):
             return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}
     finally:
         file.write_bytes(good)
-    if code not in (0, 1, None):
+    if code not in (0, 1, *NOT_COLLECTED, None):
         sys.exit(f"{name}:{line} {what}: pytest ended with code {code}\n{said}")
     failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
     by = "time" if code is None else failed[0].split(" - ")[0] if failed else ""
+    if code in NOT_COLLECTED:
+        by = "import"
     verdict = STOPPED if code is None else SURVIVED if code == 0 else KILLED
     return {**row, "verdict": verdict, "by": by, "s": round(time.perf_counter() - begun, 1)}
 
@@ -301,7 +305,12 @@ def show(work):
     """Print scores and survivors."""
     same = json.loads(SAME.read_text()) if SAME.exists() else {}
     rows = list(told(work).values())
-    counted = [row for row in rows if f"{row['file']} {row['what']}" not in same]
+    sources = {row["file"]: (work / "tree" / row["file"]).read_text().splitlines() for row in rows}
+    counted = [
+        row
+        for row in rows
+        if f"{row['file']}: {sources[row['file']][row['line'] - 1].strip()}: {row['what']}" not in same
+    ]
     for part in [*PARTS, None]:
         own = [row for row in counted if part in (row["part"], None)]
         if own:

@@ -284,6 +284,9 @@ def test_once_found_nothing_is_followed_any_more():
     np.testing.assert_array_equal(early.B, late.B)
     np.testing.assert_array_equal(early.starts_s, late.starts_s)
     assert late.motion.t_s < 25.0
+    assert (
+        late.B.any() and not late.worst(np.vstack([np.eye(3), np.zeros(3)])).any()
+    )  # the covariance says it
 
 
 # the filter

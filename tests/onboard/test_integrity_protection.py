@@ -86,6 +86,10 @@ def test_a_confirmed_fix_can_be_wrong_by_less():
     alone, confirmed = (found.table[protection.WORST, BODY] for found in both)
     assert np.allclose(alone, np.sqrt(LIMIT), rtol=1e-5)
     assert np.allclose(confirmed, np.sqrt(2.0 * LIMIT * 1e-6))
+    P, R = 1e-6 * np.eye(N), 1e-4 * np.eye(3)  # known better than the fix says: it moves little
+    after, _, _ = updated(P, H, R)
+    confirmed = slope_of_stars(P, after, LIMIT, H, R, True, NED).table[protection.WORST, BODY]
+    assert np.allclose(confirmed, np.sqrt(LIMIT * 1e-12 / (1e-6 + 1e-4)))
 
 
 def test_later_fixes_take_the_error_of_a_wrong_one_out():

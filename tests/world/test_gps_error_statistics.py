@@ -126,6 +126,14 @@ def test_at_two_epochs_delays_change_by_their_difference(monkeypatch):
     np.testing.assert_allclose(one.error[1], np.tile(change, (2, 1)), rtol=1e-9)
 
 
+def test_at_two_epochs_multipath_decays_by_the_time_between_them():
+    rng, settings = np.random.default_rng(7), CASES["multipath"]
+    given = settings, GPS_START_S, T_S[:2], np.zeros((2, 3)), np.zeros((2, 1, 3)), rng
+    drawn = np.array([gps_errors.range_errors(*given).error[0, :, 0] for _ in range(4 * DRAWS)])
+    decay = np.exp(-(T_S[1] - T_S[0]) / settings.multipath.time)
+    assert_covariance(drawn, settings.multipath.range**2 * np.array([[1.0, decay], [decay, 1.0]]))
+
+
 def test_at_one_epoch_delays_do_not_change(monkeypatch):
     """No rate can be told from a single epoch; the range errors are as ever."""
     monkeypatch.setattr(gps_errors, "tropospheric_delay", lambda r_ea_e, u_e: np.full((1, 2), 20.0))
