@@ -253,6 +253,38 @@ def test_a_fix_leaves_of_a_saturated_axis_the_time_since():
     assert unit.watch.axes[0]["at_end_s"] == pytest.approx(0.05)  # no more than it was
 
 
+def at_range(unit, samples=N):
+    """A block whose first samples of accelerometer x are at the end of its range. -> variance, m^2/s^2"""
+    values = unit.values()
+    values[:samples, 3] = RULES.range[1] * DT
+    unit.give(values)
+    return unit.densities[1, 0] * N * DT
+
+
+def test_a_fix_leaves_of_a_reading_that_may_be_all_false_the_time_since():
+    """At the end of the range throughout: what a fix leaves is charged by the range, as the rest is."""
+    unit, of = Unit().settle(), plain(imu.integrated_variance)
+    assert sum(at_range(unit) for _ in range(50)) == pytest.approx(of(100.0, 0.0, 0.5, False))
+    for _ in range(3):
+        imu.fixed(unit.watch, 1, unit.t_s - 0.1, unit.t_s)
+        more = of(100.0, 0.0, 0.15, False) - of(100.0, 0.0, 0.1, False)
+        assert sum(at_range(unit) for _ in range(5)) == pytest.approx(more)
+
+
+def test_each_block_at_the_end_of_the_range_adds_by_its_own_sigma():
+    """A second of all readings there, then one of peaks, which miss less; silence before does not pay."""
+    unit, of = Unit().settle(), plain(imu.integrated_variance)
+    assert sum(at_range(unit) for _ in range(100)) == pytest.approx(of(100.0, 0.0, 1.0, False))
+    more = of(9.0, 0.0, 2.0, False) - of(9.0, 0.0, 1.0, False)
+    assert sum(at_range(unit, samples=1) for _ in range(100)) == pytest.approx(more)
+    more = of(100.0, 0.0, 2.5, False) - of(100.0, 0.0, 2.0, False)
+    assert sum(at_range(unit) for _ in range(50)) == pytest.approx(more)
+    unit = Unit().settle()
+    for _ in range(100):
+        unit.give(np.full((N, 6), np.nan), valid=False)
+    assert at_range(unit) == pytest.approx(of(100.0, 0.0, N * DT, False))
+
+
 def test_changes_are_told_by_axis_or_of_the_unit_as_a_whole():
     state = np.array([GOOD, STUCK, GOOD, GOOD, SATURATED, GOOD])
     assert [(one.source, one.healthy) for one in imu.health(7.0, 0b10010, state)] == [

@@ -109,6 +109,45 @@ def test_after_a_star_fix_the_angle_counts_as_if_a_second_old():
     assert angle2[[99, 199]] == pytest.approx([2.1**2 - 1.1**2, 3.1**2 - 1.1**2], rel=1e-3)
 
 
+def charged_under(force, gps_hz, duration_s=3.0):
+    """Charge per second, m^2/s^2, with ten star fixes a second and GPS; m/s^2, Hz. After 1 s of both."""
+    unit, charged = Unit(), np.zeros(2)
+    unit.pass_by(1.0, stuck=False)
+    for k in range(round((1.0 + duration_s) / BLOCK_S)):
+        charged[int(k * BLOCK_S >= 1.0)] += unit.pass_by(BLOCK_S)[0]
+        if k % 10 == 0:
+            integrity_imu.turned(unit.watch, unit.t_s - 0.05, unit.t_s)
+        if k % round(100 / gps_hz) == 0:
+            integrity_imu.pushed(unit.watch, force / gps_hz, unit.t_s - 0.1, unit.t_s)
+    return charged[1] / SENSED**2 / duration_s, unit.watch.forces[0]["before"]
+
+
+@pytest.mark.parametrize("gps_hz", [1, 2, 5, 10, 20, 50])
+def test_velocities_between_star_fixes_leave_the_second_that_an_angle_counts(gps_hz):
+    """An angle m t that is a second old grows by 2 m^2 per second in its square, however often GPS is."""
+    force = RANGE / 3.0
+    charged, known = charged_under(force, gps_hz)
+    assert known == pytest.approx(force, rel=1e-2)  # m_0, of velocities that are 20 ms apart, too
+    assert 2.0 < charged / force**2 < 3.3
+    at_rest, _ = charged_under(0.0, gps_hz)
+    assert at_rest <= 1.01 * (CHANGE * 0.65 * 1.1) ** 2  # it runs away from nothing between two velocities
+
+
+def test_a_star_fix_soon_after_the_beginning_leaves_no_more_than_has_been_shown():
+    unit = Unit()
+    unit.pass_by(1.0, stuck=False)
+    unit.pass_by(0.2)
+    integrity_imu.pushed(unit.watch, 5.0, unit.t_s, unit.t_s)
+    integrity_imu.turned(unit.watch, unit.t_s, unit.t_s)
+    assert unit.watch.forces[0]["shown"] == 5.0
+    unit.pass_by(0.4)
+    integrity_imu.turned(unit.watch, unit.t_s, unit.t_s)
+    assert unit.watch.forces[0]["shown"] == 5.0
+    integrity_imu.pushed(unit.watch, 0.0, unit.t_s, unit.t_s)
+    integrity_imu.turned(unit.watch, unit.t_s, unit.t_s)
+    assert unit.watch.forces[0]["shown"] == 0.0  # the force has gone
+
+
 ROLL_RATE, BURN_S, END_S = 1.0, (1.0, 5.0), 6.0
 
 

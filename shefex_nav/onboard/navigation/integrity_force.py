@@ -11,11 +11,12 @@ A reading that is held was right at first, m_0 = 0; one at the end of its range 
 peak of vibration there is none of these.
 
 - **A star fix** says the angle, from which it counts again, as if a second old: the filter follows an error
-  that lasts with a lag, which white noise of the time between two fixes alone would not cover.
+  that lasts with a lag, which white noise of the time between two fixes alone would not cover. What GPS has
+  shown of that second, m_0 times it, stays shown.
 - **A GPS velocity** says u since the one before: it is what the velocity has been corrected by along the roll
   axis, p. These errors are of one sign as G is, so they count as one, (sum of |p|)^2, and m_0 is |p| over the
-  time. Across the roll axis a spin turns the force, of which GPS shows less than the gyros sense; there
-  nothing is taken from it.
+  time, a mean over tau if that is longer. Across the roll axis a spin turns the force, of which GPS shows
+  less than the gyros sense; there nothing is taken from it.
 
 The charge is made on the attitude alone: which sign it has, an unknown G does not say.
 """
@@ -36,9 +37,9 @@ FORCE = rows(
         ("known_s", float),  # since m was
         ("before", float),  # m/s^2, m_0; inf: unknown
         ("most", float),  # m/s^2, s of the last block in which it was not read
-        ("charged", float),  # m^2/s^2, u^2 of that time, which the filter has been given
-        ("shown", float),  # m/s, sum of |p| since a star fix
-        ("owed", float),  # m^2/s^2, that GPS has shown, and the filter has not been given yet
+        ("charged", float),  # m^2/s^2, u^2 of lasting_s that the filter has been given: only more is added
+        ("shown", float),  # m/s, sum of |p| before lasting_s: with it what GPS shows next grows as one angle
+        ("owed", float),  # m^2/s^2, by what (sum of |p|)^2 has grown since the last block: the next adds it
     ]
 )
 
@@ -68,7 +69,7 @@ def added(force, most, change, duration_s):
 
 @inner(forceinline=True)
 def paid(force):
-    """What is owed, m^2/s^2, and from now on is not."""
+    """What is owed, m^2/s^2, for a block that gives it to the filter; from now on nothing is."""
     owed = force.owed
     force.owed = 0.0
     return owed

@@ -9,7 +9,8 @@ An axis that is silent or stuck is given the mean that it had before (over `MEAN
 disturb), a saturated one keeps its reading. Either way the rate is wrong by an unknown amount, so the filter
 is told: white noise of such a density that the variance of the integrated error grows as that of the error
 itself. Of a saturated axis only the time counts that its readings spend at the end of the range; an
-accelerometer that has nothing else in a block may be off by all of that range, as a fault leaves it.
+accelerometer that has nothing else in a block may be off by all of that range, as a fault leaves it: each
+block adds what V(t) grows by with its own sigma.
 An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) integrates to
 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
@@ -151,7 +152,9 @@ def turned(watch, t_valid_s, now_s):
     for axis, force in zip(watch.axes[3:], watch.forces, strict=True):
         if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
             age_s = max(now_s - t_valid_s, 0.0) + integrity_force.FOLLOWED_S
-            force["lasting_s"], force["shown"] = min(age_s, force["lasting_s"]), 0.0
+            force["lasting_s"] = min(age_s, force["lasting_s"])
+            seen_s = age_s - force["lasting_s"]  # of that time GPS has shown the rest
+            force["shown"] = min(force["shown"], force["before"] * seen_s) if seen_s > 0.0 else 0.0
             force["charged"] = _charged(watch.rules, force)
 
 
@@ -166,7 +169,8 @@ def pushed(watch, speed, t_valid_s, now_s):
     age_s, shown = min(max(now_s - t_valid_s, 0.0), force["lasting_s"]), abs(speed)
     force["owed"] += (2.0 * force["shown"] + shown) * shown
     force["shown"] += shown
-    force["before"] = shown / max(force["known_s"] - age_s, MEAN_S)
+    since_s, before = force["known_s"] - age_s, force["before"] if force["before"] < inf else 0.0
+    force["before"] = before * max(1.0 - since_s / MEAN_S, 0.0) + shown / max(since_s, MEAN_S)
     force["lasting_s"] = force["known_s"] = age_s
     force["charged"] = _charged(watch.rules, force)
 
@@ -212,7 +216,7 @@ def integrated_variance(wrong, change, age_s, held):
 def screen_packed(watch, block, readings, densities):
     """`screen`, compiled. -> int, bit k: the state of axis k has changed"""
     rules, last, axes, t_end_s, dt_s = watch.rules, watch.last, watch.axes, block.t_valid_s, block.dt_s
-    n, changed, pushed = block.dtheta_b.shape[0], 0, 0.0
+    n, changed, u2 = block.dtheta_b.shape[0], 0, 0.0
     whole, anywhere = of_block(block, readings, rules, last), _anywhere(readings, rules, dt_s)
     for k in range(6):
         axis, code, age_s, end = axes[k], whole, n * dt_s, rules[1, k // 3] * dt_s
@@ -228,7 +232,7 @@ def screen_packed(watch, block, readings, densities):
             changed |= 1 << k
         if code == GOOD:
             if k >= 3 and axis.state != GOOD:
-                pushed += integrity_force.paid(watch.forces[k - 3])
+                u2 += integrity_force.paid(watch.forces[k - 3])
             _found(axis)
             densities[k // 3, k % 3] = 0.0
             continue
@@ -249,11 +253,11 @@ def screen_packed(watch, block, readings, densities):
             added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
         densities[k // 3, k % 3] = added / (n * dt_s)
         if k >= 3:
-            pushed += integrity_force.paid(watch.forces[k - 3]) + unseen
+            u2 += integrity_force.paid(watch.forces[k - 3]) + unseen
             if code != SATURATED or throughout:
                 most = integrity_force.largest(rules, code == SATURATED)
-                pushed += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], n * dt_s)
-    densities[2, :] = watch.sensed**2 * pushed / (n * dt_s)
+                u2 += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], n * dt_s)
+    densities[2, :] = watch.sensed**2 * u2 / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
     _hold(readings, axes, dt_s)
@@ -299,11 +303,11 @@ def _charge(wrong, change, axis, t_end_s):
 
 @inner(forceinline=True)
 def _charge_at_end(missed, axis, duration_s):
-    """Variance that a reading at the end of its range has added in a block."""
+    """Variance that a reading at the end of its range has added in a block, of sigma `missed` in it."""
+    before = integrated_variance(missed, 0.0, axis.at_end_s, False)
     axis.at_end_s += duration_s
-    variance = integrated_variance(missed, 0.0, axis.at_end_s, False)
-    added = max(variance - axis.charged, 0.0)
-    axis.charged = max(variance, axis.charged)
+    added = integrated_variance(missed, 0.0, axis.at_end_s, False) - before
+    axis.charged += added
     return added
 
 
