@@ -255,10 +255,9 @@ class OwnNavigation:
             if not name.startswith(("sigma", "protection")):
                 self._own.numbers(self.now_s, what, value, *shape)
                 continue
+            # NaN: it does not say; infinity: nothing is known
             array = self._own.real(self.now_s, what, value)
-            if (
-                array.shape != shape or (array < 0.0).any()
-            ):  # NaN: it does not say; infinity: nothing is known
+            if array.shape != shape or (array < 0.0).any():
                 raise self._error(f"{what} must be of shape {shape} and not negative, got {value!r}")
 
     def _checked_context(self, context):
