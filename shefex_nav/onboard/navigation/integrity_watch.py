@@ -169,7 +169,7 @@ class Watch:
     def used(self, sensor, t_valid_s, now_s, dv_i, x):
         """A measurement has just been used: it has corrected the velocity by dv_i (3,), m/s.
 
-        x : (X,) packed values before
+        x : (X,) packed values, with the correction
         """
         if self.unread & Blind.TO_FORCE:
             self.uncounted += float(dv_i @ rotation.dcm_from_quat(x[X_Q])[:, 0])
