@@ -44,12 +44,8 @@ def compare(
     """Compare logs, campaigns or flight software, each with the first, run by run of one seed."""
     from shefex_nav.campaign.compare import flying
     from shefex_nav.campaign.compare import given as words
-    from shefex_nav.campaign.compare.sides import LETTERS
 
-    if len(given) < 2:
-        raise typer.BadParameter(f"only {given[0]}; expected two or more to compare")
-    if len(given) > len(LETTERS):
-        raise typer.BadParameter(f"{len(given)} to compare; expected {len(LETTERS)} at most")
+    _check_number(given)
     if html is not None:
         check_file(html, "--html", force=force)
     told = [words.read(text) for text in given]
@@ -66,6 +62,16 @@ def compare(
     _show(sides, found, html, json)
     nothing = any(not any(row.seeds for row in one.rows) for one in found)
     raise typer.Exit(1 if lost or nothing else 0)
+
+
+def _check_number(given):
+    """BadParameter for fewer than two to compare, or more than there are letters for."""
+    from shefex_nav.campaign.compare.sides import LETTERS
+
+    if len(given) < 2:
+        raise typer.BadParameter(f"only {given[0]}; expected two or more to compare")
+    if len(given) > len(LETTERS):
+        raise typer.BadParameter(f"{len(given)} to compare; expected {len(LETTERS)} at most")
 
 
 def fly(flights, how):

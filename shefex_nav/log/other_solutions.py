@@ -10,7 +10,7 @@ from typing import NamedTuple
 from shefex_nav.files import named, whole
 from shefex_nav.log import topics, wire
 from shefex_nav.log.run_data import stack
-from shefex_nav.log.topics import LogError
+from shefex_nav.log.topics import LogError, check_folder
 from shefex_nav.records import NavCovariance, NavSolution, row
 
 KINDS = {"solution": NavSolution, "covariance": NavCovariance}
@@ -62,8 +62,7 @@ def write(source, path, mission, others):
     path = Path(path)
     if path.exists():
         raise LogError(f"{path}: exists already; choose another name")
-    if not path.parent.is_dir():
-        raise LogError(f"{path}: cannot be written: no folder {path.parent}")
+    check_folder(path)
     with whole(path) as part, part.open("wb") as file:
         writer = Writer(file)
         writer.start()

@@ -66,6 +66,12 @@ class LogExists(LogError):
     """A log would be overwritten, and nobody has said that it may be."""
 
 
+def check_folder(path):
+    """LogError where there is no folder for a log of this path. Path"""
+    if not path.parent.is_dir():
+        raise LogError(f"{path}: cannot be written: no folder {path.parent}")
+
+
 class Mission(NamedTuple):
     """What one run is, and what a reader of its log must know to make sense of it."""
 

@@ -27,7 +27,7 @@ from shefex_nav.errors import CodeError
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log import topics, wire
 from shefex_nav.log.steady import Reached
-from shefex_nav.log.topics import LogError, LogExists, RunSummary, Timing
+from shefex_nav.log.topics import LogError, LogExists, RunSummary, Timing, check_folder
 from shefex_nav.records import (
     ComputeTime,
     Event,
@@ -226,8 +226,7 @@ class LogWriter:
 
         if self.path.exists() and not overwrite:
             raise LogExists(f"{self.path}: exists already; choose another name or pass overwrite=True")
-        if not self.path.parent.is_dir():
-            raise LogError(f"{self.path}: cannot be written: no folder {self.path.parent}")
+        check_folder(self.path)
         options = MCAPWriteOptions(
             compression=MCAPCompression.Zstd,
             compression_level=1,  # a fifth of the time less than the default, 3 % more bytes

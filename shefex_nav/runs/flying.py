@@ -86,13 +86,9 @@ def fly(
     """
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
-    from shefex_nav.log.topics import LogError
     from shefex_nav.report import programme
 
-    folder = None if log else Folder()
-    path = Path(log) if log else folder.path / LOG_NAME
-    if not path.parent.is_dir():
-        raise LogError(f"{path}: cannot be written: no folder {path.parent}")
+    folder, path = _place(log)
     began, room = time.perf_counter(), Room(path.parent)
     get_ready(scenario)
     scenario = prepare.settled(scenario, room=room)
@@ -107,6 +103,17 @@ def fly(
         setup_s = time.perf_counter() - began
         data = _record(flight, mission, scenario.log, path, overwrite, setup_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
+
+
+def _place(log):
+    """Folder of a log that nobody has named, or None, and the path of the log; LogError without a folder."""
+    from shefex_nav.log.topics import check_folder
+
+    if not log:
+        folder = Folder()
+        return folder, folder.path / LOG_NAME
+    check_folder(path := Path(log))  # here, for the truth of a long flight lies in it, too
+    return None, path
 
 
 def _cycles(scenario):
