@@ -7,13 +7,15 @@ import pytest
 from plain import plain
 from scipy import stats
 
-from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import integrity_constants as told
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 
 N = 15
-RATE = 7.292115e-5
+TILTED = rotation.dcm_from_rotvec(np.array([1e-3, -2e-3, 0.0]))  # by the precession
+EARTH = frames.EarthRotation(TILTED, np.eye(3), 0.4, wgs84.OMEGA)
+OMEGA_IE_I = TILTED @ np.array([0.0, 0.0, wgs84.OMEGA])
 Q = rotation.quat_from_rotvec(np.array([0.4, -0.7, 1.1]))
 C = rotation.dcm_from_quat(Q)
 R_I, V_I = np.array([6.5e6, 1e6, -2e6]), np.array([300.0, 1500.0, 900.0])
@@ -34,8 +36,8 @@ def rows(block):
 def test_a_position_of_another_instant_is_off_by_the_velocity_over_ground():
     """A fix measured c seconds before its time, where the Earth has turned since; an arm as it stands."""
     c, H = 1e-3, rows(POS)
-    turned = rotation.dcm_from_rotvec(np.array([0.0, 0.0, RATE * c])) @ (R_I - V_I * c)
-    got = plain(told._of_position)(H, packed(), RATE)
+    turned = rotation.dcm_from_rotvec(OMEGA_IE_I * c) @ (R_I - V_I * c)
+    got = plain(told._of_position)(H, packed(), V_I - np.cross(OMEGA_IE_I, R_I))
     np.testing.assert_allclose(got[:, 0] * c, H[:, POS] @ (turned - R_I), rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(got[:, 1:], H[:, POS] @ C, rtol=1e-12)
 
@@ -83,24 +85,26 @@ def test_the_value_that_explains_most():
 
 
 def measured(what, judges, learns, B, sums, dt_s=np.nan, seed=3):
-    """A measurement taken in. -> what `_take` says, and its h, z, S, P, H"""
+    """A measurement taken in. -> what `_take` says, and its s, z, S, P, H"""
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((N, N))
     P, z = A @ A.T, rng.standard_normal(3)
     H = rows(POS if what == told.POSITION else VEL)
     S, omega_b = H @ P @ H.T + np.diag([1.0, 2.0, 3.0]), np.array([0.5, 0.1, -0.2])
-    shown = np.zeros((3, 4))
-    seen = told.Shown(packed(), P, z, H, S, omega_b, RATE, dt_s)
+    seen = told.Shown(packed(), P, z, H, S, omega_b, OMEGA_IE_I, dt_s)
     got = plain(told._take)(B, sums, seen, what, judges, learns)
+    s = np.zeros((3, 4))
     if what == told.POSITION:
-        shown = plain(told._of_position)(H, packed(), RATE)
+        s = plain(told._of_position)(H, packed(), V_I - np.cross(OMEGA_IE_I, R_I))
     elif what == told.VELOCITY:
-        shown = plain(told._of_velocity)(H, packed(), sums.a_i, omega_b)
-    return got, shown, z, S, P, H
+        s = plain(told._of_velocity)(H, packed(), sums.a_i[1], sums.omega_b)
+    return got, s, z, S, P, H
 
 
 def new_sums():
-    return told.Sums(np.zeros((4, 4)), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+    sums = told.Constants().sums
+    sums.a_i[1], sums.omega_b[:] = [3.0, -50.0, 7.0], [6.0, -0.2, 0.4]
+    return sums
 
 
 @pytest.mark.parametrize("what", [told.POSITION, told.VELOCITY, told.NOTHING])
@@ -136,7 +140,42 @@ def test_between_measurements_the_response_is_carried_on():
     a_i = plain(told._carried)(wanted, V_I - 5.0, C, R_I, V_I, C, 0.5)
     measured(told.NOTHING, False, False, B, sums, dt_s=0.5)
     np.testing.assert_allclose(B, wanted, rtol=1e-9)
-    np.testing.assert_allclose(sums.a_i, a_i, rtol=1e-9)
+    share = 0.5 / (0.5 + told.SMOOTH_S)
+    np.testing.assert_allclose(sums.a_i[0], share * a_i, rtol=1e-9)
+
+
+@pytest.mark.parametrize("dt_s", [0.02, 1.0])
+def test_what_swings_is_hardly_left_in_acceleration_and_rate(dt_s):
+    """A steady value is met; of a swing of the velocity, dt/T^2 is left, where 1/dt is in the difference."""
+    rng, sums = np.random.default_rng(8), told.Constants().sums
+    a_i, omega_b, T = np.array([0.0, 60.0, -8.0]), np.array([6.0, 0.1, -0.1]), told.SMOOTH_S
+    swings = 0.1 * rng.standard_normal((4000, 3))
+    got = np.empty((4000, 2, 3))
+    for k in range(1, 4000):
+        seen = SimpleNamespace(dt_s=dt_s, omega_b=omega_b + swings[k])
+        plain(told._smooth)(sums, a_i + (swings[k] - swings[k - 1]) / dt_s, seen)
+        got[k] = sums.a_i[1], sums.omega_b
+    later = got[400:]
+    np.testing.assert_allclose(later[:, 0].mean(axis=0), a_i, atol=0.02)
+    np.testing.assert_allclose(later[:, 1].mean(axis=0), omega_b, atol=0.01)
+    common = np.mean((later[:, 0] - a_i) * swings[400:]) / 0.1**2  # share of the swing of now
+    assert common == pytest.approx(dt_s / (T + dt_s) ** 2, abs=0.03 / T)
+    common = np.mean((later[:, 1] - omega_b) * swings[400:]) / 0.1**2
+    assert common == pytest.approx(dt_s / (T + dt_s), abs=0.03)
+
+
+@pytest.mark.parametrize("what, column", [(told.POSITION, V_I), (told.VELOCITY, np.array([3.0, -50.0, 7.0]))])
+@pytest.mark.parametrize("sigmas, moves", [(9.9, False), (10.1, True)])
+def test_the_time_shows_only_in_a_vehicle_that_moves(what, column, sigmas, moves):
+    """At rest the velocity is its error, which is in the innovation too; an arm shows as before."""
+    turning = np.cross(OMEGA_IE_I, R_I)
+    P, v_r = np.diag(np.full(N, 0.03**2)), np.array([0.0, sigmas * 0.03 * np.sqrt(3.0), 0.0])
+    H, sums = rows(POS if what == told.POSITION else VEL), new_sums()
+    seen = told.Shown(packed(v=turning + v_r), P, np.ones(3), H, P[:3, :3], np.zeros(3), OMEGA_IE_I, 1.0)
+    s = plain(told._shown)(sums, seen, what)
+    wanted = H[:, POS] @ v_r if what == told.POSITION else H[:, VEL] @ column
+    np.testing.assert_allclose(s[:, 0], -moves * wanted, rtol=1e-9)
+    assert np.abs(s[:, told.ARM]).max() > 0.1
 
 
 LIMITS = {1: stats.chi2.isf(1e-10, 1), 3: stats.chi2.isf(1e-10, 3)}
@@ -184,7 +223,7 @@ def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0):
     reported = []
     nav = SimpleNamespace(
         watch=SimpleNamespace(imu_blind=blind, report=lambda *given: reported.append(given)),
-        earth=SimpleNamespace(rate=RATE), history=SimpleNamespace(ends_s=[t_s]),
+        earth=EARTH, history=SimpleNamespace(ends_s=[t_s]),
     )  # fmt: skip
     now = SimpleNamespace(x=packed(), P=np.eye(N), sensed_packed=np.arange(6.0), t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
@@ -219,5 +258,7 @@ def test_what_is_taken_in_and_what_ends_it():
 def test_a_velocity_sees_the_turn_of_the_body():
     one = told.Constants()
     take(one, "gps_velocity")
-    omega = rotation.skew(np.arange(3.0))
+    assert not one.sums.J.any()  # the mean rate before it is not known
+    take(one, "gps_velocity", fate=Fate.REJECTED, t_s=2.0)
+    omega = rotation.skew(np.arange(3.0)) / (1.0 + told.SMOOTH_S)
     np.testing.assert_allclose(one.sums.J[1:, 1:], omega.T @ omega / 2.0, atol=1e-9)
