@@ -107,6 +107,7 @@ def nav_params(scenario):
         **params_filter.common(scenario, integrity),
         history_s=navigation.history,
         motors=_motors(scenario),
+        swing_at_rest=_swings(scenario.imu.vibration, scenario.imu.vibration.coast),
         clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
@@ -211,13 +212,14 @@ def _imu_model(scenario, told):
     """
     sensors, vibration = scenario.navigation.sensors, scenario.imu.vibration
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    swing, strongest = _swing(vibration), _strongest(vibration)
+    strongest = _strongest(vibration)
+    gyro_swing, accel_swing = _swings(vibration, strongest).tolist()
     others = {
         "gyro_random_walk": _given(sensors.gyro_random_walk, gyro.random_walk),
         "gyro_rectification": gyro.vibration_rectification * strongest**2,
-        "gyro_vibration": vibration.angular * swing,
+        "gyro_vibration": gyro_swing,
         "accel_random_walk": _given(sensors.accelerometer_random_walk, accelerometer.random_walk),
-        "accel_vibration": swing,
+        "accel_vibration": accel_swing,
         "shake_threshold": _shake_threshold(vibration),
     }
     return params_filter.imu_model(scenario, told, **others)
@@ -235,12 +237,13 @@ def _shake_threshold(vibration):
     return float(np.sqrt(0.5 * level2 / width / IMU_HZ))
 
 
-def _swing(vibration):
-    """Velocity of the vibration while the strongest motor burns, m/s rms.
+def _swings(vibration, level):
+    """Angle and velocity of a vibration of some level [m/s^2 rms], (2,) rad, m/s rms.
 
     Acceleration of flat density S between f_low and f_high, integrated:
     sigma^2 = S/(2 pi)^2 (1/f_low - 1/f_high).
     """
     low, high = vibration.lowest_frequency, vibration.highest_frequency
-    density = _strongest(vibration) ** 2 / (high - low)
-    return float(np.sqrt(density * (1.0 / low - 1.0 / high)) / (2.0 * np.pi))
+    density = level**2 / (high - low)
+    velocity = float(np.sqrt(density * (1.0 / low - 1.0 / high)) / (2.0 * np.pi))
+    return np.array([vibration.angular * velocity, velocity])

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from navigation_flight import MODEL
+from navigation_flight import MODEL, PARAMS
 
 from shefex_nav.onboard.navigation.at_rest import FIXES, Still
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -32,11 +32,15 @@ class Memory:
         return k % len(self.ends_s)
 
 
-def told_at_rest(factors, seed, *, quantum=0.0, swing=0.0, seconds=12, speed=0.0, turn=None):
+def told_at_rest(factors, seed, *, quantum=0.0, swing=0.0, seconds=12, speed=0.0, turn=None, swing_told=0.0):
     """Factors found of an IMU with so many times the noise that is told, and when."""
     rng, still = np.random.default_rng(seed), Still()
     noise = np.repeat(np.array(factors) * WALK, 3) * np.sqrt(DT)
-    told = MODEL._replace(gyro_quantum=quantum, accel_quantum=quantum)
+    told = PARAMS._replace(
+        imu=MODEL._replace(gyro_quantum=quantum, accel_quantum=quantum),
+        sigma_gyro_bias=1e-4,
+        swing_at_rest=np.array([0.0, swing_told]),
+    )
     for second in range(seconds):
         t = second + DT * np.arange(1, 241)
         increments = RATE * DT + noise * rng.standard_normal((240, 6))
@@ -49,7 +53,7 @@ def told_at_rest(factors, seed, *, quantum=0.0, swing=0.0, seconds=12, speed=0.0
             t_valid_s=float(second), v_ea_e=np.array([speed, 0.0, 0.0]), R_v_e=0.01 * np.eye(3),
             r_ea_e=np.array([6e6 + speed * second, 0.0, 0.0]), R_r_e=4.0 * np.eye(3),
         )  # fmt: skip
-        found = still.look(Memory(second + 0.2, increments), told, fix, 1e-4)
+        found = still.look(Memory(second + 0.2, increments), told, fix)
         if found is not None:
             return found, second
     return None, None
@@ -86,6 +90,18 @@ def test_rounding_is_no_noise():
 def test_a_swing_of_the_size_of_the_noise_is_no_noise():
     for seed in range(20):
         assert told_at_rest((1.0, 1.0), seed, swing=1.5e-4)[0] == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("swing", [1e-3, 1e-2])
+def test_a_swing_that_was_told_is_no_noise_whatever_its_size(swing):
+    """Of 31 Hz, amplitude 6 and 60 times the noise of a span; told by half, it is not all of the scatter."""
+    told = [
+        told_at_rest((1.0, 1.0), seed, swing=swing, swing_told=swing / np.sqrt(2.0)) for seed in range(20)
+    ]
+    assert {one for one, _ in told} == {(1.0, 1.0)}
+    assert told_at_rest((1.0, 1.0), 1, swing=swing, swing_told=0.25 * swing)[0][1] > 2.0
+    (gyro, accel), _ = told_at_rest((1.0, 8.0), 1, swing=1e-3, swing_told=1e-3 / np.sqrt(2.0))
+    assert gyro == 1.0 and 4.0 < accel < 16.0
 
 
 def test_a_vehicle_that_moves_is_not_at_rest():

@@ -355,8 +355,8 @@ def _count_sensor(nav, name, factor):
 
 def _rest(nav, fix):
     """Compare the scatter of readings at rest with the noise that was told."""
-    noise, told = nav.noise, nav.params.imu
-    rest = noise.still.look(nav.history, told, fix, nav.params.sigma_gyro_bias)
+    noise = nav.noise
+    rest = noise.still.look(nav.history, nav.params, fix)
     if rest is None:
         return
     rest = tuple(min(max(found, old), MOST) for found, old in zip(rest, noise.rest, strict=True))

@@ -2,16 +2,17 @@
 
 When a GPS fix has arrived, the increments of the last two spans of `SPAN_S` are summed. White noise of
 density N^2 makes N^2 SPAN_S of each, m samples, each rounded to quanta q, add m q^2/12, and the difference d
-of the two knows no bias::
+of the two knows no bias. A vehicle that shakes at rest swings and comes back: a swing of s rms has a part in
+each end of the two spans, twice in the one between them, 6 s^2 in all::
 
-    sum over n fixes of |d|^2 / (2 (N^2 SPAN_S + m q^2/12)) ~ chi-square, 3 n degrees of freedom
+    sum over n fixes of |d|^2 / (2 (N^2 SPAN_S + m q^2/12 + 3 s^2)) ~ chi-square, 3 n degrees of freedom
 
-A vehicle that shakes at rest swings and comes back, its sums do not grow with their span as those of noise
-do: the span is as long as the memory of the filter allows, and what is less than `SHAKEN` times the variance
-that was told is left to shaking. One that turns where it stands, or is moved once, does not scatter as noise
-does (`_is_noise`). Rest is what GPS says: velocities of zero and positions that stay, all within 5 sigma of a
-fix, and gyros that show no turn; at the fix after as well: what moves the vehicle begins before the fix that
-shows it.
+s is that of the vibration that was told without a motor. The sums of a swing do not grow with their span as
+those of noise do: the span is as long as the memory of the filter allows, and what is less than `SHAKEN`
+times the variance that was told is left to a swing that was not. One that turns where it stands, or is moved
+once, does not scatter as noise does (`_is_noise`). Rest is what GPS says: velocities of zero and positions
+that stay, all within 5 sigma of a fix, and gyros that show no turn; at the fix after as well: what moves the
+vehicle begins before the fix that shows it.
 """
 
 from collections import deque
@@ -39,8 +40,8 @@ class Still:
     def __init__(self):
         self.fixes = deque(maxlen=64)  # of rest: time, position, sums (SUMS, 6) rad, m/s
 
-    def look(self, history, told, fix, sigma_bias):
-        """Take a GPS fix that was used in; told : ImuModel;  sigma_bias : rad/s, of the gyros at the start
+    def look(self, history, params, fix):
+        """Take a GPS fix that was used in. history : History;  params : NavParams;  fix : GpsFix
 
         -> factors of the white noise of gyros and accelerometers, 1 where it is right; None: no rest
         """
@@ -55,7 +56,7 @@ class Still:
         sums = _sums(history)
         if sums is None:
             return None
-        if (sums[:, :3] ** 2).sum(axis=1).max() > ((TURNS + 3.0 * sigma_bias) * SPAN_S) ** 2:
+        if (sums[:, :3] ** 2).sum(axis=1).max() > ((TURNS + 3.0 * params.sigma_gyro_bias) * SPAN_S) ** 2:
             self.fixes.clear()  # it stands still, and turns
             return None
         self.fixes.append((now_s, fix.r_ea_e, sums))
@@ -63,16 +64,18 @@ class Still:
             return None
         found = np.array([one[2] for one in self.fixes][:-1])
         self.fixes.clear()
-        samples = SPAN_S / history.numbers[history.place(-1), 1]
+        told, samples = params.imu, SPAN_S / history.numbers[history.place(-1), 1]
+        quanta = np.array([told.gyro_quantum, told.accel_quantum])
+        beside = samples * quanta**2 / 12.0 + 3.0 * params.swing_at_rest**2
         return (
-            self._factor(found[:, :, :3], told.gyro_random_walk, samples * told.gyro_quantum**2 / 12.0),
-            self._factor(found[:, :, 3:], told.accel_random_walk, samples * told.accel_quantum**2 / 12.0),
+            self._factor(found[:, :, :3], told.gyro_random_walk, beside[0]),
+            self._factor(found[:, :, 3:], told.accel_random_walk, beside[1]),
         )
 
-    def _factor(self, sums, walk, rounded):
+    def _factor(self, sums, walk, beside):
         """How many times the noise of a triad is what was told; 1 unless it is certainly more.
 
-        sums : (n, SUMS, 3);  walk : sqrt of the density;  rounded : variance of a sum by rounding
+        sums : (n, SUMS, 3);  walk : sqrt of the density;  beside : variance by rounding and swing
         """
         if walk <= 0.0:
             return 1.0
@@ -80,9 +83,9 @@ class Still:
         variance, dof = 0.5 * float((d * d).mean()), d.size
         if not _is_noise(sums, d, variance):
             return 1.0
-        if variance < max(chi_square_limit(CHANCE, dof) / dof, SHAKEN) * (white + rounded):
+        if variance < max(chi_square_limit(CHANCE, dof) / dof, SHAKEN) * (white + beside):
             return 1.0
-        return float(np.sqrt((variance - rounded) / white))
+        return float(np.sqrt((variance - beside) / white))
 
 
 def _is_noise(sums, d, variance):
