@@ -15,13 +15,14 @@ Innovations of a filter whose constants are right are white with covariance S, s
 
     J = sum h^T S^-1 h,    y = sum h^T S^-1 z,    y^T J^-1 y ~ chi-square
 
-for any h without a part of the error that is in z. Acceleration and rate of the filter have one: the sensors
+for any h without a part of the error that is in z. What the filter knows of its motion has one: the sensors
 swing with the vibration, and the velocity is off by what z is to correct. With fixes 20 ms apart that made a
-right time look 8 ms wrong. So both are smoothed, the acceleration twice, which leaves dt/T^2 of the error of
-the velocity in it; and a time shows only in a vehicle that moves. B is followed through position, velocity
-and attitude only; that makes h less sharp, not the chance of a false alarm larger. Whoever else is at fault
-leaves innovations of another form: a constant is found only where it explains most of what is more than
-chance in all innovations since the start. Constants are wrong from the start: once a sensor was believed
+right time look 8 ms wrong, with a velocity known to 2 cm/s a right arm of 1.8 m look 2.7 m wrong. So the rate
+is that up to the measurement before, smoothed; the acceleration is smoothed twice, which leaves dt/T^2 of the
+error of the velocity in it; and a time shows only in a vehicle that moves. B is followed through position,
+velocity and attitude only; that makes h less sharp, not the chance of a false alarm larger. Whoever else is
+at fault leaves innovations of another form: a constant is found only where it explains most of what is more
+than chance in all innovations since the start. Constants are wrong from the start: once a sensor was believed
 against the filter, something else may be, and no more is taken in.
 """
 
@@ -53,7 +54,9 @@ class Sums(NamedTuple):
     J: np.ndarray  # (4, 4)
     y: np.ndarray  # (4,)
     a_i: np.ndarray  # (2, 3) m/s^2, acceleration, smoothed once and twice
-    omega_b: np.ndarray  # (3,) rad/s, of the body, smoothed
+    omega_b: (
+        np.ndarray
+    )  # (2, 3) rad/s, of the body: at the last measurement, smoothed up to the one before it
     v_i: np.ndarray  # (3,) m/s, at the last measurement
     C_ib: np.ndarray  # (3, 3) likewise
 
@@ -79,7 +82,9 @@ class Constants:
 
     def __init__(self):
         self.B, self.seen_s = None, np.nan  # (n, 4); s, of the last measurement
-        self.sums = Sums(np.zeros((4, 4)), np.zeros(4), np.zeros((2, 3)), *np.zeros((2, 3)), np.zeros((3, 3)))
+        self.sums = Sums(
+            np.zeros((4, 4)), np.zeros(4), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(3), np.zeros((3, 3))
+        )
         self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
         self.closed = False  # whether something else may have been wrong since
@@ -184,11 +189,12 @@ def _carried(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
 
 @inner
 def _smooth(sums, a_i, seen):
-    """The acceleration, in two stages, and the rate, in place. a_i : (3,) m/s^2, mean;  seen : Shown"""
+    """Acceleration and rate, in place. a_i : (3,) m/s^2, mean since the measurement before;  seen : Shown"""
     share = seen.dt_s / (SMOOTH_S + seen.dt_s)
     sums.a_i[0] += share * (a_i - sums.a_i[0])
     sums.a_i[1] += share * (sums.a_i[0] - sums.a_i[1])
-    sums.omega_b[:] += share * (seen.omega_b - sums.omega_b)
+    sums.omega_b[1] += share * (sums.omega_b[0] - sums.omega_b[1])
+    sums.omega_b[0] = seen.omega_b
 
 
 @inner
@@ -196,7 +202,7 @@ def _shown(sums, seen, what):
     """What a unit of each constant shows in a fix, (m, 4). sums : Sums;  seen : Shown;  what : of `SHOWS`"""
     x, H = seen.x, seen.H
     v_r = x[X_V] - np.cross(seen.omega_ie_i, x[X_R])
-    s = _of_position(H, x, v_r) if what == POSITION else _of_velocity(H, x, sums.a_i[1], sums.omega_b)
+    s = _of_position(H, x, v_r) if what == POSITION else _of_velocity(H, x, sums.a_i[1], sums.omega_b[1])
     if v_r @ v_r <= MOVES**2 * np.trace(seen.P[VEL, VEL]):
         s[:, TIME] = 0.0
     return s
