@@ -54,9 +54,7 @@ class Sums(NamedTuple):
     J: np.ndarray  # (4, 4)
     y: np.ndarray  # (4,)
     a_i: np.ndarray  # (2, 3) m/s^2, acceleration, smoothed once and twice
-    omega_b: (
-        np.ndarray
-    )  # (2, 3) rad/s, of the body: at the last measurement, smoothed up to the one before it
+    omega_b: np.ndarray  # (2, 3) rad/s, of the body: at the last measurement, smoothed before it
     v_i: np.ndarray  # (3,) m/s, at the last measurement
     C_ib: np.ndarray  # (3, 3) likewise
 
@@ -82,9 +80,7 @@ class Constants:
 
     def __init__(self):
         self.B, self.seen_s = None, np.nan  # (n, 4); s, of the last measurement
-        self.sums = Sums(
-            np.zeros((4, 4)), np.zeros(4), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(3), np.zeros((3, 3))
-        )
+        self.sums = Sums(*(np.zeros(shape) for shape in ((4, 4), 4, (2, 3), (2, 3), 3, (3, 3))))
         self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
         self.closed = False  # whether something else may have been wrong since
