@@ -3,7 +3,7 @@
 A wrong constant c shows in every fix alike. Its time shows as the motion of the vehicle meanwhile, its lever
 arm as the motion of another point: z = s c + noise, with the columns
 
-    of position  s = H_r [-v, C_ib],    of velocity  s = H_v [-a, C_ib (omega x)]
+    of position  s = H_r [-v, C_ib],    of velocity  s = H_v [-a - C_ib omega x (omega x l), C_ib (omega x)]
 
 for a fix measured c_1 seconds before the instant that it names, and an arm that is longer by c_2...4. What
 the filter has learnt of it already shows no more. That is its response B to a unit of c, which goes through
@@ -17,31 +17,34 @@ Innovations of a filter whose constants are right are white with covariance S, s
 
 for any h without a part of the error that is in z. What the filter knows of its motion has one: the sensors
 swing with the vibration, and the velocity is off by what z is to correct. With fixes 20 ms apart that made a
-right time look 8 ms wrong, with a velocity known to 2 cm/s a right arm of 1.8 m look 2.7 m wrong. So the rate
-is that up to the measurement before, smoothed; the acceleration is smoothed twice, which leaves dt/T^2 of the
-error of the velocity in it; and a time shows only in a vehicle that moves. B is followed through position,
-velocity and attitude only; that makes h less sharp, not the chance of a false alarm larger. Whoever else is
-at fault leaves innovations of another form: a constant is found only where it explains most of what is more
-than chance in all innovations since the start. Constants are wrong from the start: once a sensor was believed
-against the filter, something else may be, and no more is taken in.
+right time look 8 ms wrong, with a velocity known to 2 cm/s a right arm of 1.8 m look 2.7 m wrong. So rate and
+acceleration are what the sensors have read until `GAP_S` before, and a time shows only in a vehicle that
+moves. B is followed through position, velocity and attitude only; that makes h less sharp, not the chance of
+a false alarm larger. Whoever else is at fault leaves innovations of another form: a constant is found only
+where it explains most of what is more than chance in all innovations since the start. Constants are wrong
+from the start: once a sensor was believed against the filter, something else may be, and no more is taken in.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation.integrity import Fate, chi_square_limit
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 
 PROBABILITY = 1e-10  # of finding a right constant wrong, per fix
 FEWEST = 5  # [E] innovations of GPS
 LEAST = 2e-3, 0.2  # [E] s, m: an error below is no matter
 EXPLAINED = 0.7  # [E] share of the squares beyond chance
 OVER = 0.25  # of the limit, below which a constant is right after all
-SMOOTH_S = 0.2  # [E] T above; a longer one sees less of an ignition
+GAP_S = 0.05  # s, after which a swing of 20 Hz and more is another
+SPAN_S = 0.1  # [E]
 MOVES = 10.0  # [E] sigma of the velocity, over ground
+UNREAD = np.zeros(3), np.zeros(3)
 CONDITION = 1e8  # of J, beyond which nothing is said
 TIME, ARM = slice(0, 1), slice(1, 4)
 NOTHING, POSITION, VELOCITY = 0, 1, 2  # what a sensor shows of a wrong constant
@@ -53,8 +56,6 @@ class Sums(NamedTuple):
 
     J: np.ndarray  # (4, 4)
     y: np.ndarray  # (4,)
-    a_i: np.ndarray  # (2, 3) m/s^2, acceleration, smoothed once and twice
-    omega_b: np.ndarray  # (2, 3) rad/s, of the body: at the last measurement, smoothed before it
     v_i: np.ndarray  # (3,) m/s, at the last measurement
     C_ib: np.ndarray  # (3, 3) likewise
 
@@ -67,8 +68,10 @@ class Shown(NamedTuple):
     z: np.ndarray  # (m,)
     H: np.ndarray  # (m, n)
     S: np.ndarray  # (m, m)
-    omega_b: np.ndarray  # (3,) rad/s, of the body
+    omega_b: np.ndarray  # (3,) rad/s, of the body, until shortly before
+    f_i: np.ndarray  # (3,) m/s^2, specific force likewise; NaN: not known
     omega_ie_i: np.ndarray  # (3,) rad/s
+    l_ba_b: np.ndarray  # (3,) m, IMU to GPS antenna
     dt_s: float  # since the last one, NaN: it is the first
 
 
@@ -80,7 +83,7 @@ class Constants:
 
     def __init__(self):
         self.B, self.seen_s = None, np.nan  # (n, 4); s, of the last measurement
-        self.sums = Sums(*(np.zeros(shape) for shape in ((4, 4), 4, (2, 3), (2, 3), 3, (3, 3))))
+        self.sums = Sums(*(np.zeros(shape) for shape in ((4, 4), 4, 3, (3, 3))))
         self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
         self.closed = False  # whether something else may have been wrong since
@@ -96,8 +99,10 @@ class Constants:
             self.B = np.zeros((H.shape[1], 4))
         what = SHOWS.get(name, NOTHING)
         judges = what != NOTHING and fate != Fate.HELD and not nav.watch.imu_blind
-        rates = now.sensed_packed[:3], frames.omega_ie_i(nav.earth)
-        seen = Shown(now.x, now.P, z, H, S, *rates, now.t_s - self.seen_s)
+        ticks = nav.history.oldest, nav.history.number(now.k)
+        read = _read(nav.history.arrays, *ticks, now.t_s - GAP_S) if what == VELOCITY else UNREAD
+        known = frames.omega_ie_i(nav.earth), nav.params.l_ba_b
+        seen = Shown(now.x, now.P, z, H, S, *read, *known, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
         self.seen_s = now.t_s
         if judges:
@@ -135,12 +140,11 @@ def _take(B, sums, seen, what, judges, learns):
     x, z, H, beyond = seen.x, seen.z, seen.H, 0.0
     v_i, C_ib = x[X_V].copy(), rotation.dcm_from_quat(x[X_Q])
     if seen.dt_s > 0.0:
-        a_i = _carried(B, sums.v_i, sums.C_ib, x[X_R], v_i, C_ib, seen.dt_s)
-        _smooth(sums, a_i, seen)
+        _carry(B, sums.v_i, sums.C_ib, x[X_R], v_i, C_ib, seen.dt_s)
     sums.v_i[:], sums.C_ib[:] = v_i, C_ib
     h, both = -(H @ B), np.empty((len(z), 5))
     if what != NOTHING:
-        h += _shown(sums, seen, what)
+        h += _shown(seen, what)
     both[:, :4], both[:, 4] = h, z
     solved = np.linalg.solve(seen.S, both)
     by_h, by_z = np.ascontiguousarray(solved[:, :4]), np.ascontiguousarray(solved[:, 4])
@@ -168,37 +172,60 @@ def _best(J, y):
 
 
 @inner
-def _carried(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
-    """The response on by dt_s, in place. -> (3,) m/s^2, mean acceleration
+def _carry(B, before_v_i, before_C_ib, r_i, v_i, C_ib, dt_s):
+    """The response on by dt_s, in place.
 
     B : (n, 4);  before_v_i, before_C_ib : at the last measurement;  r_i, v_i, C_ib : now
     """
-    gravity = -wgs84.GM / (r_i @ r_i) ** 1.5 * r_i
-    sensed = v_i - before_v_i - gravity * dt_s  # vibration, which is noise, has no part in the mean
+    sensed = v_i - before_v_i - _gravity(r_i) * dt_s  # vibration, which is noise, has no part in the mean
     turn_i = before_C_ib @ B[ATT]
     gained = -rotation.skew(sensed) @ turn_i
     B[POS] += dt_s * (B[VEL] + 0.5 * gained)
     B[VEL] += gained
     B[ATT] = C_ib.T @ turn_i
-    return (v_i - before_v_i) / dt_s
 
 
 @inner
-def _smooth(sums, a_i, seen):
-    """Acceleration and rate, in place. a_i : (3,) m/s^2, mean since the measurement before;  seen : Shown"""
-    share = seen.dt_s / (SMOOTH_S + seen.dt_s)
-    sums.a_i[0] += share * (a_i - sums.a_i[0])
-    sums.a_i[1] += share * (sums.a_i[0] - sums.a_i[1])
-    sums.omega_b[1] += share * (sums.omega_b[0] - sums.omega_b[1])
-    sums.omega_b[0] = seen.omega_b
+def _gravity(r_i):
+    """(3,) m/s^2 at r_i [m]."""
+    return -wgs84.GM / (r_i @ r_i) ** 1.5 * r_i
+
+
+@kernel
+def _read(memory, oldest, newest, t_s):
+    """Means of what the sensors have read in the `SPAN_S` before an instant, as far as the memory has it.
+
+    memory : prediction.Memory;  oldest, newest : numbers of ticks;  t_s : s
+    -> omega_b (3,) rad/s, body axes; f_i (3,) m/s^2, inertial axes; NaN: the memory has nothing
+    """
+    turned_b, gained_i, covered_s = np.zeros(3), np.zeros(3), 0.0
+    for number in range(newest, oldest - 1, -1):
+        k = number % len(memory.numbers)
+        end_s, dt_s, n = memory.numbers[k, 0], memory.numbers[k, 1], int(memory.numbers[k, 2])
+        if n == 0 or end_s < t_s - SPAN_S + SAME_S:
+            break
+        if end_s > t_s + SAME_S:
+            continue
+        increments = memory.increments[k, BEFORE : BEFORE + n].sum(axis=0)
+        turned_b += increments[:3]
+        gained_i += rotation.dcm_from_quat(memory.xs[k, X_Q]) @ increments[3:]
+        covered_s += n * dt_s
+    if covered_s == 0.0:
+        return np.full(3, np.nan), np.full(3, np.nan)
+    return turned_b / covered_s, gained_i / covered_s
 
 
 @inner
-def _shown(sums, seen, what):
-    """What a unit of each constant shows in a fix, (m, 4). sums : Sums;  seen : Shown;  what : of `SHOWS`"""
+def _shown(seen, what):
+    """What a unit of each constant shows in a fix, (m, 4). seen : Shown;  what : of `SHOWS`"""
     x, H = seen.x, seen.H
+    if what == VELOCITY and np.isnan(seen.f_i[0]):
+        return np.zeros((len(H), 4))
     v_r = x[X_V] - np.cross(seen.omega_ie_i, x[X_R])
-    s = _of_position(H, x, v_r) if what == POSITION else _of_velocity(H, x, sums.a_i[1], sums.omega_b[1])
+    if what == POSITION:
+        s = _of_position(H, x, v_r)
+    else:
+        s = _of_velocity(H, x, seen.f_i + _gravity(x[X_R]), seen.omega_b, seen.l_ba_b)
     if v_r @ v_r <= MOVES**2 * np.trace(seen.P[VEL, VEL]):
         s[:, TIME] = 0.0
     return s
@@ -217,11 +244,11 @@ def _of_position(H, x, v_r):
 
 
 @inner
-def _of_velocity(H, x, a_i, omega_b):
-    """Likewise of its velocity. a_i : (3,) m/s^2;  omega_b : (3,) rad/s"""
-    shown = np.empty((3, 4))
-    shown[:, 0] = -a_i
-    shown[:, 1:] = rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(omega_b)
+def _of_velocity(H, x, a_i, omega_b, l_ba_b):
+    """Likewise of its velocity. a_i : (3,) m/s^2, of the IMU;  omega_b : (3,) rad/s;  l_ba_b : (3,) m"""
+    shown, turning = np.empty((3, 4)), rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(omega_b)
+    shown[:, 0] = -a_i - turning @ np.cross(omega_b, l_ba_b)
+    shown[:, 1:] = turning
     return np.ascontiguousarray(H[:, VEL]) @ shown
 
 
