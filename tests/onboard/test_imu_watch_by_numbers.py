@@ -285,6 +285,19 @@ def test_each_block_at_the_end_of_the_range_adds_by_its_own_sigma():
     assert at_range(unit) == pytest.approx(of(100.0, 0.0, N * DT, False))
 
 
+@pytest.mark.parametrize("blocks", [10, 100])
+def test_silence_after_the_end_of_the_range_adds_what_it_adds_alone(blocks):
+    """Without what a held reading is right by at first: the mean that is held has been at the end, too."""
+    unit, of = Unit().settle(), plain(imu.integrated_variance)
+    for _ in range(blocks):
+        at_range(unit)
+    silent = 0.0
+    for _ in range(50):
+        unit.give(np.full((N, 6), np.nan), valid=False)
+        silent += unit.densities[1, 0] * N * DT
+    assert silent == pytest.approx(of(20.0, 5.0, 0.5, False))
+
+
 def test_changes_are_told_by_axis_or_of_the_unit_as_a_whole():
     state = np.array([GOOD, STUCK, GOOD, GOOD, SATURATED, GOOD])
     assert [(one.source, one.healthy) for one in imu.health(7.0, 0b10010, state)] == [

@@ -66,6 +66,16 @@ class Unit:
         return np.array(added)
 
 
+def test_an_axis_that_is_stuck_after_the_end_of_its_range_goes_on_with_what_a_force_can_be():
+    """A second by the range, then one by a third of it: the angle goes on from the first."""
+    unit = Unit()
+    unit.pass_by(1.0, stuck=False)
+    at_end = unit.pass_by(1.0, saturated=True).sum()
+    assert at_end == pytest.approx((SENSED * RANGE) ** 2, rel=1e-9)
+    third = SENSED * RANGE / 3.0
+    assert unit.pass_by(1.0).sum() == pytest.approx((2.0 * third) ** 2 - third**2, rel=1e-9)
+
+
 def test_an_axis_that_is_not_read_turns_the_gyros_by_an_angle_that_lasts():
     """Held: c t^2/2 at first; then s t, in proportion to the time. Read again: nothing."""
     unit = Unit()

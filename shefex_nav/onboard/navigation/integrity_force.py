@@ -36,8 +36,6 @@ FORCE = rows(
         ("lasting_s", float),  # for which the angle has grown since it was known
         ("known_s", float),  # since m was
         ("before", float),  # m/s^2, m_0; inf: unknown
-        ("most", float),  # m/s^2, s of the last block in which it was not read
-        ("charged", float),  # m^2/s^2, u^2 of lasting_s that the filter has been given: only more is added
         ("shown", float),  # m/s, sum of |p| before lasting_s: with it what GPS shows next grows as one angle
         ("owed", float),  # m^2/s^2, by what (sum of |p|)^2 has grown since the last block: the next adds it
     ]
@@ -45,11 +43,11 @@ FORCE = rows(
 
 
 @inner(forceinline=True)
-def begin(force, held, age_s):
-    """An axis is not read any more, since age_s. held : whether it is given a reading that was right then"""
-    force.lasting_s = force.known_s = age_s
+def begin(force, held):
+    """An axis is not read any more. held : whether it is given a reading that was right then"""
+    force.lasting_s = force.known_s = 0.0
     force.before = 0.0 if held else np.inf
-    force.most = force.charged = force.shown = force.owed = 0.0
+    force.shown = force.owed = 0.0
 
 
 @inner(forceinline=True)
@@ -58,13 +56,10 @@ def added(force, most, change, duration_s):
 
     most : m/s^2, s of the module's text;  change : m/s^3, c over LIT
     """
-    force.most = most
+    u2 = squared(force.lasting_s, force.known_s, force.before, most, change)
     force.lasting_s += duration_s
     force.known_s += duration_s
-    u2 = squared(force.lasting_s, force.known_s, force.before, most, change)
-    more = max(u2 - force.charged, 0.0)
-    force.charged = max(u2, force.charged)
-    return more
+    return squared(force.lasting_s, force.known_s, force.before, most, change) - u2
 
 
 @inner(forceinline=True)

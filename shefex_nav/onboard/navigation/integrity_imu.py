@@ -155,7 +155,6 @@ def turned(watch, t_valid_s, now_s):
             force["lasting_s"] = min(age_s, force["lasting_s"])
             seen_s = age_s - force["lasting_s"]  # of that time GPS has shown the rest
             force["shown"] = min(force["shown"], force["before"] * seen_s) if seen_s > 0.0 else 0.0
-            force["charged"] = _charged(watch.rules, force)
 
 
 def pushed(watch, speed, t_valid_s, now_s):
@@ -172,13 +171,6 @@ def pushed(watch, speed, t_valid_s, now_s):
     since_s, before = force["known_s"] - age_s, force["before"] if force["before"] < inf else 0.0
     force["before"] = before * max(1.0 - since_s / MEAN_S, 0.0) + shown / max(since_s, MEAN_S)
     force["lasting_s"] = force["known_s"] = age_s
-    force["charged"] = _charged(watch.rules, force)
-
-
-def _charged(rules, force):
-    """u^2 of `integrity_force` that the filter has been given, m^2/s^2."""
-    since = (float(force[name]) for name in ("lasting_s", "known_s", "before", "most"))
-    return integrity_force.squared(*since, float(rules[3, 1]))
 
 
 def replaced(state):
@@ -236,12 +228,16 @@ def screen_packed(watch, block, readings, densities):
             _found(axis)
             densities[k // 3, k % 3] = 0.0
             continue
-        unseen = 0.0
+        unseen, unread_s = 0.0, n * dt_s  # m^2/s^2 or rad^2; s, that the force did not count so far
         if axis.state == GOOD:
             unseen = _lost(axis, code, readings[n - 1, k] / dt_s, age_s, t_end_s)
             if k >= 3:
                 held = code != SATURATED and np.isfinite(axis.mean_rate)
-                integrity_force.begin(watch.forces[k - 3], held, max(age_s - n * dt_s, 0.0))
+                integrity_force.begin(watch.forces[k - 3], held)
+            unread_s = max(age_s, n * dt_s)
+        elif axis.state == SATURATED and code != SATURATED:  # what is held was not right, and counts anew
+            axis.fixed_s, axis.charged = t_end_s - age_s, 0.0
+            unread_s = max(age_s, n * dt_s)
         if code != SATURATED or at_end:
             axis.seen_s = t_end_s
         axis.state = code
@@ -256,7 +252,7 @@ def screen_packed(watch, block, readings, densities):
             u2 += integrity_force.paid(watch.forces[k - 3]) + unseen
             if code != SATURATED or throughout:
                 most = integrity_force.largest(rules, code == SATURATED)
-                u2 += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], n * dt_s)
+                u2 += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], unread_s)
     densities[2, :] = watch.sensed**2 * u2 / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
@@ -306,9 +302,7 @@ def _charge_at_end(missed, axis, duration_s):
     """Variance that a reading at the end of its range has added in a block, of sigma `missed` in it."""
     before = integrated_variance(missed, 0.0, axis.at_end_s, False)
     axis.at_end_s += duration_s
-    added = integrated_variance(missed, 0.0, axis.at_end_s, False) - before
-    axis.charged += added
-    return added
+    return integrated_variance(missed, 0.0, axis.at_end_s, False) - before
 
 
 @inner(forceinline=True)
