@@ -120,14 +120,18 @@ def _bar(works):
         yield lambda name: progress.update(task, advance=left[name].pop(), done=next(done))
 
 
-def _say_late(kernel):
-    """A line on stderr when the first kernel is compiled that was not foreseen."""
-    if not _told:
+def _say_late(kernel, is_kept):
+    """A line on stderr when the first kernel is compiled that was not foreseen, or one that is not kept."""
+    if not is_kept:
+        words = "its argument has a type without a name, so every process compiles it anew"
+        print(f"compiling the kernel {kernel.__name__}: {words}", file=sys.stderr)
+    elif not _told:
         from shefex_nav.compiled import numba_hooks
 
         later = "; later runs load them" if numba_hooks.store().is_writable() else ""
         print(f"compiling kernels that this needs for the first time{later}", file=sys.stderr)
-    _told.append(kernel.__name__)
+    if is_kept:
+        _told.append(kernel.__name__)
 
 
 def _note(numba_hooks, features):

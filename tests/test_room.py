@@ -18,6 +18,7 @@ from shefex_nav.log.topics import LogError
 from shefex_nav.runs import flying
 from shefex_nav.runs.room import Room, RoomError
 from shefex_nav.scenario.load import load
+from shefex_nav.world.flight.record import Memory
 
 ORBIT = Path(__file__).parent.parent / "scenarios" / "orbit.yaml"
 
@@ -113,6 +114,17 @@ def test_small_arrays_are_in_memory_and_large_ones_are_not_lost_when_they_leave_
     room.release()
     assert np.array_equal(large.ravel(), np.arange(large.size)) and large.flags.c_contiguous
     assert not list(tmp_path.iterdir())
+
+
+def test_the_first_rows_hold_no_room_of_the_rest_and_files_are_not_written_twice(tmp_path):
+    """In memory they are a copy; of a file the other pages take no memory, and a copy would take as much."""
+    small, large = Room(tmp_path, least=1), Room(tmp_path, least=1 << 30)
+    for room, held in ((Memory(), False), (large, False), (small, True)):
+        whole = room.empty((1000, 3))
+        whole[:] = 1.5
+        part = room.part(whole[:10])
+        np.testing.assert_array_equal(part, np.full((10, 3), 1.5))
+        assert np.shares_memory(part, whole) == held
 
 
 @pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="the disk is not asked beforehand")

@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping
 from contextlib import contextmanager
 from itertools import islice
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,7 @@ def row(record):
     """
     result = {name: record.get(name) for name in HEAD}
     if warnings := (record.get("summary") or {}).get("warnings"):
-        result[WARNINGS] = json.dumps(warnings)
+        result[WARNINGS] = json.dumps(warnings, ensure_ascii=False)  # an escape has digits
     for path, value in (record.get("draws") or {}).items():
         result |= {f"draw.{name}": scalar for name, scalar in of_draw(path, value)}
     for path, value in _scalars(record.get("summary") or {}):
@@ -263,10 +264,15 @@ def _reading(path):
         with named(path):
             yield
     except (OSError, pa.ArrowException) as error:
-        if getattr(error, "errno", None) is not None:
+        of_machine = getattr(error, "errno", None) is not None
+        if of_machine or isinstance(error, (MemoryError, pa.ArrowCancelled)):
             raise
-        words = f"{path}: spoilt: {str(error).splitlines()[0]}; delete it, it is made of the records again"
-        raise TableError(words) from None
+        from shefex_nav.campaign import runs_file
+
+        helps = ""
+        if Path(path).with_name(runs_file.NAME).exists():
+            helps = "; delete it, it is made of the records again"
+        raise TableError(f"{path}: spoilt: {str(error).splitlines()[0]}{helps}") from None
 
 
 class File:

@@ -42,7 +42,7 @@ SETTINGS = (  # of numba, that change what it compiles
     *("FULL_TRACEBACKS", "DEBUG_NRT", "DEBUG_NRT_STACK_LIMIT", "USE_LLVMLITE_MEMORY_MANAGER"),
 )
 
-begins_to_compile = []  # functions of a kernel, called when it has to be compiled now
+begins_to_compile = []  # functions of a kernel and of whether it is kept, called before it is compiled
 
 
 class _LateLibrary(JITCodeLibrary):
@@ -325,7 +325,7 @@ class _Files(NullCache):
         content = None if self._wanted is None else store().load(self._wanted)
         if content is None:
             for listen in begins_to_compile:
-                listen(self._kernel)
+                listen(self._kernel, self._wanted is not None)
             return None
         _cache_log("[cache] data loaded from %r", self._wanted)
         return machine_code.rebuilt(target_context, content)

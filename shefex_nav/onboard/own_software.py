@@ -51,11 +51,12 @@ class OwnSoftware:
     def real(self, now_s, what, value):
         """Array of real numbers, NaN and infinity among them; SoftwareError."""
         try:
-            if not np.iscomplexobj(value):  # NumPy would drop the imaginary part with a warning
-                return np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            pass
-        raise self.error(now_s, f"{what} must be numbers, got {value!r}")
+            array = np.asarray(value)
+        except ValueError:  # rows of several lengths
+            array = np.asarray(None)
+        if array.dtype.kind not in "iuf":  # digits as text, None and whole numbers of 400 digits are none
+            raise self.error(now_s, f"{what} must be numbers, got {value!r}")
+        return array.astype(float)
 
     def quaternion(self, now_s, what, value):
         """Unit quaternion, normalised; SoftwareError."""

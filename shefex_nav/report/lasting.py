@@ -3,12 +3,58 @@
 Where weight lasts (`scenario.weight`) these errors are biases, and the filter's covariance does not hold
 (docs/theory/filter.md, docs/verification/navigation.md). Not looked at: what falls through the air without a
 parachute, and that one which opens at a great height hangs in free fall first.
+
+Thrust ends soon, but an error of an accelerometer that moves the velocity by many times what GPS leaves open
+is no noise either: the biases take it up, and after the burn GPS seems to be wrong.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import rotation
 from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
-from shefex_nav.scenario import weight
+from shefex_nav.scenario import wanted_states, weight
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.wanted_states import WINDOW_S
+
+WARNED = 15.0  # [E] times the noise (docs/verification/navigation.md)
+STEP_HZ = 25.0  # of the samples that are summed up
+LEAST = 60.0  # m/s of all thrust in a window: a satellite is not looked at
+
+
+class Thrust(NamedTuple):
+    """Velocity that an error of the accelerometers makes in the worst `WINDOW_S` of a flight."""
+
+    scale: float  # m/s per unit of the scale factors
+    misalignment: float  # m/s per rad
+
+
+def thrust(t_s, q_ib, f_b):
+    """Thrust of a flight, rms of an inertial axis; None: there is hardly any.
+
+    (N,) s, (N, 4), (N, 3) m/s^2, body axes
+    """
+    if len(t_s) < 2:
+        return None
+    dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    rows = slice(0, None, max(1, round(1.0 / (STEP_HZ * dt_s))))
+    f_b, dt_s = f_b[rows], dt_s * rows.step
+    steps = min(round(WINDOW_S / dt_s), len(f_b))
+    whole = np.cumsum(np.abs(f_b).sum(axis=1)) * dt_s
+    if np.max(whole[steps - 1 :] - np.append(0.0, whole[: len(whole) - steps])) < LEAST:
+        return None
+    square = np.zeros((len(f_b) - steps + 1, 3, 3))  # of what reading i gains by force j
+    C_ib = rotation.dcms_from_quats(q_ib[rows])
+    for i in range(3):
+        for j in range(3):
+            gained = np.cumsum(C_ib[:, :, i] * f_b[:, j : j + 1], axis=0) * dt_s
+            before = np.concatenate([np.zeros((1, 3)), gained[: len(gained) - steps]])
+            square[:, i, j] = ((gained[steps - 1 :] - before) ** 2).sum(axis=1)
+    along = square[:, range(3), range(3)].sum(axis=1)
+    across = square.sum(axis=(1, 2)) - along
+    return Thrust(*(float(np.sqrt(one.max() / 3.0)) for one in (along, across)))
 
 
 def words(scenario, flown):
@@ -19,20 +65,52 @@ def words(scenario, flown):
     navigation = scenario.navigation
     if navigation.states == AUTOMATIC:
         raise ValueError("navigation.states: automatic is not settled yet: prepare.settled")
+    for missing, why in (_of_weight(scenario, flown), _of_thrust(scenario, flown)):
+        if missing:
+            named = {*missing, *navigation.states}
+            whole = [name for name in OPTIONAL | state_sizes() if name in named]
+            are = "are" if missing[1:] else "is"
+            return f"{_listed(missing)} {are} missing: {why}; write states: [{', '.join(whole)}]"
+    return ""
+
+
+def _of_weight(scenario, flown):
+    """Blocks of errors that weight makes biases, and why: list of names, text."""
+    navigation = scenario.navigation
     lasts_s, where = weight.longest(scenario, flown.events, flown.end_s)
     missing = [
         name for name, sigma in weight.errors(scenario.imu).items() if sigma and name not in navigation.states
     ]
-    if not weight.is_bias(scenario, lasts_s) or not missing:
-        return ""
-    whole = [name for name in OPTIONAL | state_sizes() if name in missing or name in navigation.states]
-    are, errors_are, them = (
-        ("are", "these errors are biases", "them") if missing[1:] else ("is", "this error is a bias", "it")
+    if not weight.is_bias(scenario, lasts_s):
+        return [], ""
+    errors_are, them = ("these errors are biases", "them") if missing[1:] else ("this error is a bias", "it")
+    return missing, (
+        f"{where} for {lasts_s:.0f} s, in which {errors_are} of the IMU; the filter takes {them} for noise "
+        f"with a memory of {navigation.thrust_memory:g} s, so that its sigmas are wrong"
     )
-    return (
-        f"{_listed(missing)} {are} missing: {where} for {lasts_s:.0f} s, in which {errors_are} of the IMU; "
-        f"the filter takes {them} for noise with a memory of {navigation.thrust_memory:g} s, so that its "
-        f"sigmas are wrong; write states: [{', '.join(whole)}]"
+
+
+def _of_thrust(scenario, flown):
+    """Likewise of errors that are no noise while a motor burns."""
+    if flown.thrust is None:
+        return [], ""
+    accelerometer, noise = scenario.imu.accelerometer, wanted_states.noise(scenario, "accel_scale")
+    sizes = {
+        "accel_scale": accelerometer.scale_factor * flown.thrust.scale,
+        "accel_misalignment": accelerometer.misalignment * flown.thrust.misalignment,
+    }
+    missing = [
+        name
+        for name, size in sizes.items()
+        if size > WARNED * noise and name not in scenario.navigation.states
+    ]
+    if not missing:
+        return [], ""
+    most, moves = max(sizes[name] for name in missing), "errors move" if missing[1:] else "error moves"
+    return missing, (
+        f"{'their' if missing[1:] else 'its'} {moves} the velocity by {most:.2g} m/s within "
+        f"{WINDOW_S:g} s of thrust, {most / noise:.2g} times what GPS leaves open; the biases take it up, "
+        "and after the burn a right GPS seems to be wrong"
     )
 
 

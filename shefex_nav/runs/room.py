@@ -41,6 +41,11 @@ class Room:
         self._maps.add(memory)
         return np.frombuffer(memory).reshape(shape)
 
+    def part(self, column):
+        """`Memory.part`: of what lies in a file itself, whose other pages are not in memory."""
+        whole = column if column.base is None else column.base
+        return column if whole.nbytes >= self._least else column.copy()
+
     def release(self):
         """What has been written or read of the files need not be in memory any more."""
         if hasattr(mmap, "MADV_DONTNEED"):  # Windows decides by itself

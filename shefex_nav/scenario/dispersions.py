@@ -17,7 +17,7 @@ from pydantic import Field
 from pydantic_core import core_schema
 
 from shefex_nav.scenario.block import Block, forms
-from shefex_nav.scenario.quantity import LARGEST, Number, Quantity, describe, refuse
+from shefex_nav.scenario.quantity import Number, Quantity, describe, refuse
 
 Apply = Literal["add", "scale", "replace"]
 _APPLY = "added to the value of the scenario, a share of it, or in its place"
@@ -110,7 +110,7 @@ class Group(Block):
         default=None, description="matrix of correlations"
     )
     units: list[str] | None = Field(default=None, description="of the paths, in a covariance; '' for none")
-    covariance: list[list[Number("0.01", largest=LARGEST**2)]] | None = Field(
+    covariance: list[list[Number("0.01", power=2)]] | None = Field(
         default=None, description="matrix of covariances in those units"
     )
     apply: Apply = Field(default="add", description=_APPLY)

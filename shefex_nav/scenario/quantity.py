@@ -93,16 +93,17 @@ def _dimension(unit):
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
-def check_size(number, value, unit="", largest=None):
+def check_size(number, value, unit="", power=1):
     """A refusal of what is larger than anything in a mission, or so small that dividing by it makes it so.
 
-    largest : None: that of the unit
+    power : 2 of a product of two numbers, as in a covariance
     """
-    largest, name = largest or LARGEST_OF.get(unit, LARGEST), f" {unit}" if unit else ""
+    largest, smallest = LARGEST_OF.get(unit, LARGEST) ** power, SMALLEST**power
+    name = f" {unit}" if unit else ""
     if abs(number) > largest:
         raise refuse(f"must be at most {largest:g}{name} in size, got {quoted(value)}")
-    if 0.0 < abs(number) < SMALLEST:
-        raise refuse(f"must be 0 or more than {SMALLEST:g}{name} in size, got {quoted(value)}")
+    if 0.0 < abs(number) < smallest:
+        raise refuse(f"must be 0 or more than {smallest:g}{name} in size, got {quoted(value)}")
 
 
 def refuse(message):
@@ -297,7 +298,7 @@ class NumberSpec:
     non_negative: bool = False
     at_least: float | None = None
     at_most: float | None = None
-    largest: float | None = None  # of its size, where that of a number without unit is too little
+    power: int = 1  # 2: a product of two numbers, as in a covariance
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any):
         return core_schema.no_info_plain_validator_function(self.read)
@@ -325,7 +326,7 @@ class NumberSpec:
         if self.whole and abs(value) > MOST_COUNT:
             bound = f"be at most {MOST_COUNT}" if value > 0 else f"not be below {-MOST_COUNT}"
             raise refuse(f"must {bound}, got {quoted(value)}")
-        check_size(value, value, largest=self.largest)
+        check_size(value, value, power=self.power)
         if self.positive and not value > 0:
             raise refuse(f"must be greater than zero, got {quoted(value)}")
         if self.non_negative and value < 0:

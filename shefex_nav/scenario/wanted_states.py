@@ -105,7 +105,7 @@ def effects(scenario, moved, events, end_s):
     across = [_worst(moved.rate_windows, np.where(roll, 0.0, sigma)) for _, sigma in both]
     sizes["accel_rectification"] = _rectified(scenario, moved)
     sizes["gravity"] = scenario.navigation.gravity_error * WINDOW_S
-    noises = {name: _noise(scenario, name) for name in sizes}
+    noises = {name: noise(scenario, name) for name in sizes}
     on = {name for name in sizes if sizes[name] > SWAMPS * noises[name]}
     if max(across) > SWAMPS * noises["gyro_scale"]:  # turns about the other axes count, too
         on.discard("gyro_roll_column")
@@ -167,8 +167,8 @@ def _rectified(scenario, moved):
     return _worst(_windows(grown[:, :, None, :], moved.dt_s), np.full((3, 1), sigma))
 
 
-def _noise(scenario, block):
-    """What noise makes in a window: rad of gyros, m/s of accelerometers."""
+def noise(scenario, block):
+    """What noise makes in a window: rad of gyros, m/s of accelerometers. block : its name"""
     if block.startswith("gyro"):
         return scenario.imu.gyro.random_walk * np.sqrt(WINDOW_S)
     gps, fixes = scenario.gps, WINDOW_S * scenario.gps.rate

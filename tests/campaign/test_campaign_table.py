@@ -177,6 +177,22 @@ def test_rows_that_a_disk_has_spoilt_are_told_with_the_file(tmp_path):
     assert len(open_campaign(folder)) == 6
 
 
+@pytest.mark.parametrize("error", [pyarrow.lib.ArrowMemoryError, pyarrow.lib.ArrowCancelled])
+def test_what_the_machine_lacks_does_not_spoil_a_table(tmp_path, error):
+    with pytest.raises(error, match="of the machine"), table._reading(tmp_path / "results.parquet"):
+        raise error("of the machine")
+
+
+def test_a_table_alone_is_not_to_be_deleted(tmp_path):
+    """Where the records are gone nothing makes it again."""
+    path = tmp_path / "results.parquet"
+    with pytest.raises(table.TableError, match=r"results\.parquet: spoilt: bad page$"), table._reading(path):
+        raise OSError("bad page")
+    (tmp_path / "runs.sqlite").touch()
+    with pytest.raises(table.TableError, match="bad page; delete it"), table._reading(path):
+        raise OSError("bad page")
+
+
 def test_series_and_summary_of_one_run(folder):
     campaign = open_campaign(folder)
     run = int(campaign.runs[campaign.succeeded][3])

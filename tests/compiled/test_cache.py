@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from kernel_package import LOWER, UPPER, Package
 
+from shefex_nav import warmup
 from shefex_nav.compiled import kernel, machine_code, numba_hooks, signature, store
 
 
@@ -197,12 +198,15 @@ def test_environments_are_kept_that_code_asks_for():
     assert [one.env_name for one in kept] == ["_ZN08NumbaEnv6second", "_ZN08NumbaEnv5other"]
 
 
-def test_a_kernel_that_cannot_be_kept_is_told_and_not_listed(tmp_path, monkeypatch):
+def test_a_kernel_that_cannot_be_kept_is_told_and_not_listed(tmp_path, monkeypatch, capsys):
     """A type of argument without a name, as of a random generator: it is compiled in every process."""
     told, times = [], kernel(lambda rng: 2.0 * rng.random())
-    monkeypatch.setattr(numba_hooks, "begins_to_compile", [told.append])
+    listens = [lambda *given: told.append(given), warmup._say_late]
+    monkeypatch.setattr(numba_hooks, "begins_to_compile", listens)
     assert 0.0 <= times(np.random.default_rng(1)) < 2.0
-    assert told == [times]
+    assert told == [(times, False)]
+    said = capsys.readouterr().err
+    assert "every process compiles it anew" in said and "later runs" not in said
     monkeypatch.setenv(numba_hooks.USES, str(tmp_path / "used.jsonl"))
     with pytest.raises(signature.UnknownType, match="NumPyRandomGenerator"):
         kernel(lambda rng: 3.0 * rng.random())(np.random.default_rng(1))

@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from shefex_nav.geometry import rotation
 from shefex_nav.records import Event
 from shefex_nav.report import lasting, programme
 from shefex_nav.scenario import load
@@ -105,6 +107,38 @@ def test_minutes_on_the_pad_are_told():
 
 def test_who_floats_feels_no_weight():
     assert foreseen(SCENARIOS / "orbit.yaml", OF_THE_SCHEMA) == {}
+
+
+def pushed(rate, push=20.0, hz=100.0):
+    """Thrust of two minutes at rest, then 100 s in which a force along x pushes a body that spins about x."""
+    t_s = np.arange(0.0, 220.0, 1.0 / hz)
+    q_ib = np.array([rotation.quat_from_rotvec(np.array([rate * t, 0.0, 0.0])) for t in t_s])
+    f_b = np.where(t_s[:, None] > 120.0, [push, 0.0, 0.0], 0.0)
+    return lasting.thrust(t_s, q_ib, f_b)
+
+
+def test_what_an_error_of_the_accelerometers_makes_of_thrust():
+    """A scale factor pushes along x, two misalignments across: f T each, rms of three axes."""
+    found, most = pushed(0.0), 20.0 * lasting.WINDOW_S
+    np.testing.assert_allclose(found, [most / np.sqrt(3.0), most * np.sqrt(2.0 / 3.0)], rtol=0.01)
+    spun = pushed(9.0)
+    assert spun.scale == pytest.approx(found.scale, rel=0.01)  # a spin takes turns across alone
+    assert spun.misalignment < 2.0 * 20.0 / 9.0
+    assert pushed(0.0, push=0.5) is None
+
+
+def test_thrust_that_makes_an_error_too_large_for_noise_is_told():
+    """From fifteen times on what GPS leaves open; more fixes leave less."""
+    field = "navigation.states"
+    assert field not in foreseen(DEFAULT)
+    large = "imu.accelerometer.misalignment=2.4 mrad"
+    text = foreseen(DEFAULT, large)[field]
+    assert text.startswith("accel_misalignment is missing: its error moves the velocity by 1.8 m/s within")
+    assert field not in foreseen(DEFAULT, large, f"{field}={text.partition('write states: ')[2]}")
+    some = "imu.accelerometer.misalignment=0.5 mrad"
+    assert field not in foreseen(DEFAULT, some) and field in foreseen(DEFAULT, some, "gps.rate=10 Hz")
+    both = foreseen(DEFAULT, large, OF_THE_SCHEMA, "imu.accelerometer.scale_factor=1 %")[field]
+    assert both.startswith("accel_scale and accel_misalignment are missing: their errors move")
 
 
 def test_check_flies_the_parachute_and_names_the_line(command, tmp_path):

@@ -158,6 +158,10 @@ def test_covariances_are_as_large_as_their_units_make_them():
         f"dispersions.light={{{light}, units: [electron/s, electron], covariance: [[4e10, 0], [0, 1]]}}"
     ).dispersed
     assert flux.law.sigma == pytest.approx(2e5) and noise.law.sigma == pytest.approx(1.0)
+    (flux, _) = pattern(
+        f"dispersions.light={{{light}, units: [electron/s, electron], covariance: [[1e-42, 0], [0, 1]]}}"
+    ).dispersed
+    assert flux.law.sigma == pytest.approx(1e-21)  # what may be written as a sigma
 
 
 def test_perfect_correlation_is_possible():

@@ -111,6 +111,9 @@ WRONG = (
         r"sigma_r_e of its NavSolution must be of shape \(3,\) and not",
     ),
     (f"{NAV_SOLUTION}(sigma_r_e=['a', 'b', 'c'])]", r"sigma_r_e of its NavSolution must be numbers, got"),
+    (f"{NAV_SOLUTION}(sigma_r_e=['1', '2', '3'])]", r"sigma_r_e of its NavSolution must be numbers, got"),
+    (f"{NAV_SOLUTION}(sigma_r_e=[10**400, 0, 0])]", r"sigma_r_e of its NavSolution must be numbers, got"),
+    (f"{NAV_SOLUTION}(r_i=['1', '2', '3'])]", r"r_i of its NavSolution must be numbers, got"),
     (f"{NAV_SOLUTION}(protection_attitude=[[1, 2], [3]])]", r"protection_attitude of .* must be numbers"),
     (f"{NAV_SOLUTION}(sigma_v_e=zeros(3) + 1e-3j)]", r"sigma_v_e of its NavSolution must be numbers, got"),
     (

@@ -168,8 +168,12 @@ def pushed(watch, speed, t_valid_s, now_s):
     age_s, shown = min(max(now_s - t_valid_s, 0.0), force["lasting_s"]), abs(speed)
     force["owed"] += (2.0 * force["shown"] + shown) * shown
     force["shown"] += shown
-    since_s, before = force["known_s"] - age_s, force["before"] if force["before"] < inf else 0.0
-    force["before"] = before * max(1.0 - since_s / MEAN_S, 0.0) + shown / max(since_s, MEAN_S)
+    since_s = force["known_s"] - age_s
+    if force["before"] < inf:
+        force["before"] *= max(1.0 - since_s / MEAN_S, 0.0)
+        force["before"] += shown / max(since_s, MEAN_S)
+    elif since_s > 0.0:
+        force["before"] = shown / since_s
     force["lasting_s"] = force["known_s"] = age_s
 
 

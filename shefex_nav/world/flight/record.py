@@ -35,6 +35,11 @@ class Memory:
         return np.empty(shape)
 
     @staticmethod
+    def part(column):
+        """The first rows of such an array, or its first columns, without the place of the rest."""
+        return column.copy()
+
+    @staticmethod
     def release():
         """What has been written or read of the arrays need not be at hand."""
 
@@ -67,16 +72,10 @@ class Record:
         self._room.release()
 
     def until(self, k):
-        """Columns of the samples before k; copies of few, lest they hold the room of all."""
+        """Columns of the samples before k, of few without the room of all."""
         *columns, air = self.columns
         found = Columns(*(column[:k] for column in columns), air[:, :k])
-        return found if k > MOST_LEFT * len(self) else Columns(*map(self._copy, found))
-
-    def _copy(self, column):
-        """An array with the values of another, in the room."""
-        copy = self._room.empty(column.shape)
-        copy[:] = column
-        return copy
+        return found if k > MOST_LEFT * len(self) else Columns(*map(self._room.part, found))
 
 
 @kernel
