@@ -249,7 +249,7 @@ def judged(tree, tables, in_kernels, mutant, flights):
             return {**row, "verdict": UNSEEN, "by": "", "s": 0.0}
     finally:
         file.write_bytes(good)
-    if code not in (0, 1, *NOT_COLLECTED, None):
+    if code not in (0, 1, *NOT_COLLECTED, None) or "ERROR: not found: " in said:  # a test that was renamed
         sys.exit(f"{name}:{line} {what}: pytest ended with code {code}\n{said}")
     failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
     by = "time" if code is None else failed[0].split(" - ")[0] if failed else ""

@@ -17,7 +17,7 @@ from shefex_nav.geometry.rotation import cross, rows
 class EarthRotation(NamedTuple):
     """Orientation of the Earth at t = 0 and its rate."""
 
-    # GCRS and ITRS to the intermediate frames q and r, precession and polar motion frozen at t = 0
+    # between GCRS and ITRS and their intermediate frames q and r; precession and polar motion frozen at t = 0
     C_iq: matrix("", "celestial intermediate frame to inertial axes")
     C_re: matrix("", "Earth-fixed axes to terrestrial intermediate frame")
     angle_0: number("rad", "Earth rotation angle at t = 0", name="earth_angle_0_rad")

@@ -110,6 +110,27 @@ def test_velocities_show_the_force_along_the_roll_axis_and_their_sum_lasts():
     assert across.pass_by(1.0).sum() > 5.0 * first  # it runs away still
 
 
+def test_what_gps_has_shown_is_paid_when_the_axis_is_read_again():
+    unit = Unit()
+    unit.pass_by(1.0, stuck=False)
+    unit.pass_by(1.0)
+    integrity_imu.pushed(unit.watch, 7.0, unit.t_s, unit.t_s)
+    again = unit.pass_by(0.05, stuck=False)
+    assert again.sum() == pytest.approx((7.0 * SENSED) ** 2) and np.count_nonzero(again) == 1
+
+
+def test_a_force_that_was_not_known_is_what_the_first_velocity_shows():
+    """At the end of the range nothing is known at first: 0.8 s ago 40 m/s had been gained in 1.2 s."""
+    unit = Unit()
+    unit.pass_by(1.0, stuck=False)
+    unit.pass_by(2.0, saturated=True)
+    assert unit.watch.forces[0]["before"] == np.inf
+    integrity_imu.pushed(unit.watch, 40.0, unit.t_s - 0.8, unit.t_s)
+    assert unit.watch.forces[0]["before"] == pytest.approx(40.0 / 1.2)
+    integrity_imu.pushed(unit.watch, 3.0, unit.t_s - 0.75, unit.t_s)  # a mean over a tenth of a second
+    assert unit.watch.forces[0]["before"] == pytest.approx(40.0 / 1.2 * 0.5 + 3.0 / 0.1)
+
+
 def test_after_a_star_fix_the_angle_counts_as_if_a_second_old():
     unit = Unit(axis=5)
     unit.pass_by(1.0, stuck=False)

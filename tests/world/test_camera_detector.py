@@ -228,3 +228,20 @@ def test_many_and_few_electrons_follow_the_exact_distribution():
         assert grey.dtype == np.uint16
         cdf = detector.grey_distribution(TWELVE, mean)
         assert chi_square(np.bincount(grey, minlength=4096), np.diff(cdf, prepend=0.0)) > 1e-3
+
+
+def test_each_pixel_has_normals_of_its_own():
+    """Few and many electrons by turns, pixel after pixel from one row of normals."""
+    n = 4000
+    mean = np.where(np.arange(n) % 3 == 0, 20.0, detector.MANY_ELECTRONS * np.linspace(1.0, 5.0, n))
+    grey = detector.digitise(TWELVE, mean, np.random.default_rng(12))
+    rng, many = np.random.default_rng(12), mean >= detector.MANY_ELECTRONS
+    electrons = np.empty(n)
+    electrons[~many] = rng.poisson(mean[~many])
+    normals = iter(rng.standard_normal(n + many.sum()))
+    for k in range(n):
+        if many[k]:
+            z = next(normals)
+            electrons[k] = np.round(mean[k] + np.sqrt(mean[k]) * z + (z * z - 1.0) / 6.0)
+        electrons[k] = min(electrons[k], TWELVE.full_well) + TWELVE.read_noise * next(normals)
+    np.testing.assert_array_equal(grey, np.round(electrons / TWELVE.electrons_per_dn + TWELVE.black_level))
