@@ -45,16 +45,14 @@ def thrust(t_s, q_ib, f_b):
     whole = np.cumsum(np.abs(f_b).sum(axis=1)) * dt_s
     if np.max(whole[steps - 1 :] - np.append(0.0, whole[: len(whole) - steps])) < LEAST:
         return None
-    square = np.zeros((len(f_b) - steps + 1, 3, 3))  # of what reading i gains by force j
+    squares = np.zeros((2, len(f_b) - steps + 1))  # of the force along an axis that is read as it, as another
     C_ib = rotation.dcms_from_quats(q_ib[rows])
     for i in range(3):
         for j in range(3):
             gained = np.cumsum(C_ib[:, :, i] * f_b[:, j : j + 1], axis=0) * dt_s
             before = np.concatenate([np.zeros((1, 3)), gained[: len(gained) - steps]])
-            square[:, i, j] = ((gained[steps - 1 :] - before) ** 2).sum(axis=1)
-    along = square[:, range(3), range(3)].sum(axis=1)
-    across = square.sum(axis=(1, 2)) - along
-    return Thrust(*(float(np.sqrt(one.max() / 3.0)) for one in (along, across)))
+            squares[int(i != j)] += ((gained[steps - 1 :] - before) ** 2).sum(axis=1)
+    return Thrust(*np.sqrt(squares.max(axis=1) / 3.0).tolist())
 
 
 def words(scenario, flown):
