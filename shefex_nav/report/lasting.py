@@ -46,7 +46,7 @@ def thrust(t_s, q_ib, f_b):
     if np.max(whole[steps - 1 :] - np.append(0.0, whole[: len(whole) - steps])) < LEAST:
         return None
     squares = np.zeros((2, len(f_b) - steps + 1))  # of the force along an axis that is read as it, as another
-    C_ib = rotation.dcms_from_quats(q_ib[rows])
+    C_ib = rotation.dcms_from_quats(np.ascontiguousarray(q_ib[rows]))
     for i in range(3):
         for j in range(3):
             gained = np.cumsum(C_ib[:, :, i] * f_b[:, j : j + 1], axis=0) * dt_s

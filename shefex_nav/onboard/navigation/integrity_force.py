@@ -23,7 +23,7 @@ The charge is made on the attitude alone: which sign it has, an unknown G does n
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel, rows
+from shefex_nav.compiled import inner, rows
 from shefex_nav.onboard.navigation.integrity_readings import MEAN_S
 
 FOLLOWED_S = 1.0  # [E] of an angle that lasts, as a filter with ten star fixes a second follows it
@@ -70,7 +70,7 @@ def paid(force):
     return owed
 
 
-@kernel(forceinline=True)
+@inner(forceinline=True)
 def squared(lasting_s, known_s, before, most, change):
     """u^2 of the module's text, m^2/s^2: t, T, m_0, s; c over LIT."""
     return (lasting_s * min(most, before + LIT * change * (MEAN_S + known_s - 0.5 * lasting_s))) ** 2
