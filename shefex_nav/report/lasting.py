@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry import rotation
 from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.scenario import wanted_states, weight
@@ -46,13 +45,20 @@ def thrust(t_s, q_ib, f_b):
     if np.max(whole[steps - 1 :] - np.append(0.0, whole[: len(whole) - steps])) < LEAST:
         return None
     squares = np.zeros((2, len(f_b) - steps + 1))  # of the force along an axis that is read as it, as another
-    C_ib = rotation.dcms_from_quats(np.ascontiguousarray(q_ib[rows]))
     for i in range(3):
+        axis_i = _axis(q_ib[rows], i)
         for j in range(3):
-            gained = np.cumsum(C_ib[:, :, i] * f_b[:, j : j + 1], axis=0) * dt_s
+            gained = np.cumsum(axis_i * f_b[:, j : j + 1], axis=0) * dt_s
             before = np.concatenate([np.zeros((1, 3)), gained[: len(gained) - steps]])
             squares[int(i != j)] += ((gained[steps - 1 :] - before) ** 2).sum(axis=1)
     return Thrust(*np.sqrt(squares.max(axis=1) / 3.0).tolist())
+
+
+def _axis(q_ib, i):
+    """Body axis i in inertial axes, (N, 3), without a kernel that every run would have to load."""
+    w, u, e = q_ib[:, :1], q_ib[:, 1:], np.eye(3)[i]
+    across = np.cross(u, e)
+    return e + 2.0 * (w * across + np.cross(u, across))
 
 
 def words(scenario, flown):
