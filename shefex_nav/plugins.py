@@ -19,7 +19,7 @@ import sys
 import sysconfig
 import traceback
 import types
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module, util
 from typing import NamedTuple
@@ -257,9 +257,10 @@ def _module(plugin, source):
     module.__file__ = plugin.path
     sys.modules[name] = module  # where its records are found again in other processes
     try:
-        with plugin_sources.importing(plugin.path):
+        # standard output is for results
+        with plugin_sources.importing(plugin.path), redirect_stdout(sys.stderr):
             exec(compile(source, plugin.path, "exec"), module.__dict__)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         frames = [one for one in traceback.extract_tb(error.__traceback__) if one.filename == plugin.path]
         line = frames[-1].lineno if frames else getattr(error, "lineno", None)

@@ -112,9 +112,15 @@ def show_campaign(campaign, series):
 def _interruptible(records):
     """The same records; Ctrl-C and SIGTERM take effect between two of them, never inside compiled code.
 
-    An exception in the middle of something may be lost: Python ignores those that arise in a destructor.
+    An exception in the middle of something may be lost: Python ignores those that arise in a destructor. The
+    second signal raises it all the same: software of a user's own may never give the next record.
     """
-    with wishes(signals=(signal.SIGINT, signal.SIGTERM)) as asked:
+
+    def take(asked):
+        if len(asked) > 1:
+            raise KeyboardInterrupt
+
+    with wishes(take, (signal.SIGINT, signal.SIGTERM)) as asked:
         for record in records:
             if asked:
                 raise KeyboardInterrupt

@@ -7,6 +7,7 @@ log up to that moment stays readable), 130 interrupted.
 Commands import late what they need: the command line starts without it.
 """
 
+import os
 import sys
 from typing import Annotated
 
@@ -96,6 +97,9 @@ def options(
 
 def main():
     """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by who started this
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
     search_seldom()
     end_quickly()
     try:

@@ -27,6 +27,7 @@ FAULT = (
 )
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
+MOST_TOLD = 50  # errors of a scenario
 
 
 class Places:
@@ -140,8 +141,11 @@ def lines(model, validation_error, places):
     for section in [one for one in absent if len(absent[one]) > 1 and plain(one) in places.replaced]:
         found.append((places.key(plain(section)), _incomplete(plain(section), absent[section], errors)))
         absent[section] = ()
-    for error in errors:
+    for k, error in enumerate(errors):
         location = error["loc"]
+        if len(found) >= MOST_TOLD:
+            found.append((places.key(()), f"{len(errors) - k} more errors are told when these are mended"))
+            break
         if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
             continue  # another message says it
         if error["type"] == "missing" and isinstance(location[-1], int):

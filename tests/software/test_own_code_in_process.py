@@ -1,0 +1,61 @@
+"""Python software of a user's own that hangs, ends the process or prints: what the command makes of it."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+SHORT = [part for one in ("star_tracker.off=3 s", "mission.time_limit=4 s") for part in ("--set", one)]
+BUILT_IN = "from shefex_nav.software.built_in import BuiltIn\n"
+RUN = [sys.executable, "-m", "shefex_nav", "run", "night_sky", *SHORT]
+
+
+def words(folder, code):
+    """Words of a command that flies a class `Own` of this code."""
+    (folder / "own.py").write_text(code)
+    own = ["--set", f"navigation.software={folder / 'own.py'}:Own", "--trust"]
+    return [*RUN, *own, "--out", str(folder / "own.mcap")]
+
+
+def test_code_that_hangs_is_ended_by_the_second_signal(tmp_path):
+    """It never gives the next record, between two of which the first one would end the flight."""
+    code = f"import time\n{BUILT_IN}class Own(BuiltIn):\n    def step(self, imu, arrived):\n        "
+    code += "print('hangs', flush=True)\n        time.sleep(600.0)\n"
+    flown = subprocess.Popen(words(tmp_path, code), stderr=subprocess.PIPE, text=True)
+    try:
+        for line in flown.stderr:
+            if line == "hangs\n":
+                break
+        flown.send_signal(signal.SIGTERM)
+        time.sleep(0.5)
+        assert flown.poll() is None
+        flown.send_signal(signal.SIGTERM)
+        _, said = flown.communicate(timeout=60)
+    finally:
+        flown.kill()
+    assert flown.returncode == 130 and said.splitlines()[-1] == "interrupted"
+
+
+@pytest.mark.parametrize("code", [0, 3])
+def test_code_that_ends_the_process_when_it_is_read_is_named(code, tmp_path):
+    ends = words(tmp_path, f"raise SystemExit({code})\n")
+    done = subprocess.run(ends, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 2 and f"own.py:1: SystemExit: {code}" in done.stderr
+
+
+def test_what_is_printed_when_code_is_read_is_no_result(tmp_path):
+    prints = words(tmp_path, f"print('words')\n{BUILT_IN}class Own(BuiltIn):\n    pass\n")
+    done = subprocess.run([*prints, "--json"], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0 and "words" in done.stderr.splitlines()
+    assert json.loads(done.stdout)["scenario"] == "night_sky"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell closes the streams")
+@pytest.mark.parametrize("command, closed, code", [("check night_sky", ">&-", 0), ("check none", "2>&-", 2)])
+def test_a_stream_that_is_closed_takes_nothing(command, closed, code):
+    whole = f"'{sys.executable}' -m shefex_nav {command} {closed}"
+    done = subprocess.run(["sh", "-c", whole], capture_output=True, text=True, timeout=100)
+    assert done.returncode == code and "Traceback" not in done.stderr
