@@ -38,6 +38,12 @@ def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
         yield asked
 
 
+def at_once(asked):
+    """KeyboardInterrupt at the second wish, wherever that is. asked : of `wishes`"""
+    if len(asked) > 1:
+        raise KeyboardInterrupt
+
+
 def terminable():
     """Context in which SIGTERM (of `kill`, a batch system, a container) is Ctrl-C: files are closed."""
     return handled({signal.SIGTERM: signal.default_int_handler})
@@ -48,8 +54,7 @@ def stopping():
     """A function that says whether somebody wants the end; the second wish raises KeyboardInterrupt."""
 
     def take(asked):
-        if len(asked) > 1:
-            raise KeyboardInterrupt
+        at_once(asked)
         os.write(2, WORDS)  # not print: the signal may have come in the middle of one
 
     with wishes(take, (signal.SIGINT, signal.SIGTERM)) as asked:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 from shefex_nav.errors import SoftwareError
 from shefex_nav.progress import bar
-from shefex_nav.stopping import wishes
+from shefex_nav.stopping import at_once, wishes
 
 
 @contextmanager
@@ -115,12 +115,7 @@ def _interruptible(records):
     An exception in the middle of something may be lost: Python ignores those that arise in a destructor. The
     second signal raises it all the same: software of a user's own may never give the next record.
     """
-
-    def take(asked):
-        if len(asked) > 1:
-            raise KeyboardInterrupt
-
-    with wishes(take, (signal.SIGINT, signal.SIGTERM)) as asked:
+    with wishes(at_once, (signal.SIGINT, signal.SIGTERM)) as asked:
         for record in records:
             if asked:
                 raise KeyboardInterrupt

@@ -8,6 +8,7 @@ Thrust ends soon, but an error of an accelerometer that moves the velocity by ma
 is no noise either: the biases take it up, and after the burn GPS seems to be wrong.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,20 +39,17 @@ def thrust(t_s, q_ib, f_b):
     if len(t_s) < 2:
         return None
     dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
-    rows = slice(0, None, max(1, round(1.0 / (STEP_HZ * dt_s))))
+    rows = slice(0, None, max(1, round(1.0 / (STEP_HZ * dt_s)), math.ceil(len(t_s) / wanted_states.MOST)))
     f_b, dt_s = f_b[rows], dt_s * rows.step
-    steps = min(round(WINDOW_S / dt_s), len(f_b))
-    whole = np.cumsum(np.abs(f_b).sum(axis=1)) * dt_s
-    if np.max(whole[steps - 1 :] - np.append(0.0, whole[: len(whole) - steps])) < LEAST:
+    seconds = max(1, round(1.0 / dt_s))
+    pushes = np.add.reduceat(np.abs(f_b).sum(axis=1), np.arange(0, len(f_b), seconds)) * dt_s
+    if np.convolve(pushes, np.ones(round(WINDOW_S))).max() < LEAST:
         return None
-    squares = np.zeros((2, len(f_b) - steps + 1))  # of the force along an axis that is read as it, as another
-    for i in range(3):
-        axis_i = _axis(q_ib[rows], i)
-        for j in range(3):
-            gained = np.cumsum(axis_i * f_b[:, j : j + 1], axis=0) * dt_s
-            before = np.concatenate([np.zeros((1, 3)), gained[: len(gained) - steps]])
-            squares[int(i != j)] += ((gained[steps - 1 :] - before) ** 2).sum(axis=1)
-    return Thrust(*np.sqrt(squares.max(axis=1) / 3.0).tolist())
+    C_ib = np.stack([_axis(q_ib[rows], i) for i in range(3)], axis=-1)
+    squares = wanted_states.Motion(dt_s, C_ib, None, f_b, None).force_windows
+    along = np.einsum("kii->k", squares)
+    across = squares.sum(axis=(1, 2)) - along
+    return Thrust(*(float(np.sqrt(one.max() / 3.0)) for one in (along, across)))
 
 
 def _axis(q_ib, i):

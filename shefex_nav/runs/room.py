@@ -42,7 +42,7 @@ class Room:
         return np.frombuffer(memory).reshape(shape)
 
     def part(self, column):
-        """`Memory.part`: of what lies in a file itself, whose other pages are not in memory."""
+        """As `Memory.part`, but no copy in a file: its other pages take no memory, and a copy takes disk."""
         whole = column if column.base is None else column.base
         return column if whole.nbytes >= self._least else column.copy()
 

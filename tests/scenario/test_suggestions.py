@@ -3,6 +3,9 @@
 import pytest
 from broken import DEFAULT, messages
 
+from shefex_nav.scenario.layers import ScenarioError
+from shefex_nav.scenario.load import load
+
 MEANT = {
     # spelling
     "launch.elevaton=80 deg": "did you mean 'elevation'?",
@@ -87,3 +90,13 @@ def test_a_place_far_away_is_no_hint_if_many_have_such_a_key(override, known):
 def test_nothing_is_guessed_of_a_word_that_is_like_no_other():
     (said,) = messages(DEFAULT, ["star_tracker.colour=red"])
     assert "unknown key; known here: enabled, on, " in said
+
+
+def test_of_hundreds_of_errors_the_first_fifty_are_told(tmp_path):
+    path = tmp_path / "many.yaml"
+    path.write_text("extends: night_sky.yaml\n" + "".join(f"k{k}: 1\n" for k in range(60)))
+    with pytest.raises(ScenarioError) as caught:
+        load(path)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 51 and "many.yaml:51:1: k49: unknown key" in lines[-1]
+    assert "10 more errors are told when these are mended" in lines[0]

@@ -36,7 +36,7 @@ FORCE = rows(
         ("lasting_s", float),  # for which the angle has grown since it was known
         ("known_s", float),  # since m was
         ("before", float),  # m/s^2, m_0; inf: unknown
-        ("shown", float),  # m/s, of the sum of |p|: what the next |p| is one angle with
+        ("shown", float),  # m/s, sum of |p| so far, to which the next |p| is added before squaring
         ("owed", float),  # m^2/s^2, by what (sum of |p|)^2 has grown since the last block: the next adds it
     ]
 )

@@ -72,7 +72,7 @@ class Record:
         self._room.release()
 
     def until(self, k):
-        """Columns of the samples before k, of few without the room of all."""
+        """Columns of the samples before k; few of all are copied, so that the place of the rest is free."""
         *columns, air = self.columns
         found = Columns(*(column[:k] for column in columns), air[:, :k])
         return found if k > MOST_LEFT * len(self) else Columns(*map(self._room.part, found))
