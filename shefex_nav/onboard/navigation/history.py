@@ -4,6 +4,7 @@ Tick k, counted from the start, stands in place k modulo the size of the arrays,
 What leaves this module is copied, so later ticks and later measurements do not change it.
 """
 
+import math
 from bisect import bisect_left
 from collections import deque
 from itertools import islice
@@ -18,6 +19,8 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q, X_R, X_V, unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, sensed_packed
+
+NOTHING = np.zeros(6)
 
 
 class Tick(NamedTuple):
@@ -286,7 +289,7 @@ class Moment:
 
     @property
     def sensed(self):
-        """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
+        """Corrected rate and specific force about the instant, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
         sensed = self.sensed_packed
         return sensed[:3], sensed[3:]
 
@@ -297,9 +300,45 @@ class Moment:
 
     def sensed_with(self, x):
         """`sensed_packed`, corrected with the estimates of other packed values."""
-        increments = self.history.increments[self.place]
-        _, dt_s, n, vibration = self.history.numbers[self.place].tolist()
-        return sensed_packed(x, increments, int(n), dt_s, vibration, self.drive, self.at_s)
+        about, increments = self.about(), np.zeros((BEFORE + 1, 6))
+        increments[BEFORE] = about.increments
+        return sensed_packed(x, increments, 1, about.dt_s, self.vibration, self.drive, about.dt_s)
+
+    def about(self):
+        """What the IMU measured in the time of one sample about the instant. -> Readings"""
+        history = self.history
+        _, dt_s, n, _ = history.numbers[self.place].tolist()
+        samples, n, at = history.increments[self.place], int(n), self.at_s / dt_s
+        k = BEFORE - 1 + min(max(math.ceil(at - 1e-6), 1), n)
+        past = at - (k - BEFORE + 0.5) if n else 0.0  # the middle of the sample in which it lies
+        if past <= 0.0 or k + 1 < BEFORE + n:
+            beside = samples[k + (1 if past > 0.0 else -1)]
+        else:
+            beside = self._next_sample(dt_s)
+        if beside is None:
+            return Readings(dt_s, samples[k], 0.0, past * (samples[k] - samples[k - 1]))
+        share = abs(past)
+        return Readings(dt_s, (1.0 - share) * samples[k] + share * beside, share, NOTHING)
+
+    def _next_sample(self, dt_s):
+        """The first of the tick that follows, (6,) for a duration of dt_s; None: there is none to rely on."""
+        history, number = self.history, self.history.number(self.k) + 1
+        place = number % len(history.numbers)
+        if number > history.newest or history.extra[place, 0].any():
+            return None
+        return dt_s / history.numbers[place, 1] * history.increments[place, BEFORE]
+
+
+class Readings(NamedTuple):
+    """What the IMU measured in the time of one sample about an instant, rad and m/s.
+
+    Half of it lies after the instant. Where that has not been measured, it is the last sample.
+    """
+
+    dt_s: float
+    increments: np.ndarray  # (6,)
+    share: float  # of the second of the two samples that it is made of
+    missed: np.ndarray  # (6,) by what it is off, if the increments go on to change as they did
 
 
 @kernel

@@ -102,7 +102,10 @@ def _body_rate(model, samples, acts, begin_s, end_s):
     duration_s, increments = _between(samples, begin_s, end_s)
     free = correct_increments(acts, increments.reshape((1, 6)), duration_s)[0] / duration_s
     omega_b, f_b = free[:3], free[3:]
-    return omega_b, f_b, _noise(model, omega_b, f_b, samples, duration_s)
+    noise = rate_noise(model, omega_b, f_b, samples.vibration, duration_s)
+    if samples.doubtful:
+        noise += model.saturated_rate**2
+    return omega_b, f_b, noise
 
 
 @inner
@@ -197,17 +200,16 @@ def _between(samples, begin_s, end_s):
 
 
 @inner
-def _noise(model, omega_b, f_b, samples, duration_s):
+def rate_noise(model, omega_b, f_b, vibration, duration_s):
     """Variance of the mean rate on each axis from what the filter counts as noise, (rad/s)^2.
 
     `error_model.noise_densities` has the same errors as densities: here those that keep their sign over the
     interval count in full, and those that swing by the angle they leave between its ends.
+
+    model : row of `error_model.record`;  omega_b, f_b : (3,) rad/s, m/s^2
     """
-    vibration, variance = samples.vibration, model.gyro_random_walk**2 / duration_s
+    variance = model.gyro_random_walk**2 / duration_s
     variance += (model.gyro_quantum**2 / 6.0 + 2.0 * (vibration * model.gyro_vibration) ** 2) / duration_s**2
     variance += model.gyro_cross**2 * (omega_b[1] ** 2 + omega_b[2] ** 2)
     variance += model.gyro_g_sensitivity**2 * (f_b @ f_b)
-    variance += (model.gyro_rectification * vibration**2) ** 2
-    if samples.doubtful:
-        variance += model.saturated_rate**2
-    return variance
+    return variance + (model.gyro_rectification * vibration**2) ** 2

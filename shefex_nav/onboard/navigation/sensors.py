@@ -10,21 +10,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.geometry import frames, rotation
+from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     aiding,
     calibration,
     integrity,
     integrity_watch,
+    lever_arm,
     measure_ranges,
     measure_stars,
     measurements,
-    unknown_attitude,
 )
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
 from shefex_nav.onboard.navigation.settings import Release
-from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
+from shefex_nav.onboard.navigation.state import POS
 from shefex_nav.records import GpsFix, GpsRanges, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
@@ -41,44 +41,23 @@ def _antenna(nav, now):
 def _gps_position(nav, now, fix):
     linearise = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
     z, H, R = linearise(fix, _antenna(nav, now))
-    arm = unknown_attitude.of_arm(now.P, nav.params.l_ba_b)
-    return z, H, R + arm * np.eye(len(z)) if arm else R
-
-
-def _swung_arm(nav, now):
-    """`unknown_attitude.of_arm` of the velocity of the antenna against the IMU."""
-    if unknown_attitude.is_known(now.P):
-        return 0.0
-    return unknown_attitude.of_arm(now.P, rotation.cross(now.sensed_packed[:3], nav.params.l_ba_b))
+    return z, H, R + lever_arm.of_position(nav, now, H)
 
 
 def _gps_velocity(nav, now, fix):
     z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
-    if now.vibration:
-        R = R + vibration_variance(nav.params, now) * np.eye(3)
-    swing = swing_covariance(nav, now)
-    if swing is not None:
-        R = R + swing
-    arm = _swung_arm(nav, now)
-    return z, H, R + arm * np.eye(3) if arm else R
+    return z, H, R + lever_arm.of_velocity(nav, now, H)
 
 
 def _gps_range(nav, now, fix):
     sigma_bias = nav.params.range_bias_sigma
     z, H, R = measure_ranges.pseudoranges(nav.layout, now.state, fix, _antenna(nav, now), sigma_bias)
-    arm, along = unknown_attitude.of_arm(now.P, nav.params.l_ba_b), H[:, POS]
-    return z, H, R + arm * (along @ along.T) if arm else R
+    return z, H, R + lever_arm.of_position(nav, now, H)
 
 
 def _gps_range_rate(nav, now, fix):
     z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, _antenna(nav, now))
-    along = H[:, VEL]  # what vibration and unknown rates do to the antenna is one vector for all satellites
-    swing = swing_covariance(nav, now)
-    if swing is not None:
-        C_ei = frames.dcm_ie(nav.earth, now.t_s).T
-        R = R + along @ C_ei.T @ swing @ C_ei @ along.T
-    arm = _swung_arm(nav, now)
-    return z, H, R + (vibration_variance(nav.params, now) + arm) * (along @ along.T)
+    return z, H, R + lever_arm.of_velocity(nav, now, H)
 
 
 def straightened(nav, arrival, index, fix):
@@ -126,32 +105,6 @@ def _star_attitude(nav, now, fix):
 def _star_vectors(nav, now, fix):
     params = nav.params
     return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_fix_floor)
-
-
-def vibration_variance(params, now):
-    """What vibration puts between the strapdown's antenna velocity and the vehicle's: m^2/s^2, each axis.
-
-    The velocity of the sensors, and the rate of one sample (change of a swinging angle in dt) times the
-    lever arm.
-    """
-    model, imu = params.imu, now.imu
-    rate2 = 2.0 * (model.gyro_vibration / imu.dt_s) ** 2
-    return imu.vibration**2 * (model.accel_vibration**2 + rate2 * (params.l_ba_b @ params.l_ba_b))
-
-
-def swing_covariance(nav, now):
-    """What rates that are not measured do to the velocity of the antenna: (3, 3) m^2/s^2, frame e, or None.
-
-    A gyro that cannot be read leaves the velocity of the antenna against the IMU unknown, omega x arm.
-    """
-    if not now.extra[0].any():
-        return None
-    imu, rules = now.imu, nav.watch.params.imu
-    at_end = (np.abs(imu.dtheta_b) >= 0.999 * rules.range[0] * imu.dt_s).any(axis=0)
-    sigma = np.where(imu.extra[0] > 0.0, np.where(at_end, rules.missed[0], rules.wrong[0]), 0.0)
-    C_ei = frames.dcm_ie(nav.earth, now.t_s).T
-    swung = C_ei @ rotation.dcm_from_quat(now.x[X_Q]) @ rotation.skew(nav.params.l_ba_b) * sigma
-    return swung @ swung.T
 
 
 def _gps_trial(nav, now, z, R, fix):
