@@ -91,17 +91,20 @@ def test_without_errors_the_estimate_stays_on_the_truth():
     "latency", [{"gps": 0.2, "star": 0.1}, {"gps": 0.05, "star": 0.3}, {"gps": 0.55, "star": 0.0}]
 )
 def test_a_delayed_measurement_counts_as_if_it_had_come_in_time(latency):
-    """Also when star fixes overtake GPS fixes, with the same noise."""
+    """Also when star fixes overtake GPS fixes, with the same noise. In time is a sample late: the rate at the
+    instant is the mean about it."""
     start = alignment(STATES[0], np.random.default_rng(1))
-    in_time, _ = run(fixes_of({"gps": 0.0, "star": 0.0}, np.random.default_rng(2)), 24.0, start)
-    delayed, _ = run(fixes_of(latency, np.random.default_rng(2)), 24.0, start)
-    assert apart(in_time, delayed) < 1e-6
+    at_once, in_time, delayed = (
+        run(fixes_of(late, np.random.default_rng(2)), 24.0, start)[0]
+        for late in ({"gps": 0.0, "star": 0.0}, {"gps": DT, "star": 0.0}, latency)
+    )
+    assert apart(in_time, delayed) < 1e-6 < apart(at_once, delayed) < 1e-2
 
 
 @pytest.mark.compiled
 def test_a_delay_changes_nothing_with_every_block_on():
     """Out of order, between samples, several fixes at one instant, all blocks, errors of positions that last
-    and one that is refused: 1e-6 of sigma."""
+    and one that is refused: 1e-6 of sigma, from a sample on."""
     names = tuple(OPTIONAL)[1:]
     sigmas = {name: np.full(size, SIGMAS.get(name, 1e-4)) for name, size in OPTIONAL.items()}
     clock = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
@@ -117,7 +120,7 @@ def test_a_delay_changes_nothing_with_every_block_on():
         more = [gps_fix(BLOCKS, STATES, t, 0.0, rng) for t in (5.2, 5.4, 6.1, 6.3, 22.2, 22.4)]
         more[4] = more[4]._replace(r_ea_e=more[4].r_ea_e + 1000.0)
         fixes += [("gps", fix) for fix in more]
-        delays = np.random.default_rng(3).uniform(0.0, 0.55, len(fixes)) * late
+        delays = np.maximum(np.random.default_rng(3).uniform(0.0, 0.55, len(fixes)) * late, DT)
         fixes = [
             (name, fix._replace(t_available_s=fix.t_valid_s + delay))
             for (name, fix), delay in zip(fixes, delays, strict=True)
