@@ -6,12 +6,14 @@ from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.onboard.navigation.state import NavParams
 from shefex_nav.scenario import aboard, params_filter
 
+VIBRATION_S = 0.05  # [E] its longest period, of which nothing is told
+
 
 def nav_params(scenario, dt_s):
     """NavParams of a ReplayScenario whose IMU samples last dt_s: no star camera, no motors."""
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, dt_s, coarse_if_silent=True)
-    told = _beforehand(scenario)
+    told, late_s = _beforehand(scenario), max(scenario.gnss.latency, aboard.longest_latency(scenario))
     return NavParams(
         imu=params_filter.imu_model(scenario, told),
         sigma_gyro_bias=float(np.hypot(gyro.bias, gyro.in_run_bias)),
@@ -20,7 +22,8 @@ def nav_params(scenario, dt_s):
         l_ba_b=np.array(scenario.gnss.lever_arm),
         C_bc=np.eye(3),
         **params_filter.common(scenario, integrity),
-        history_s=scenario.navigation.history + max(scenario.gnss.latency, aboard.longest_latency(scenario)),
+        history_s=params_filter.memory_s(scenario.navigation.history + late_s, late_s, VIBRATION_S),
+        vibration_period_s=VIBRATION_S,
         motors=np.zeros((0, 2)),
         aids=aboard.aids(scenario),
     )

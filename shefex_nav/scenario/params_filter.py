@@ -23,6 +23,16 @@ def common(scenario, integrity):
     }
 
 
+def memory_s(history_s, latency_s, period_s):
+    """How far back the filter remembers: what the scenario says, and the motion before a fix that is late.
+
+    period_s : the longest of the vibration, `integrity_constants`
+    """
+    from shefex_nav.onboard.navigation.integrity_constants import LONGEST_S, SPAN_S
+
+    return max(history_s, latency_s + min(period_s, LONGEST_S) + SPAN_S)
+
+
 def integrity_params(scenario, dt_s, coarse_if_silent):
     """IntegrityParams.
 

@@ -94,7 +94,7 @@ def nav_params(scenario):
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
     white, walk = params.clock(scenario).densities
-    told = _beforehand(scenario)
+    told, period_s = _beforehand(scenario), 1.0 / scenario.imu.vibration.lowest_frequency
     return NavParams(
         imu=_imu_model(scenario, told),
         sigma_gyro_bias=_given(sensors.gyro_bias, float(np.hypot(gyro.bias, gyro.in_run_bias))),
@@ -105,8 +105,9 @@ def nav_params(scenario):
         l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
         C_bc=mounting(scenario),
         **params_filter.common(scenario, integrity),
-        history_s=navigation.history,
+        history_s=params_filter.memory_s(navigation.history, scenario.gps.latency, period_s),
         motors=_motors(scenario),
+        vibration_period_s=period_s,
         swing_at_rest=_swings(scenario.imu.vibration, scenario.imu.vibration.coast),
         clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),

@@ -289,7 +289,7 @@ def test_growing_tells_nothing_of_what_stars_cannot_tell_apart():
     tied = np.block([[np.eye(3), -np.eye(3)], [-np.eye(3), np.eye(3)]]) * 1e-6
     P = np.zeros((12, 12))
     P[6:, 6:] = tied + 1e-14 * np.eye(6)
-    factors = grown(P, 3.0).factors
+    factors = grown(P, 3.0, np.full(12, np.inf)).factors
     larger = (P * np.outer(factors, factors))[6:, 6:]
     assert np.diag(after_star_fix(larger, 1e-6)).min() > 0.99 * 9.0 * 1e-6
     one_alone = np.repeat([3.0, 1.0], 3)  # what was wrong: the attitude grew, the mounting did not
@@ -299,14 +299,23 @@ def test_growing_tells_nothing_of_what_stars_cannot_tell_apart():
 
 def test_angles_that_are_hardly_known_do_not_grow():
     P = np.diag(np.r_[np.ones(6), 0.01, 1.0, 4.0])
-    assert grown(P, 8.0).factors.tolist() == [8.0] * 7 + [1.0, 1.0]
+    assert grown(P, 8.0, np.full(9, np.inf)).factors.tolist() == [8.0] * 7 + [1.0, 1.0]
 
 
 def test_what_has_no_ties_does_not_grow():
     """A mounting before the first star, and a block that is tied to a velocity."""
     P = 0.01 * np.eye(13)
     P[4, 9] = P[9, 4] = 0.001
-    assert grown(P, 3.0).factors.tolist() == [3.0] * 10 + [1.0] * 3
+    assert grown(P, 3.0, np.full(13, np.inf)).factors.tolist() == [3.0] * 10 + [1.0] * 3
+
+
+def test_an_error_grows_to_the_largest_that_it_may_be():
+    """Sigmas of 0.1, tied, of at most 0.25, 0.1 and 0.01; nothing shrinks, and a zero stays one."""
+    P = 0.01 * (np.eye(13) + 0.1)
+    P[12] = P[:, 12] = 0.0
+    most = np.r_[np.full(9, np.inf), 0.25, 0.1, 0.01, 1.0]
+    factors = grown(P, 3.0, most).factors
+    np.testing.assert_allclose(factors, [3.0] * 9 + [0.25 / np.sqrt(0.011), 1.0, 1.0, 1.0])
 
 
 def test_stars_end_a_dispute_only_where_their_angle_explains_the_step():

@@ -47,7 +47,7 @@ def now(t_s=40.0, moved=0.0, P_now=P):
 
 
 def test_blocks_get_back_what_they_have_gained_since():
-    """sqrt of max(P then - P now, 0) + (x now - x then)^2, of every learnt block aboard."""
+    """sqrt of P then + (x now - x then)^2 - P now, of every learnt block aboard."""
     memory = kept(6.0)
     before = memory.kept[0]
     added = learnt.by_stars(nav_of(memory), now(moved=6.25), np.full(3, 1e-4), True)
@@ -58,8 +58,18 @@ def test_blocks_get_back_what_they_have_gained_since():
         place = ORDER.places["mounting" if name == learnt.SPLIT else name]
         gained = before.variances[place] - P.diagonal()[place]
         np.testing.assert_allclose(sigma, np.sqrt(gained + 0.25**2), rtol=1e-9)
-    grown = learnt.doubts(NAV.params, ORDER, before, X + 6.0, 99.0 * P + np.eye(len(P)))
+    grown = learnt.doubts(NAV.params, ORDER, before, X + 6.5, 99.0 * P + np.eye(len(P)))
     assert not any(sigma.any() for sigma in grown.values())
+
+
+def test_what_is_doubted_again_grows_no_more():
+    """Until it has been corrected further."""
+    before, wider = kept(6.0).kept[0], P.copy()
+    for moved in (6.25, 6.25, 6.5):
+        learnt.add(wider, ORDER, X + moved, learnt.doubts(NAV.params, ORDER, before, X + moved, wider))
+        for name in ("gyro_bias", "accel_bias"):
+            place = ORDER.places[name]
+            np.testing.assert_allclose(wider.diagonal()[place], before.variances[place] + (moved - 6.0) ** 2)
 
 
 @pytest.mark.parametrize("angle, disputed", [(0.99, False), (1.01, True)])

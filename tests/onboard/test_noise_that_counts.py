@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import Stream
 from shefex_nav.onboard.navigation.integrity_share import Estimate
+from shefex_nav.onboard.navigation.state import ATT, layout
 
 USED = Verdict(Fate.USED, None, None, "", True)
 BELIEVED = USED._replace(fate=Fate.RESET)
@@ -29,7 +30,7 @@ def filter_of(moved=None, **health):
     anew = []
     records = {"gps_position": HEALTHY._replace(used=100), "gps_velocity": HEALTHY._replace(used=100)}
     return SimpleNamespace(
-        noise=Noise(), params=PARAMS._replace(imu=MODEL), health={**records, **health},
+        noise=Noise(), params=PARAMS._replace(imu=MODEL), layout=layout(()), health={**records, **health},
         constants=SimpleNamespace(model=error_model.record(PARAMS)),
         history=SimpleNamespace(ends_s=[0.0, NOW_S], P=P, newest=1, oldest=0, number=lambda k: k),
         watch=SimpleNamespace(
@@ -68,6 +69,7 @@ def test_noise_of_the_imu_counts_from_an_alarm_on(step, counts):
     nav = filter_of()
     got = adaptation.widen(nav, SimpleNamespace(P=P), step, USED, "why")
     assert got.fate == Fate.RESET and isinstance(got.admitted, Grown) and got.note.endswith("too small: why")
+    assert got.admitted.factors.tolist() == [step] * ATT.start + [1.0] * 9  # not what is hardly known
     assert nav.noise.imu == counts and nav.noise.schedule == [(NOW_S, counts, (1.0, 1.0))]
     before, after = (nav.constants.model[k] for k in (0, 1))
     assert before["from_s"] == -np.inf and after["from_s"] == NOW_S

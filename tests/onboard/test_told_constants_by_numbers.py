@@ -45,14 +45,22 @@ def test_a_position_of_another_instant_is_off_by_the_velocity_over_ground():
     np.testing.assert_allclose(got[:, 1:], H[:, POS] @ C, rtol=1e-12)
 
 
-def test_a_velocity_of_another_instant_is_off_by_the_acceleration():
-    """That of the antenna: of a body that turns steadily, its velocity a moment before, by differences."""
-    a_i, omega_b, H = np.array([3.0, -50.0, 7.0]), np.array([6.0, -0.2, 0.4]), rows(VEL)
-    got = plain(told._of_velocity)(H, packed(), a_i, omega_b, ARM_B)
-    c = 1e-6
-    before = C @ rotation.dcm_from_rotvec(-omega_b * c)
-    moved = -a_i * c + (before - C) @ np.cross(omega_b, ARM_B)
-    np.testing.assert_allclose(got[:, 0] * c, H[:, VEL] @ moved, rtol=1e-4)
+@pytest.mark.parametrize("f_i", [np.array([3.0, -50.0, 7.0]), np.zeros(3)], ids=["thrust", "orbit"])
+def test_a_velocity_of_another_instant_is_off_by_the_acceleration_over_ground(f_i):
+    """The antenna of a body that turns steadily a moment before, against the axes of the Earth then."""
+    omega_b, H, c = np.array([6.0, -0.2, 0.4]), rows(VEL), 1e-4
+    a_i = f_i - wgs84.GM / np.linalg.norm(R_I) ** 3 * R_I
+    seen = read(np.eye(N), np.ones(3), H, np.eye(3), x=packed(v=5.0 * V_I), f_i=f_i, omega_b=omega_b)
+
+    def over_ground(t_s):
+        """Velocity at t_s, in the axes that the Earth has at 0."""
+        C_ib, back = C @ rotation.dcm_from_rotvec(omega_b * t_s), rotation.dcm_from_rotvec(-OMEGA_IE_I * t_s)
+        r = R_I + 5.0 * V_I * t_s + 0.5 * a_i * t_s**2
+        return back @ (5.0 * V_I + a_i * t_s - np.cross(OMEGA_IE_I, r) + C_ib @ np.cross(omega_b, ARM_B))
+
+    changes = (over_ground(-c) - over_ground(c)) / (2.0 * c)
+    got = plain(told._shown)(seen, told.VELOCITY)
+    np.testing.assert_allclose(got[:, 0], H[:, VEL] @ changes, atol=2e-3)  # m/s^2; the arm on the Earth
     for k in range(3):
         arm = np.eye(3)[k]
         np.testing.assert_allclose(got[:, 1 + k], H[:, VEL] @ C @ np.cross(omega_b, arm), atol=1e-12)
@@ -93,8 +101,8 @@ def test_the_value_that_explains_most():
 OMEGA_B, F_I = np.array([6.0, -0.2, 0.4]), np.array([3.0, -50.0, 7.0])
 
 
-def read(P, z, H, S, x=None, f_i=F_I, dt_s=np.nan):
-    return told.Shown(packed() if x is None else x, P, z, H, S, OMEGA_B, f_i, OMEGA_IE_I, ARM_B, dt_s)
+def read(P, z, H, S, x=None, f_i=F_I, dt_s=np.nan, omega_b=OMEGA_B):
+    return told.Shown(packed() if x is None else x, P, z, H, S, omega_b, f_i, OMEGA_IE_I, ARM_B, dt_s)
 
 
 def measured(what, judges, learns, B, sums, dt_s=np.nan, seed=3):
@@ -109,8 +117,7 @@ def measured(what, judges, learns, B, sums, dt_s=np.nan, seed=3):
     if what == told.POSITION:
         s = plain(told._of_position)(H, packed(), V_I - np.cross(OMEGA_IE_I, R_I))
     elif what == told.VELOCITY:
-        gravity = -wgs84.GM / np.linalg.norm(R_I) ** 3 * R_I
-        s = plain(told._of_velocity)(H, packed(), F_I + gravity, OMEGA_B, ARM_B)
+        s = plain(told._shown)(read(P, z, H, S), what)
     return got, s, z, S, P, H
 
 
@@ -149,17 +156,20 @@ def test_between_measurements_the_response_is_carried_on():
     np.testing.assert_allclose(B, wanted, rtol=1e-9)
 
 
-def remembered(ticks=40, n=4, dt_s=0.0025):
-    """Memory of a body that turns and is pushed, in ticks of 10 ms that end at 0.01, 0.02 ... s."""
+def remembered(ticks=40, n=4, dt_s=0.0025, pushed=lambda number: 1.0):
+    """Memory of a body that turns and is pushed, in ticks of 10 ms that end at 0.01, 0.02 ... s.
+
+    pushed : number of a tick -> factor of F_I in it
+    """
     size = 64
     numbers, increments = np.zeros((size, 4)), np.full((size, BEFORE + n, 6), np.nan)
     xs = np.full((size, 30), np.nan)
     for number in range(1, ticks + 1):
-        numbers[number] = 0.01 * number, dt_s, n, 0.0
-        C_ib = C @ rotation.dcm_from_rotvec(OMEGA_B * 0.01 * number)
+        numbers[number] = n * dt_s * number, dt_s, n, 0.0
+        C_ib = C @ rotation.dcm_from_rotvec(OMEGA_B * n * dt_s * number)
         xs[number, X_Q] = rotation.quat_from_dcm(C_ib)
         increments[number, BEFORE:, :3] = OMEGA_B * dt_s
-        increments[number, BEFORE:, 3:] = C_ib.T @ F_I * dt_s
+        increments[number, BEFORE:, 3:] = pushed(number) * C_ib.T @ F_I * dt_s
     return prediction.Memory(
         numbers, increments, np.zeros((size, 3, 3)), xs, np.zeros((size, N, N)), packed(), np.eye(N),
         np.zeros((size, 6, 0)),
@@ -180,11 +190,21 @@ def test_the_motion_is_what_the_sensors_have_read_until_shortly_before():
     assert np.isnan(plain(told._read)(remembered(), 0, 40, 0.0)[0]).all()
 
 
-def test_where_no_motion_is_known_a_velocity_shows_nothing():
-    unknown = np.full(3, np.nan)
+def test_of_ticks_that_are_longer_than_the_span_it_is_the_last_before():
+    """An IMU of 5 Hz, say: ticks that end at 0.2, 0.4 ... s."""
+    memory = remembered(n=1, dt_s=0.2, pushed=lambda number: number)
+    np.testing.assert_allclose(plain(told._read)(memory, 0, 40, 7.95)[1], 39.0 * F_I, rtol=1e-9)
+    np.testing.assert_allclose(plain(told._read)(memory, 0, 40, 8.0)[1], 40.0 * F_I, rtol=1e-9)
+
+
+def test_where_no_motion_is_known_a_velocity_teaches_nothing():
+    """Neither the sums nor the response, which would need what it shows."""
+    unknown, P = np.full(3, np.nan), np.eye(N)
     for what, H, shows in ((told.VELOCITY, rows(VEL), False), (told.POSITION, rows(POS), True)):
-        seen = read(np.eye(N), np.ones(3), H, np.eye(3), f_i=unknown)
-        assert plain(told._shown)(seen, what).any() == shows
+        B, sums = np.random.default_rng(5).standard_normal((N, 4)), told.Constants().sums
+        before = B.copy()
+        plain(told._take)(B, sums, read(P, np.ones(3), H, np.eye(3), f_i=unknown), what, True, True)
+        assert sums.J.any() == sums.y.any() == (B != before).any() == shows
 
 
 @pytest.mark.parametrize("what", [told.POSITION, told.VELOCITY])
@@ -240,12 +260,12 @@ def test_the_one_that_explains_more_is_named_and_stays_while_anything_speaks_for
     assert judged((0.0, 0.0), (1.0, 0.26 * LIMITS[3]), before=told.ARM)[1] == told.ARM
 
 
-def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0):
-    reported, memory = [], remembered()
+def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, period_s=0.05, **memory):
+    reported, memory = [], remembered(**memory)
     memory.numbers[:, 0] += t_s - 0.4
     nav = SimpleNamespace(
         watch=SimpleNamespace(imu_blind=blind, report=lambda *given: reported.append(given)),
-        earth=EARTH, params=SimpleNamespace(l_ba_b=ARM_B),
+        earth=EARTH, params=SimpleNamespace(l_ba_b=ARM_B, vibration_period_s=period_s),
         history=SimpleNamespace(ends_s=[t_s], oldest=0, number=lambda k: k, arrays=memory),
     )  # fmt: skip
     now = SimpleNamespace(x=packed(), P=np.eye(N), k=40, t_s=t_s)
@@ -283,3 +303,26 @@ def test_a_velocity_sees_the_turn_of_the_body():
     take(one, "gps_velocity")
     omega = rotation.skew(OMEGA_B)
     np.testing.assert_allclose(one.sums.J[1:, 1:], omega.T @ omega / 2.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("period_s, known", [(0.05, True), (0.2, True), (0.41, False), (1.01, False)])
+def test_the_motion_is_that_of_a_period_of_the_vibration_before(period_s, known):
+    """Pushed until a period and `SPAN_S` before, and since then in the period alone: as if never."""
+    first = 40 - round(100.0 * (period_s + told.SPAN_S))
+    swings = {"pushed": lambda number: 1.0 + (number > 40 - round(100.0 * period_s)) - (number <= first)}
+    wanted, one, other = told.Constants(), told.Constants(), told.Constants()
+    take(wanted, "gps_velocity", period_s=period_s)
+    take(one, "gps_velocity", period_s=period_s, **swings)
+    np.testing.assert_allclose(one.sums.J, wanted.sums.J, rtol=1e-12)
+    assert one.sums.J.any() == known
+    take(other, "gps_velocity", period_s=0.5 * period_s, **swings)
+    assert np.abs(other.sums.J - wanted.sums.J).max() > 1.0 or period_s > 1.0
+
+
+def test_a_time_shows_in_the_turn_of_the_antenna_too():
+    """Of a body that spins, by the centripetal acceleration at the end of the arm that was told."""
+    one, seen = told.Constants(), read(np.eye(N), np.ones(3), rows(VEL), np.eye(3))
+    moves = plain(told._shown)(seen, told.VELOCITY)
+    take(one, "gps_velocity")
+    assert one.sums.J[0, 0] == pytest.approx(moves[:, 0] @ moves[:, 0] / 2.0, rel=1e-9)
+    assert np.linalg.norm(np.cross(OMEGA_B, np.cross(OMEGA_B, ARM_B))) > 5.0

@@ -7,10 +7,11 @@ stands still, and its readings scatter more than they should (`at_rest`). Innova
 white are the noise of the sensor itself.
 
 What follows is said, logged, and bounded by `MOST`: from that tick on the noise of the IMU counts `imu` times
-(a row of `error_model.record`, which the smoother gets, too), the covariance of attitude and biases grows as
-if it always had, and the share of process noise in the innovations says whether that was right
-(`integrity_share`). The factor rises at once and falls slowly. It never falls below 1: noise that is told too
-large costs accuracy, and a covariance that shrinks by what innovations say may be too small.
+(a row of `error_model.record`, which the smoother gets, too), the covariance grows as if it always had, that
+of calibration errors to `MOST` times their sigma at the start, and the share of process noise in the
+innovations says whether that was right (`integrity_share`). The factor rises at once and falls slowly. It
+never falls below 1: noise that is told too large costs accuracy, and a covariance that shrinks by what
+innovations say may be too small.
 
 Without an alarm nothing is touched.
 """
@@ -19,8 +20,8 @@ from collections import deque
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import at_rest, error_model, eskf, integrity_watch
-from shefex_nav.onboard.navigation.grown import grown
+from shefex_nav.onboard.navigation import at_rest, error_model, eskf, integrity_learnt, integrity_watch
+from shefex_nav.onboard.navigation.grown import MOST
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import LENGTHS, WHITE, Window, neighbours
@@ -29,7 +30,6 @@ from shefex_nav.records import NavHealth
 
 WATCHED = VECTORS  # sensors whose windows are kept: one fix, three numbers
 JUDGED = (*WATCHED, *RATES)  # the inertial sensors are held against those of the velocity
-MOST = 16.0  # largest factor of a standard deviation
 YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filter has only begun
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
 STEP = 2.0  # [E] factor after an alarm that does not say how large it is
@@ -242,7 +242,8 @@ def widen(nav, now, step, verdict, why):
         noise.share = Share(nav.history)
     noise.share.begin(SETTLING)
     _report(nav, f"{IMU} told too small: counts {noise.imu:.2g} times, {CANNOT} yet")
-    return verdict._replace(fate=Fate.RESET, admitted=grown(now.P, step), note=f"{IMU} told too small: {why}")
+    admitted, note = integrity_learnt.widened(nav, now.P, step), f"{IMU} told too small: {why}"
+    return verdict._replace(fate=Fate.RESET, admitted=admitted, note=note)
 
 
 def _count(nav, imu, rest):

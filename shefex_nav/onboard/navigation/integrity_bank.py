@@ -33,7 +33,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
-from shefex_nav.onboard.navigation.grown import Grown, grown
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate, Innovations, chi_square_limit
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, fix_of
@@ -248,8 +248,8 @@ class Bank:
         else:
             doubts = integrity_learnt.by_stars(nav, now, alarm.mean, False)
         if verdict.fate != Fate.RESET:
-            note = "what was learnt is doubted"
-            verdict = verdict._replace(fate=Fate.RESET, admitted=grown(now.P, alarm.factor), note=note)
+            admitted = integrity_learnt.widened(nav, now.P, alarm.factor)
+            verdict = verdict._replace(fate=Fate.RESET, admitted=admitted, note="what was learnt is doubted")
         return verdict._replace(doubts=doubts)
 
     def _look(self, nav, group, now_s):

@@ -5,7 +5,8 @@ arm as the motion of another point: z = s c + noise, with the columns
 
     of position  s = H_r [-v, C_ib],    of velocity  s = H_v [-a - C_ib omega x (omega x l), C_ib (omega x)]
 
-for a fix measured c_1 seconds before the instant that it names, and an arm that is longer by c_2...4. What
+for a fix measured c_1 seconds before the instant that it names, and an arm that is longer by c_2...4; v and a
+are those over the turning Earth. What
 the filter has learnt of it already shows no more. That is its response B to a unit of c, which goes through
 the filter as an error of the state does (separate bias: Friedland, IEEE TAC 14, 1969)::
 
@@ -15,14 +16,16 @@ Innovations of a filter whose constants are right are white with covariance S, s
 
     J = sum h^T S^-1 h,    y = sum h^T S^-1 z,    y^T J^-1 y ~ chi-square
 
-for any h without a part of the error that is in z. What the filter knows of its motion has one: the sensors
-swing with the vibration, and the velocity is off by what z is to correct. With fixes 20 ms apart that made a
-right time look 8 ms wrong, with a velocity known to 2 cm/s a right arm of 1.8 m look 2.7 m wrong. So rate and
-acceleration are what the sensors have read until `GAP_S` before, and a time shows only in a vehicle that
-moves. B is followed through position, velocity and attitude only; that makes h less sharp, not the chance of
-a false alarm larger. Whoever else is at fault leaves innovations of another form: a constant is found only
-where it explains most of what is more than chance in all innovations since the start. Constants are wrong
-from the start: once a sensor was believed against the filter, something else may be, and no more is taken in.
+for any h that does not correlate with z. Motion as the filter estimates it does: the sensors swing with the
+vibration, and the velocity is off by what z is to correct. With fixes 20 ms apart that made a right time look
+8 ms wrong, with a velocity known to 2 cm/s a right arm of 1.8 m look 2.7 m wrong. So rate and acceleration
+are what the sensors have read until the longest period of the vibration before, after which swings do not
+correlate, and a time shows only in a vehicle that moves. Where the memory does not reach so far back, or that
+period is longer than `LONGEST_S`, velocities show nothing. B is followed through position, velocity and
+attitude only; that makes h less sharp, not the chance of a false alarm larger. Whoever else is at fault
+leaves innovations of another form: a constant is found only where it explains most of what is more than
+chance in all innovations since the start. Constants are wrong from the start: once a sensor was believed
+against the filter, something else may be, and no more is taken in.
 """
 
 from typing import NamedTuple
@@ -41,10 +44,10 @@ FEWEST = 5  # [E] innovations of GPS
 LEAST = 2e-3, 0.2  # [E] s, m: an error below is no matter
 EXPLAINED = 0.7  # [E] share of the squares beyond chance
 OVER = 0.25  # of the limit, below which a constant is right after all
-GAP_S = 0.05  # s, a period of 20 Hz, the slowest vibration: swings so far apart do not correlate
+LONGEST_S = 1.0  # [E] period of vibration, beyond which readings tell too little of the motion
 SPAN_S = 0.1  # s [E], of the readings that are taken
 MOVES = 10.0  # [E] sigma of the velocity, over ground
-UNREAD = np.zeros(3), np.zeros(3)
+UNREAD = np.full(3, np.nan), np.full(3, np.nan)
 CONDITION = 1e8  # of J, beyond which nothing is said
 TIME, ARM = slice(0, 1), slice(1, 4)
 NOTHING, POSITION, VELOCITY = 0, 1, 2  # what a sensor shows of a wrong constant
@@ -99,10 +102,12 @@ class Constants:
             self.B = np.zeros((H.shape[1], 4))
         what = SHOWS.get(name, NOTHING)
         judges = what != NOTHING and fate != Fate.HELD and not nav.watch.imu_blind
-        ticks = nav.history.oldest, nav.history.number(now.k)
-        read = _read(nav.history.arrays, *ticks, now.t_s - GAP_S) if what == VELOCITY else UNREAD
-        known = frames.omega_ie_i(nav.earth), nav.params.l_ba_b
-        seen = Shown(now.x, now.P, z, H, S, *read, *known, now.t_s - self.seen_s)
+        motion = UNREAD
+        if what == VELOCITY and nav.params.vibration_period_s <= LONGEST_S:
+            ticks = nav.history.oldest, nav.history.number(now.k)
+            motion = _read(nav.history.arrays, *ticks, now.t_s - nav.params.vibration_period_s)
+        turns_i, arm_b = frames.omega_ie_i(nav.earth), nav.params.l_ba_b
+        seen = Shown(now.x, now.P, z, H, S, *motion, turns_i, arm_b, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
         self.seen_s = now.t_s
         if judges:
@@ -142,9 +147,9 @@ def _take(B, sums, seen, what, judges, learns):
     if seen.dt_s > 0.0:
         _carry(B, sums.v_i, sums.C_ib, x[X_R], v_i, C_ib, seen.dt_s)
     sums.v_i[:], sums.C_ib[:] = v_i, C_ib
-    h, both = -(H @ B), np.empty((len(z), 5))
-    if what != NOTHING:
-        h += _shown(seen, what)
+    h, both = _shown(seen, what) - H @ B, np.empty((len(z), 5))
+    if what == VELOCITY and np.isnan(seen.f_i[0]):
+        h[:] = 0.0  # whatever it shows is not known
     both[:, :4], both[:, 4] = h, z
     solved = np.linalg.solve(seen.S, both)
     by_h, by_z = np.ascontiguousarray(solved[:, :4]), np.ascontiguousarray(solved[:, 4])
@@ -193,7 +198,8 @@ def _gravity(r_i):
 
 @kernel
 def _read(memory, oldest, newest, t_s):
-    """Means of what the sensors have read in the `SPAN_S` before an instant, as far as the memory has it.
+    """Means of what the sensors have read in the `SPAN_S` before an instant, as far as the memory has it: of
+    the ticks that end in it, or of the last one before the instant.
 
     memory : prediction.Memory;  oldest, newest : numbers of ticks;  t_s : s
     -> omega_b (3,) rad/s, body axes; f_i (3,) m/s^2, inertial axes; NaN: the memory has nothing
@@ -202,7 +208,7 @@ def _read(memory, oldest, newest, t_s):
     for number in range(newest, oldest - 1, -1):
         k = number % len(memory.numbers)
         end_s, dt_s, n = memory.numbers[k, 0], memory.numbers[k, 1], int(memory.numbers[k, 2])
-        if n == 0 or end_s < t_s - SPAN_S + SAME_S:
+        if n == 0 or (covered_s > 0.0 and end_s < t_s - SPAN_S + SAME_S):
             break
         if end_s > t_s + SAME_S:
             continue
@@ -217,15 +223,18 @@ def _read(memory, oldest, newest, t_s):
 
 @inner
 def _shown(seen, what):
-    """What a unit of each constant shows in a fix, (m, 4). seen : Shown;  what : of `SHOWS`"""
-    x, H = seen.x, seen.H
-    if what == VELOCITY and np.isnan(seen.f_i[0]):
-        return np.zeros((len(H), 4))
-    v_r = x[X_V] - np.cross(seen.omega_ie_i, x[X_R])
+    """What a unit of each constant shows in a measurement, (m, 4). seen : Shown;  what : of `SHOWS`"""
+    x, H, turns_i = seen.x, seen.H, seen.omega_ie_i
+    s = np.zeros((len(H), 4))
+    if what == NOTHING:
+        return s
+    v_r = x[X_V] - np.cross(turns_i, x[X_R])
     if what == POSITION:
         s = _of_position(H, x, v_r)
     else:
-        s = _of_velocity(H, x, seen.f_i + _gravity(x[X_R]), seen.omega_b, seen.l_ba_b)
+        a_i = seen.f_i + _gravity(x[X_R])
+        a_r = a_i - np.cross(turns_i, x[X_V] + v_r)
+        s = _of_velocity(H, x, a_r, seen.omega_b, seen.l_ba_b)
     if v_r @ v_r <= MOVES**2 * np.trace(seen.P[VEL, VEL]):
         s[:, TIME] = 0.0
     return s
@@ -244,10 +253,13 @@ def _of_position(H, x, v_r):
 
 
 @inner
-def _of_velocity(H, x, a_i, omega_b, l_ba_b):
-    """Likewise of its velocity. a_i : (3,) m/s^2, of the IMU;  omega_b : (3,) rad/s;  l_ba_b : (3,) m"""
+def _of_velocity(H, x, a_r, omega_b, l_ba_b):
+    """Likewise of its velocity.
+
+    a_r : (3,) m/s^2, of the IMU over ground, inertial axes;  omega_b : (3,) rad/s;  l_ba_b : (3,) m
+    """
     shown, turning = np.empty((3, 4)), rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(omega_b)
-    shown[:, 0] = -a_i - turning @ np.cross(omega_b, l_ba_b)
+    shown[:, 0] = -a_r - turning @ np.cross(omega_b, l_ba_b)
     shown[:, 1:] = turning
     return np.ascontiguousarray(H[:, VEL]) @ shown
 

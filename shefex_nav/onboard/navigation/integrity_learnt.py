@@ -7,9 +7,10 @@ small sigma, and the next spin shows it. So when stars or GPS have contradicted 
 believed, and when the stars find a gyro wrong, every learnt block j gets back what it has gained since it was
 last known to be right,
 
-    P_jj <- P_jj + max(P_jj(then) - P_jj, 0) + (x_j - x_j(then))^2,
+    P_jj <- max(P_jj, P_jj(then) + (x_j - x_j(then))^2),
 
-the certainty that it has gained since and all of the correction, which may be the falsehood. Adding
+the certainty that it has gained since and all of the correction, which may be the falsehood; to doubt it a
+second time adds what it has learnt since the first. Adding
 independent noise is honest whatever the ties are; to cut them is not: attitude and mounting, of which the
 stars see the sum, would seem to be known by sqrt(2) better after the next fix. What is added to the mounting
 is added to the attitude with the opposite sign.
@@ -49,6 +50,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard.navigation import eskf
 from shefex_nav.onboard.navigation.blocks import STATES
+from shefex_nav.onboard.navigation.grown import MOST, grown
 from shefex_nav.onboard.navigation.state import (
     ATT,
     NOMINAL,
@@ -124,8 +126,8 @@ def doubts(params, layout, then, x, P):
         before, value = _at_start(params, name), 0.0
         if then is not None:
             before, value = then.variances[place], then.x[nominal]
-        gained = np.maximum(before - P.diagonal()[place], 0.0)
-        added[name] = np.sqrt(gained + (x[nominal] - value) ** 2)
+        gained = before + (x[nominal] - value) ** 2 - P.diagonal()[place]
+        added[name] = np.sqrt(np.maximum(gained, 0.0))
     return added
 
 
@@ -136,6 +138,18 @@ def _at_start(params, name):
     if name == "accel_bias":
         return params.sigma_accel_bias**2
     return initial_covariance(params, name).diagonal()
+
+
+def widened(nav, P, factor):
+    """What a covariance that was too small all along grows by, learnt errors to `MOST` sigmas of the start.
+
+    Filter, (n, n), float -> Grown
+    """
+    most = np.full(nav.layout.n, np.inf)
+    for name in LEARNT:
+        if nav.layout.places[name] is not None:
+            most[nav.layout.places[name]] = MOST * np.sqrt(_at_start(nav.params, name))
+    return grown(P, factor, most)
 
 
 def by_stars(nav, now, z, explained):

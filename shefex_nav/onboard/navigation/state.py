@@ -187,6 +187,7 @@ class NavParams(NamedTuple):
     history_s: float  # how far back a measurement may lie
     motors: np.ndarray  # (n, 2) in order of burning: s from when it may burn, vibration by the strongest's
     swing_at_rest: np.ndarray = np.zeros(2)  # rad, m/s rms, of gyros and accelerometers while no motor burns
+    vibration_period_s: float = 0.05  # the longest of the vibration
     states: tuple[str, ...] = DEFAULT_STATES  # optional blocks
     clock_white: float = 0.0  # m/sqrt(s), of the receiver's clock: white frequency noise
     clock_walk: float = 0.0  # m/s/sqrt(s), random walk of its frequency
