@@ -20,6 +20,12 @@ def test_right_constants_are_never_found_wrong(name):
         assert not said(fly(name, until_s=150.0, seed=seed))
 
 
+def test_vibration_is_not_taken_for_a_wrong_time():
+    """Fixes so close that the slowest vibration, of 5 Hz, is in the motion that the filter knows, too."""
+    slow = "gps.rate=50 Hz", "imu.vibration.lowest_frequency=5 Hz", "mission.start=-3 s"
+    assert not said(fly("no_star_tracker", *slow, until_s=20.0, seed=881))
+
+
 @pytest.mark.parametrize("offset_ms", [50.0, -50.0])
 def test_the_time_of_fixes_is_found_wrong_soon_after_lift_off(offset_ms):
     """A stamp that is later than the fix by so much belongs to a fix measured before it."""

@@ -52,7 +52,8 @@ def row(record):
     """
     result = {name: record.get(name) for name in HEAD}
     if warnings := (record.get("summary") or {}).get("warnings"):
-        result[WARNINGS] = json.dumps(warnings, ensure_ascii=False)  # an escape has digits
+        # no escapes: their digits would look like numbers, without which kinds of warnings are told apart
+        result[WARNINGS] = json.dumps(warnings, ensure_ascii=False)
     for path, value in (record.get("draws") or {}).items():
         result |= {f"draw.{name}": scalar for name, scalar in of_draw(path, value)}
     for path, value in _scalars(record.get("summary") or {}):

@@ -9,6 +9,7 @@ from shefex_nav.errors import CodeError, SoftwareError
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
 LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
+NO_NUMBERS = str | bytes | None | complex | np.complexfloating
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
@@ -52,11 +53,11 @@ class OwnSoftware:
         """Array of real numbers, NaN and infinity among them; SoftwareError."""
         try:
             array = np.asarray(value)
-        except ValueError:  # rows of several lengths
-            array = np.asarray(None)
-        if array.dtype.kind not in "iuf":  # digits as text, None and whole numbers of 400 digits are none
-            raise self.error(now_s, f"{what} must be numbers, got {value!r}")
-        return array.astype(float)
+            if array.dtype.kind in "biuf" or _are_numbers(array):
+                return array.astype(float)
+        except (TypeError, ValueError, OverflowError):  # rows of several lengths, numbers of 400 digits
+            pass
+        raise self.error(now_s, f"{what} must be numbers, got {value!r}")
 
     def quaternion(self, now_s, what, value):
         """Unit quaternion, normalised; SoftwareError."""
@@ -65,6 +66,11 @@ class OwnSoftware:
         if abs(norm - 1.0) > UNIT:
             raise self.error(now_s, f"{what} must be a unit quaternion, its norm is {norm:.6g}")
         return q / norm
+
+
+def _are_numbers(array):
+    """Whether an array of objects holds nothing that is none, though float() takes it: fractions, say."""
+    return array.dtype.kind == "O" and not any(isinstance(one, NO_NUMBERS) for one in array.flat)
 
 
 def covariance_fault(P):

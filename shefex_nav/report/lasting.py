@@ -4,52 +4,52 @@ Where weight lasts (`scenario.weight`) these errors are biases, and the filter's
 (docs/theory/filter.md, docs/verification/navigation.md). Not looked at: what falls through the air without a
 parachute, and that one which opens at a great height hangs in free fall first.
 
-Thrust ends soon, but an error of an accelerometer that moves the velocity by many times what GPS leaves open
-is no noise either: the biases take it up, and after the burn GPS seems to be wrong.
+Thrust and drag end soon, but an error of an accelerometer that moves the velocity by many times what GPS
+leaves open is no noise either: the biases take it up, and then GPS seems to be wrong.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
+from shefex_nav.records import Phase
 from shefex_nav.scenario import wanted_states, weight
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.wanted_states import WINDOW_S
 
 WARNED = 15.0  # [E] times the noise (docs/verification/navigation.md)
 STEP_HZ = 25.0  # of the samples that are summed up
-LEAST = 60.0  # m/s of all thrust in a window: a satellite is not looked at
+LEAST = 60.0  # m/s in a window, below which there is hardly any force
 
 
-class Thrust(NamedTuple):
-    """Velocity that an error of the accelerometers makes in the worst `WINDOW_S` of a flight."""
+class Pushed(NamedTuple):
+    """Velocity that an error of the accelerometers makes by thrust and drag in the worst `WINDOW_S`."""
 
     scale: float  # m/s per unit of the scale factors
     misalignment: float  # m/s per rad
 
 
-def thrust(t_s, q_ib, f_b):
-    """Thrust of a flight, rms of an inertial axis; None: there is hardly any.
+def pushed(flown):
+    """Pushed of a flight, rms of an inertial axis; None: there is hardly any force but weight at rest.
 
-    (N,) s, (N, 4), (N, 3) m/s^2, body axes
+    flown : Trajectory, or TruthSample of arrays
     """
-    if len(t_s) < 2:
+    if len(flown.t_s) < 2:
         return None
-    dt_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
-    rows = slice(0, None, max(1, round(1.0 / (STEP_HZ * dt_s)), math.ceil(len(t_s) / wanted_states.MOST)))
-    f_b, dt_s = f_b[rows], dt_s * rows.step
+    rows, dt_s = wanted_states.thinned(flown.t_s, STEP_HZ)
+    rests = np.isin(flown.phase[rows], (Phase.PAD, Phase.GROUND))
+    pushed_b = np.where(rests[:, None], 0.0, flown.f_b[rows])
     seconds = max(1, round(1.0 / dt_s))
-    pushes = np.add.reduceat(np.abs(f_b).sum(axis=1), np.arange(0, len(f_b), seconds)) * dt_s
+    pushes = np.add.reduceat(np.abs(pushed_b).sum(axis=1), np.arange(0, len(pushed_b), seconds)) * dt_s
     if np.convolve(pushes, np.ones(round(WINDOW_S))).max() < LEAST:
         return None
-    C_ib = np.stack([_axis(q_ib[rows], i) for i in range(3)], axis=-1)
-    squares = wanted_states.Motion(dt_s, C_ib, None, f_b, None).force_windows
+    C_ib = np.stack([_axis(flown.q_ib[rows], i) for i in range(3)], axis=-1)
+    squares = wanted_states.windows_of(C_ib, pushed_b, dt_s)
     along = np.einsum("kii->k", squares)
     across = squares.sum(axis=(1, 2)) - along
-    return Thrust(*(float(np.sqrt(one.max() / 3.0)) for one in (along, across)))
+    return Pushed(*(float(np.sqrt(one.max() / 3.0)) for one in (along, across)))
 
 
 def _axis(q_ib, i):
@@ -67,7 +67,7 @@ def words(scenario, flown):
     navigation = scenario.navigation
     if navigation.states == AUTOMATIC:
         raise ValueError("navigation.states: automatic is not settled yet: prepare.settled")
-    for missing, why in (_of_weight(scenario, flown), _of_thrust(scenario, flown)):
+    for missing, why in (_of_weight(scenario, flown), _of_push(scenario, flown)):
         if missing:
             named = {*missing, *navigation.states}
             whole = [name for name in OPTIONAL | state_sizes() if name in named]
@@ -92,14 +92,14 @@ def _of_weight(scenario, flown):
     )
 
 
-def _of_thrust(scenario, flown):
-    """Likewise of errors that are no noise while a motor burns."""
-    if flown.thrust is None:
+def _of_push(scenario, flown):
+    """Likewise of errors that are no noise while thrust or drag acts."""
+    if flown.pushed is None:
         return [], ""
     accelerometer, noise = scenario.imu.accelerometer, wanted_states.noise(scenario, "accel_scale")
     sizes = {
-        "accel_scale": accelerometer.scale_factor * flown.thrust.scale,
-        "accel_misalignment": accelerometer.misalignment * flown.thrust.misalignment,
+        "accel_scale": accelerometer.scale_factor * flown.pushed.scale,
+        "accel_misalignment": accelerometer.misalignment * flown.pushed.misalignment,
     }
     missing = [
         name
@@ -111,8 +111,8 @@ def _of_thrust(scenario, flown):
     most, moves = max(sizes[name] for name in missing), "errors move" if missing[1:] else "error moves"
     return missing, (
         f"{'their' if missing[1:] else 'its'} {moves} the velocity by {most:.2g} m/s within "
-        f"{WINDOW_S:g} s of thrust, {most / noise:.2g} times what GPS leaves open; the biases take it up, "
-        "and after the burn a right GPS seems to be wrong"
+        f"{WINDOW_S:g} s of thrust or drag, {most / noise:.2g} times what GPS leaves open; the biases take "
+        "it up, and then a right GPS seems to be wrong"
     )
 
 

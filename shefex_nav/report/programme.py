@@ -41,7 +41,7 @@ class Flown(NamedTuple):
     motion: imu_range.Motion | None = None  # None: not known
     track: gps_limits.Track | None = None  # likewise
     sight: star_sight.Sight | None = None  # likewise
-    thrust: lasting.Thrust | None = None  # None: not known, or hardly any
+    pushed: lasting.Pushed | None = None  # None: not known, or hardly any
 
 
 class _Moments(NamedTuple):
@@ -60,20 +60,20 @@ def of_flight(flight):
     track = gps_limits.track(trajectory.t_s, trajectory.r_i, trajectory.v_i)
     astray = astray_deg(flight.control, trajectory)
     sight = star_sight.sight(trajectory.t_s, trajectory.q_ib, trajectory.r_i)
-    thrust = lasting.thrust(trajectory.t_s, trajectory.q_ib, trajectory.f_b)
-    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track, sight, thrust)
+    pushed = lasting.pushed(trajectory)
+    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track, sight, pushed)
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved, track, sight, thrust = data.truth, None, None, None, None
+    truth, moved, track, sight, pushed = data.truth, None, None, None, None
     if len(truth.t_s):
         moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
         track = gps_limits.track(truth.t_s, truth.r_i, truth.v_i)
         sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
-        thrust = lasting.thrust(truth.t_s, truth.q_ib, truth.f_b)
+        pushed = lasting.pushed(truth)
     astray = astray_deg(data.control, truth)
-    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, thrust)
+    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, pushed)
 
 
 def astray_deg(control, truth):

@@ -49,12 +49,12 @@ class Motion:
     @cached_property
     def rate_windows(self):
         """`_windows` of errors that go with rates: large, and the same for every IMU that flies it."""
-        return _windows(_responses(self, self.omega_b), self.dt_s)
+        return windows_of(self.C_ib, self.omega_b, self.dt_s)
 
     @cached_property
     def force_windows(self):
         """The same of errors that go with specific force."""
-        return _windows(_responses(self, self.f_b), self.dt_s)
+        return windows_of(self.C_ib, self.f_b, self.dt_s)
 
 
 class Effect(NamedTuple):
@@ -72,14 +72,21 @@ def motion(trajectory):
     """Motion of a Trajectory."""
     from scipy.spatial.transform import Rotation
 
-    t_s = trajectory.t_s
-    dt_s = sample_s(t_s)
-    every = max(1, round(1.0 / (STEP_HZ * dt_s)), math.ceil(len(t_s) / MOST))
-    rows = slice(0, None, every)
+    rows, dt_s = thinned(trajectory.t_s, STEP_HZ)
     C_ib = Rotation.from_quat(trajectory.q_ib[rows][:, [1, 2, 3, 0]]).as_matrix()
-    return Motion(
-        every * dt_s, C_ib, trajectory.omega_ib_b[rows], trajectory.f_b[rows], trajectory.burning[rows]
-    )
+    return Motion(dt_s, C_ib, trajectory.omega_ib_b[rows], trajectory.f_b[rows], trajectory.burning[rows])
+
+
+def thinned(t_s, step_hz):
+    """Samples of t_s (N,) at about step_hz, `MOST` at most: slice, s from one to the next."""
+    dt_s = sample_s(t_s)
+    every = max(1, round(1.0 / (step_hz * dt_s)), math.ceil(len(t_s) / MOST))
+    return slice(0, None, every), every * dt_s
+
+
+def windows_of(C_ib, felt_b, dt_s):
+    """`_windows` of errors that multiply felt_b. (K, 3, 3), (K, 3), s -> (n, 3, 3)"""
+    return _windows(_responses(C_ib, felt_b, dt_s), dt_s)
 
 
 def effects(scenario, moved, events, end_s):
@@ -136,12 +143,12 @@ def _sigmas(imu):
     return out
 
 
-def _responses(moved, felt_b):
+def _responses(C_ib, felt_b, dt_s):
     """What an element ij of a matrix that multiplies `felt_b` has moved by each sample: (K + 1, 3, 3, 3).
 
     Element [k, i, j] is the integral of C_ib[:, i] felt_b[j] over the first k samples, inertial axes.
     """
-    each = np.einsum("kai,kj->kija", moved.C_ib, felt_b) * moved.dt_s
+    each = np.einsum("kai,kj->kija", C_ib, felt_b) * dt_s
     return np.concatenate([np.zeros((1, 3, 3, 3)), np.cumsum(each, axis=0)])
 
 

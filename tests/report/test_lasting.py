@@ -2,12 +2,13 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from shefex_nav.geometry import rotation
-from shefex_nav.records import Event
+from shefex_nav.records import Event, Phase
 from shefex_nav.report import lasting, programme
 from shefex_nav.scenario import load
 
@@ -109,15 +110,16 @@ def test_who_floats_feels_no_weight():
     assert foreseen(SCENARIOS / "orbit.yaml", OF_THE_SCHEMA) == {}
 
 
-def pushed(rate, push=20.0, hz=100.0):
-    """Thrust of two minutes at rest, then 100 s in which a force along x pushes a body that spins about x."""
+def pushed(rate, push=20.0, hz=100.0, phase=Phase.BOOST):
+    """Two minutes at rest, then 100 s in which a force along x pushes a body that spins about x."""
     t_s = np.arange(0.0, 220.0, 1.0 / hz)
     q_ib = np.array([rotation.quat_from_rotvec(np.array([rate * t, 0.0, 0.0])) for t in t_s])
     f_b = np.where(t_s[:, None] > 120.0, [push, 0.0, 0.0], 0.0)
-    return lasting.thrust(t_s, q_ib, f_b)
+    phases = np.where(t_s > 120.0, phase, Phase.COAST).astype(np.int8)
+    return lasting.pushed(SimpleNamespace(t_s=t_s, q_ib=q_ib, f_b=f_b, phase=phases))
 
 
-def test_what_an_error_of_the_accelerometers_makes_of_thrust():
+def test_what_an_error_of_the_accelerometers_makes_of_thrust_and_drag():
     """A scale factor pushes along x, two misalignments across: f T each, rms of three axes."""
     found, most = pushed(0.0), 20.0 * lasting.WINDOW_S
     np.testing.assert_allclose(found, [most / np.sqrt(3.0), most * np.sqrt(2.0 / 3.0)], rtol=0.01)
@@ -125,6 +127,9 @@ def test_what_an_error_of_the_accelerometers_makes_of_thrust():
     assert spun.scale == pytest.approx(found.scale, rel=0.01)  # a spin takes turns across alone
     assert spun.misalignment < 2.0 * 20.0 / 9.0
     assert pushed(0.0, push=0.5) is None
+    assert pushed(0.0, phase=Phase.DESCENT) == found  # drag
+    for phase in (Phase.PAD, Phase.GROUND):
+        assert pushed(0.0, phase=phase) is None  # weight
 
 
 def test_thrust_that_makes_an_error_too_large_for_noise_is_told():

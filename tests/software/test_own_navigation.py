@@ -2,6 +2,8 @@
 
 import json
 import re
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from shefex_nav.errors import SoftwareError
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
-from shefex_nav.onboard.own_software import covariance_fault
+from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
 from shefex_nav.records import Doubt, NavCovariance, NavSolution, StarFix, rows
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.software import NotBuiltIn, refuse_own
@@ -121,6 +123,27 @@ WRONG = (
         r"gave a NavHealth of T\+0.490000 s, of another tick",
     ),
 )
+
+
+def test_what_means_a_number_is_one():
+    software = OwnSoftware(None, "navigation software")
+    objects = np.array([1.0, 2.0, 3], dtype=object)
+    others = [Fraction(n) for n in (1, 2, 3)], [*map(Decimal, "123")]
+    for given in ([1, 2, 3], [True, 2, 3.0], objects, *others):
+        assert software.real(0.0, "it", given).tolist() == [1.0, 2.0, 3.0]
+    assert software.real(0.0, "it", [10**20, 0, 0]).tolist() == [1e20, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        ["1", "2", "3"], [1, None, 3], [1, "2", 3.5], [1, 2, 10**400], [1, 2, 3j], [[1, 2], [3]], None,
+        np.full(3, "2026-01-01", "M8[D]"), [b"1", None, 3], object(), np.array([1j, None], dtype=object),
+    ],
+)  # fmt: skip
+def test_what_means_none_is_told(given):
+    with pytest.raises(SoftwareError, match="it must be numbers, got"):
+        OwnSoftware(None, "navigation software").real(0.0, "it", given)
 
 
 @pytest.mark.parametrize(("here", "words"), WRONG)

@@ -66,16 +66,16 @@ class Still:
         self.fixes.clear()
         told, samples = params.imu, SPAN_S / history.numbers[history.place(-1), 1]
         quanta = np.array([told.gyro_quantum, told.accel_quantum])
-        beside = samples * quanta**2 / 12.0 + 3.0 * params.swing_at_rest**2
+        other = samples * quanta**2 / 12.0 + 3.0 * params.swing_at_rest**2
         return (
-            self._factor(found[:, :, :3], told.gyro_random_walk, beside[0]),
-            self._factor(found[:, :, 3:], told.accel_random_walk, beside[1]),
+            self._factor(found[:, :, :3], told.gyro_random_walk, other[0]),
+            self._factor(found[:, :, 3:], told.accel_random_walk, other[1]),
         )
 
-    def _factor(self, sums, walk, beside):
+    def _factor(self, sums, walk, other):
         """How many times the noise of a triad is what was told; 1 unless it is certainly more.
 
-        sums : (n, SUMS, 3);  walk : sqrt of the density;  beside : variance by rounding and swing
+        sums : (n, SUMS, 3);  walk : sqrt of the density;  other : variance by rounding and swing
         """
         if walk <= 0.0:
             return 1.0
@@ -83,9 +83,9 @@ class Still:
         variance, dof = 0.5 * float((d * d).mean()), d.size
         if not _is_noise(sums, d, variance):
             return 1.0
-        if variance < max(chi_square_limit(CHANCE, dof) / dof, SHAKEN) * (white + beside):
+        if variance < max(chi_square_limit(CHANCE, dof) / dof, SHAKEN) * (white + other):
             return 1.0
-        return float(np.sqrt((variance - beside) / white))
+        return float(np.sqrt((variance - other) / white))
 
 
 def _is_noise(sums, d, variance):

@@ -15,8 +15,8 @@ peak of vibration there is none of these.
   shown of that second, m_0 times it, stays shown.
 - **A GPS velocity** says u since the one before: it is what the velocity has been corrected by along the roll
   axis, p. These errors are of one sign as G is, so they count as one, (sum of |p|)^2, and m_0 is |p| over the
-  time, a mean over tau if that is longer. Across the roll axis a spin turns the force, of which GPS shows
-  less than the gyros sense; there nothing is taken from it.
+  time, or where one was known before, a mean over tau if that is longer. Across the roll axis a spin turns
+  the force, of which GPS shows less than the gyros sense; there nothing is taken from it.
 
 The charge is made on the attitude alone: which sign it has, an unknown G does not say.
 """

@@ -232,16 +232,7 @@ def screen_packed(watch, block, readings, densities):
             _found(axis)
             densities[k // 3, k % 3] = 0.0
             continue
-        unseen, unread_s = 0.0, n * dt_s  # m^2/s^2 or rad^2; s, that the force did not count so far
-        if axis.state == GOOD:
-            unseen = _lost(axis, code, readings[n - 1, k] / dt_s, age_s, t_end_s)
-            if k >= 3:
-                held = code != SATURATED and np.isfinite(axis.mean_rate)
-                integrity_force.begin(watch.forces[k - 3], held)
-            unread_s = max(age_s, n * dt_s)
-        elif axis.state == SATURATED and code != SATURATED:  # what is held was not right, and counts anew
-            axis.fixed_s, axis.charged = t_end_s - age_s, 0.0
-            unread_s = max(age_s, n * dt_s)
+        unseen, unread_s = _turns_bad(watch, k, code, readings[n - 1, k] / dt_s, age_s, t_end_s, n * dt_s)
         if code != SATURATED or at_end:
             axis.seen_s = t_end_s
         axis.state = code
@@ -262,6 +253,24 @@ def screen_packed(watch, block, readings, densities):
         last[:] = readings
     _hold(readings, axes, dt_s)
     return changed
+
+
+@inner(forceinline=True)
+def _turns_bad(watch, k, code, reading, age_s, t_end_s, tick_s):
+    """What axis k of an IMU owes where it is no longer read, or in another way than before.
+
+    reading : the last, rad/s or m/s^2;  age_s : since when
+    -> what was not noticed so far, rad^2 or m^2/s^2; for how long the force was not counted so far
+    """
+    axis = watch.axes[k]
+    if axis.state == GOOD:
+        if k >= 3:
+            integrity_force.begin(watch.forces[k - 3], code != SATURATED and np.isfinite(axis.mean_rate))
+        return _lost(axis, code, reading, age_s, t_end_s), max(age_s, tick_s)
+    if axis.state == SATURATED and code != SATURATED:  # what is held was not right, and counts anew
+        axis.fixed_s, axis.charged = t_end_s - age_s, 0.0
+        return 0.0, max(age_s, tick_s)
+    return 0.0, tick_s
 
 
 @inner(forceinline=True)

@@ -104,7 +104,7 @@ class Navigation(Settings):
     )
     integrity: Integrity = section("faults of the sensors", {})
     history: float = quantity(
-        "s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s"
+        "s", "0.5 s", "how far back a measurement may lie, at least", positive=True, at_most="5 s"
     )
     thrust_threshold: float = quantity(
         "m/s2", "15 m/s2", "specific force above which a motor burns", positive=True
