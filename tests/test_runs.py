@@ -73,6 +73,8 @@ def test_a_flight_can_be_looked_at_up_to_a_time(default_scenario, sky):
     assert "looked at until T+1.0 s" in repr(part)
     labels, words = (list(again.table().columns[k].cells) for k in (1, 2))
     assert str(words[labels.index("looked at")]).startswith("until T+1.0 s")
+    whole = shefex_nav.fly(scenario, seed=3, until_s=None)
+    assert whole.data.until_s is None and len(whole.truth.t_s) == len(sky.truth.t_s)
     assert sky.data.until_s is None and sky.summary()["until_s"] is None
     assert "looked at" not in list(sky.table().columns[1].cells)
 
@@ -232,6 +234,8 @@ def test_a_bad_override_is_refused(default_scenario):
         ({"seed": 1.5}, "whole number"),
         ({"seed": -1}, "whole number"),
         ({"until_s": -50.0}, "after the start"),
+        ({"until_s": "5 s"}, "until_s '5 s': expected a time"),
+        ({"until_s": float("nan")}, "after the start"),
     ],
 )
 def test_what_cannot_be_flown_is_told_in_words(default_scenario, how, words):

@@ -6,6 +6,7 @@ import tempfile
 import time
 import weakref
 from contextlib import nullcontext
+from numbers import Real
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,7 +35,7 @@ def _check(scenario, seed, until_s, pace):
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
     earliest_s = thinning.earliest_end(scenario.mission.start)
-    if not until_s >= earliest_s:
+    if until_s is not None and not (isinstance(until_s, Real) and until_s >= earliest_s):
         raise ValueError(f"until_s {until_s!r}: expected a time after the start, from {earliest_s:g} s on")
 
 
@@ -58,7 +59,7 @@ def fly(
     scenario,
     seed: int = 1,
     *,
-    until_s: float = math.inf,
+    until_s: float | None = None,
     log: str | Path | None = None,
     overwrite: bool = False,
     pace: float | None = None,
@@ -72,7 +73,7 @@ def fly(
     scenario : Scenario
     seed : int
     until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same, and the
-        log says that it was not seen
+        log says that it was not seen. None: look to the end
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     pace : mission time over real time, 1.0 for a flight in real time, above 0; None: as fast as it goes
@@ -98,7 +99,7 @@ def fly(
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
     clock = None if pace is None else Pace(pace)
-    flight = _seen(world, scenario, seed, until_s, watch, clock, room)
+    flight = _seen(world, scenario, seed, math.inf if until_s is None else until_s, watch, clock, room)
     with _cycles(scenario):
         setup_s = time.perf_counter() - began
         data = _record(flight, mission, scenario.log, path, overwrite, setup_s, pace)
