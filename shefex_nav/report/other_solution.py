@@ -90,6 +90,10 @@ def read_csv(path):
 
 def _numbers(path, number, line, names):
     """Numbers of a line of a CSV; BadTable."""
+    more, cells = line.pop(None, ()), list(line.values())  # as csv has what is too much
+    if any(more) or None in cells:  # which value belongs to which column is not known
+        count = len(cells) + len(more) - cells.count(None)
+        raise BadTable(f"{path}:{number}: {count} values, but {len(cells)} names of columns")
     try:
         return [float(line[name]) for name in names]
     except (TypeError, ValueError):

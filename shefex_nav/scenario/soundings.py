@@ -170,6 +170,9 @@ def _columns(path, text):
         if line.strip() and not line.startswith("#")
     ]
     heads = [head.strip().lower() for head in table[0][1]] if table else []
+    for n, row in table[1:]:
+        if any(row[len(heads) :]):  # which value belongs to which column is not known
+            raise SoundingError(f"{path}, line {n}: {len(row)} values, but {len(heads)} names of columns")
     places = {
         what: next((k for k, head in enumerate(heads) if any(n in head for n in names)), None)
         for what, names in WANTED.items()
