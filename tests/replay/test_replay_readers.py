@@ -130,6 +130,25 @@ def test_a_decimal_comma_is_named_once(tmp_path):
         read_csv(tmp_path, IMU.replace(".", ","))  # between commas: which belongs to which?
 
 
+@pytest.mark.parametrize("row", ["5,4,5,6,0.3,0.4,-1,5", "5,4,5,6,0.3,0.4,-1.5,extra", "5,4,5,6,0.4,-1.5"])
+def test_a_row_with_more_or_fewer_values_than_names_is_refused(row, tmp_path):
+    """In any line: of a shifted row all values that are read are numbers."""
+    end = f"{IMU}10,1,2,3,0.1,0.2,-1,,\n"  # as written by spreadsheets: empty cells beyond the last name
+    with pytest.raises(DataError) as caught:
+        read_csv(tmp_path, end.replace("5,4,5,6,0.3,0.4,-1.5", row))
+    count = row.count(",") + 1
+    comma = "; the commas seem to be in the numbers (decimal comma): write points" if "," in row[-2:] else ""
+    assert str(caught.value).endswith(f"imu.csv:5: {count} values, but 7 names of columns{comma}")
+    imu, _, _ = read_csv(tmp_path, end)
+    assert imu.t_s.tolist() == [0.0, 0.005, 0.01]
+
+
+def test_a_row_of_another_width_in_a_table_without_names(tmp_path):
+    (tmp_path / "i.txt").write_text("0 1 1 1 2 2 2\n1 1 1 1 2 2 2\n2 1 1 9 1 2 2 2\n3 1 1 1 2 2 2\n")
+    with pytest.raises(DataError, match=r"i\.txt:3: 8 values, but 7 in the first row$"):
+        kf_gins.read_columns(tmp_path / "i.txt", ("time", *kf_gins.TURN, *kf_gins.GAIN))
+
+
 TORN = {
     "cells": ("10,1,2,3,0.1", "imu.csv:6: the last line was not written to its end; read to line 5"),
     "half a number": ("10,1,2,3,0.1,0.2,-", "imu.csv:6: the last line was not written to its end; read to"),
