@@ -314,12 +314,10 @@ def _wrong(cells, indices, names, form):
 def _halves(cells, form):
     """What to do about a row that is too long if its numbers seem to be cut by decimal commas."""
     joined = (f"{one},{other}" for one, other in pairwise(cells))
-    cut = sum(DECIMAL_COMMA.fullmatch(one) is not None for one in joined) >= len(cells) - form.width
-    return (
-        "; the commas seem to be in the numbers (decimal comma): write points"
-        if cut and form.separator == ","
-        else ""
-    )
+    halves = sum(DECIMAL_COMMA.fullmatch(one) is not None for one in joined)
+    if form.separator != "," or halves < len(cells) - form.width or any("." in cell for cell in cells):
+        return ""
+    return "; the commas seem to be in the numbers (decimal comma): write points"
 
 
 def _wrong_cell(cell):

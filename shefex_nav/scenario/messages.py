@@ -65,11 +65,28 @@ class Places:
         self.keys.update({(*path, *inner): mark for inner, mark in keys.items()})
         self.values.update({(*path, *inner): mark for inner, mark in values.items()})
 
+    def take(self, paths, keys, values):
+        """Replace what is known at and below each of a set of paths by what `keys` and `values` have there.
+
+        In one pass: a file may have some ten thousand values.
+        """
+        for mine, others in ((self.keys, keys), (self.values, values)):
+            for old in [known for known in mine if _is_within(known, paths)]:
+                del mine[old]
+            mine.update({known: mark for known, mark in others.items() if _is_within(known, paths)})
+        self.made = {known for known in self.made if not _is_within(known, paths)}
+        self.replaced = {known for known in self.replaced if not _is_within(known, paths)}
+
     @staticmethod
     def _nearest(marks, path):
         while path not in marks:
             path = path[:-1]
         return marks[path]
+
+
+def _is_within(path, paths):
+    """Whether a path is one of a set, or below one."""
+    return any(path[:n] in paths for n in range(1, len(path) + 1))
 
 
 def field_at(model, location):
@@ -131,8 +148,8 @@ def lines(model, validation_error, places):
     if len(absent[()]) >= MANY:
         found.append((places.key(()), _all_absent(model, absent[()])))
         absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
-    timed = [one["loc"][:-1] for one in errors if _is_timed_outage(one)]
-    for section in dict.fromkeys(timed):
+    timed = dict.fromkeys(one["loc"][:-1] for one in errors if _is_timed_outage(one))
+    for section in timed:
         found.append((places.key(plain(section)), f"{dotted(plain(section))}: {FAULT}"))
     errors = [one for one in errors if one["loc"][:-1] not in timed]
     for section in [one for one in absent if absent[one] and plain(one) in places.made]:
@@ -168,12 +185,11 @@ def _absent(model, errors):
     for error in errors:
         if error["type"] == "missing":
             absent[error["loc"][:-1]].append(error["loc"][-1])
-    for error in errors:
-        section = absent[error["loc"][:-1]]
-        if error["type"] == "extra_forbidden":
-            meant = _meant(model, error)
-            if meant.is_sibling and meant.path[-1] in section:
-                section.remove(meant.path[-1])
+    unknown = [one for one in errors if one["type"] == "extra_forbidden" and absent[one["loc"][:-1]]]
+    for error in unknown[:MOST_TOLD]:  # of more, what was meant is not told
+        section, meant = absent[error["loc"][:-1]], _meant(model, error)
+        if meant.is_sibling and meant.path[-1] in section:
+            section.remove(meant.path[-1])
     return absent
 
 
