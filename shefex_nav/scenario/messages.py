@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args, get_origin
 from pydantic import BaseModel, Tag
 
 from shefex_nav.scenario import moved, suggest
-from shefex_nav.scenario.block import is_tag
+from shefex_nav.scenario.block import BAD_KEY, is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.kind import of_the_other
 from shefex_nav.scenario.quantity import describe, quoted
@@ -25,7 +25,6 @@ FAULT = (
     "an outage at given times is a fault: 'faults: {gps: [{fault: outage, from: 100 s, until: 130 s}]}'; "
     "gps.outages follow events of the flight, each of a duration that is drawn"
 )
-BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 MOST_TOLD = 50  # errors of a scenario
 
