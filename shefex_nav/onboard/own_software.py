@@ -1,5 +1,6 @@
 """Software of somebody's own, called with care: what goes wrong in it is told with its name and the time."""
 
+import os
 import sys
 from contextlib import redirect_stdout
 
@@ -12,6 +13,37 @@ LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
+_AS_MADE = {}  # class of what is given to software: its attributes before that
+
+
+def _is_open(number):
+    """Whether a file descriptor is open."""
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
+
+def _attributes(kind):
+    """{name: value} of the attributes of a class, but for those that Python makes when they are asked for."""
+    return {name: value for name, value in vars(kind).items() if not name.startswith("__")}
+
+
+def _put_back(kind):
+    """Names of the attributes of a class that were changed, which are as before then."""
+    made, now = _AS_MADE[kind], _attributes(kind)
+    if made.keys() == now.keys() and all(now[name] is value for name, value in made.items()):
+        return ""
+    names = [name for name in made | now if name not in made or now.get(name) is not made[name]]
+    for name in names:
+        if name in made:
+            setattr(kind, name, made[name])
+        else:
+            delattr(kind, name)
+    return ", ".join(names)
+
+
 class OwnSoftware:
     """An object that somebody wrote.
 
@@ -22,12 +54,30 @@ class OwnSoftware:
     def __init__(self, software, name):
         self._software, self._name = software, name
 
+        self._streams = [number for number in (1, 2) if _is_open(number)]
+
     def has(self, method):
         """Whether it has a method."""
         return hasattr(self._software, method)
 
     def ask(self, now_s, method, *given):
-        """What a method gives; an exception becomes a SoftwareError with its frames."""
+        """What a method gives; an exception becomes a SoftwareError with its frames.
+
+        So does what would let the program fail later, and far away: standard output closed, a class changed.
+        """
+        kinds = {type(one) for part in given for one in (part, *(part if isinstance(part, list) else ()))}
+        for kind in kinds - _AS_MADE.keys():
+            _AS_MADE[kind] = _attributes(kind)
+        answer = self._answer(now_s, method, given)
+        for kind in kinds:
+            if names := _put_back(kind):
+                raise self.error(now_s, f"changes the class {kind.__name__} of what it is given: {names}")
+        for number in self._streams:
+            if not _is_open(number):
+                raise self.error(now_s, f"has closed file descriptor {number}, a stream of the program")
+        return answer
+
+    def _answer(self, now_s, method, given):
         try:
             with redirect_stdout(sys.stderr):  # standard output is for results
                 return getattr(self._software, method)(*given)

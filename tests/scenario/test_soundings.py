@@ -120,7 +120,7 @@ def test_what_cannot_be_read_is_told(tmp_path, text, words):
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(SoundingError, match="No such file"):
+    with pytest.raises(SoundingError, match="there is no such file"):
         soundings.read(tmp_path / "none.csv", EPOCH)
 
 

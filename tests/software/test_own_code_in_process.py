@@ -1,12 +1,17 @@
 """Python software of a user's own that hangs, ends the process or prints: what the command makes of it."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+
+from shefex_nav.errors import SoftwareError
+from shefex_nav.onboard.own_software import OwnSoftware
+from shefex_nav.records import ImuBlock
 
 SHORT = [part for one in ("star_tracker.off=3 s", "mission.time_limit=4 s") for part in ("--set", one)]
 BUILT_IN = "from shefex_nav.software.built_in import BuiltIn\n"
@@ -59,3 +64,28 @@ def test_a_stream_that_is_closed_takes_nothing(command, closed, code):
     whole = f"'{sys.executable}' -m shefex_nav {command} {closed}"
     done = subprocess.run(["sh", "-c", whole], capture_output=True, text=True, timeout=100)
     assert done.returncode == code and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("statement", "said"),
+    [
+        ("os.close(1)", "has closed file descriptor 1, a stream of the program"),
+        ("type(imu).t_s = property(lambda _: 'x')", "changes the class ImuBlock of what it is given: t_s"),
+        ("type(imu).mine = 1", "changes the class ImuBlock of what it is given: mine"),
+    ],
+)
+def test_what_would_let_the_program_fail_later_is_told_at_once(statement, said):
+    """The class is as before then, for whoever else uses it in this process."""
+
+    class Own:
+        def step(self, imu, arrived):
+            exec(statement, {"imu": imu, "os": os})
+
+    before, kept = dict(vars(ImuBlock)), os.dup(1)
+    try:
+        with pytest.raises(SoftwareError, match=rf"own\.py:Own, T\+1\.50 s: {said}$"):
+            OwnSoftware(Own(), "own.py:Own").ask(1.5, "step", ImuBlock(*ImuBlock._fields), [])
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+    assert dict(vars(ImuBlock)) == before
