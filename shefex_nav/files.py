@@ -1,7 +1,9 @@
 """Files that are whole or not there, also after a power failure."""
 
+import errno
 import hashlib
 import os
+import stat
 import zlib
 from contextlib import contextmanager, suppress
 from zipfile import BadZipFile
@@ -51,6 +53,29 @@ def whole(path):
     finally:
         with suppress(OSError):  # of a file that could not even be made
             half.unlink(missing_ok=True)
+
+
+IRREGULAR = (
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISFIFO, "a pipe"),
+)
+
+
+def opened(path):
+    """A file of the user, opened to read its bytes; OSError also of a pipe, a device or a socket.
+
+    There a reader would wait for a writer that never comes, or read what has no end.
+    """
+    if what := irregular(os.stat(path)):
+        raise OSError(errno.EINVAL, f"is {what}, expected a file", str(path))
+    return open(path, "rb")
+
+
+def irregular(found):
+    """`a pipe`: what something is that is neither a file nor a folder, else ''. found : of os.stat"""
+    return next((what for is_one, what in IRREGULAR if is_one(found.st_mode)), "")
 
 
 def put(path, content):

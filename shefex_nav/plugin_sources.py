@@ -12,6 +12,7 @@ import sysconfig
 from contextlib import contextmanager
 
 from shefex_nav.errors import UserError
+from shefex_nav.files import opened
 
 INSTALLED = (
     *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")),
@@ -44,7 +45,7 @@ def beside(path, source):
             for file in _files(folder, name):
                 relative = os.path.relpath(file, folder)
                 if relative not in found and os.path.abspath(file) != os.path.abspath(path):
-                    with open(file, "rb") as stream:
+                    with opened(file) as stream:
                         found[relative] = stream.read()
                     waiting.append((file, found[relative]))
     return dict(sorted(found.items()))

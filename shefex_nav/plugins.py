@@ -27,6 +27,7 @@ from typing import NamedTuple
 from shefex_nav import instruments, plugin_checks, plugin_sources
 from shefex_nav.environment import models
 from shefex_nav.errors import UserError
+from shefex_nav.files import opened
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.onboard.startracker import methods
@@ -179,7 +180,7 @@ def _module_file(name):
 def _read(name, path, sha256):
     """Source of a file, and its SHA-256, which must be `sha256` unless that is None."""
     try:
-        with open(path, "rb") as file:
+        with opened(path) as file:
             source = file.read()
     except OSError as error:
         raise PluginError(

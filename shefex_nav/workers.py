@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 
-from shefex_nav.ending import end_quickly
+from shefex_nav.ending import end_quickly, without_folders_of_astropy
 from shefex_nav.stopping import handled
 
 
@@ -135,5 +135,6 @@ def _begin(prepare, arguments):
     """First thing that a worker does."""
     bind_to_parent()
     end_quickly()
+    without_folders_of_astropy()
     if prepare is not None:
         prepare(*arguments)

@@ -145,3 +145,11 @@ def test_no_home(without, here, tmp_path):
     kernels = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))}
     words = "run", "night_sky", "--until", "1s", "--out", tmp_path / "night.mcap"
     assert shefex_nav(*words, without=without, **kernels, **here).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["HOME", "XDG_CONFIG_HOME"])
+def test_folders_of_astropy_that_are_not_there_are_not_its_warning(name, tmp_path):
+    """A unit that the program does not know by itself is asked of astropy, which then warned."""
+    told = {name: str(tmp_path / "none")}
+    done = shefex_nav("check", "night_sky", "--set", "gps.rate=300 1/min", **told)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -39,7 +39,7 @@ from shefex_nav.commands.verify import app as verify_app
 from shefex_nav.commands.view import view
 from shefex_nav.commands.warmup import warmup
 from shefex_nav.commands.winds import winds
-from shefex_nav.ending import end_quickly, search_seldom
+from shefex_nav.ending import end_quickly, search_seldom, without_folders_of_astropy
 
 app = typer.Typer(
     name="shefex-nav",
@@ -102,6 +102,7 @@ def main():
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
     search_seldom()
     end_quickly()
+    without_folders_of_astropy()
     try:
         app()
     except KeyboardInterrupt:

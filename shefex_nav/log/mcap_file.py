@@ -1,12 +1,14 @@
 """Which files are MCAP files, and which of them are whole."""
 
+from shefex_nav.files import opened
+
 MAGIC = b"\x89MCAP0\r\n"  # first bytes of one
 
 
 def is_log(path):
     """Whether a file is an MCAP file, or is called one; whoever reads it says what is wrong. Path"""
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             return file.read(len(MAGIC)) == MAGIC or path.suffix == ".mcap"
     except OSError:
         return path.suffix == ".mcap"
@@ -14,7 +16,7 @@ def is_log(path):
 
 def is_closed(path):
     """Whether an MCAP file ends as it should: its writer was not killed. Path"""
-    with path.open("rb") as file:
+    with opened(path) as file:
         return ends_well(file)
 
 

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from shefex_nav.files import named, whole
+from shefex_nav.files import named, opened, whole
 from shefex_nav.log import topics, wire
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.topics import LogError, check_folder
@@ -78,7 +78,7 @@ def _copy(source, writer, others):
     from mcap.reader import NonSeekingReader
 
     schemas, channels = {}, {}
-    with Path(source).open("rb") as file, named(source):
+    with opened(source) as file, named(source):
         reader = NonSeekingReader(file)
         for record in reader.iter_metadata():
             writer.add_metadata(record.name, record.metadata)

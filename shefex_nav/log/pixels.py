@@ -5,12 +5,11 @@ A log holds a frame as read out (`/star_tracker/image_full`), with the backgroun
 """
 
 from contextlib import suppress
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.files import named
+from shefex_nav.files import named, opened
 from shefex_nav.log.mcap_file import ends_well
 from shefex_nav.log.reader import cut_errors, readable
 
@@ -40,7 +39,7 @@ def between(path, begin_ns=None, end_ns=None):
     from mcap.reader import NonSeekingReader, SeekingReader
 
     decoders = {}
-    with Path(path).open("rb") as file, named(path):
+    with opened(path) as file, named(path):
         # without an index at its end a file is read from the front, up to where its writer was killed
         reader = (SeekingReader if ends_well(file) else NonSeekingReader)(file)
         wanted = {"starting_at": begin_ns, "ending_before": end_ns, "log_time_order": False}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import plugins
-from shefex_nav.files import named
+from shefex_nav.files import named, opened
 from shefex_nav.log import other_solutions, topics, wire
 from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
@@ -156,7 +156,7 @@ def _read_file(path):
 
     raw = _Raw({}, {}, {}, {}, {})
     try:
-        file = path.open("rb")
+        file = opened(path)
     except OSError as error:
         raise LogError(f"{path}: {_unreadable(path, error)}") from error
     with file, named(path):
@@ -167,6 +167,8 @@ def _read_file(path):
         try:
             for opcode, content in _records(file):
                 _take(opcode, content, raw)
+            if more := path.stat().st_size - file.tell():
+                raise LogError(f"{path}: {_following(file, more)}")
         except cut_errors():
             return raw, False  # the writer was killed in the middle of this record
         except _damage_errors() as error:
@@ -174,6 +176,18 @@ def _read_file(path):
                 raise LogError(f"{path}: damaged at byte {file.tell()}: {error}") from error
             return raw, False
     return raw, True
+
+
+def _following(file, more):
+    """Words about the bytes that follow the end of a log. file : at its end;  more : number of bytes"""
+    end, start = file.tell(), file.read(len(MAGIC))
+    what = (
+        "another log begins there: two were put one after the other"
+        if start == MAGIC
+        else "nothing may follow"
+    )
+    cut = f"'head -c {end} {file.name} > FILE.mcap' keeps the log alone"
+    return f"the log ends at byte {end}, {more} bytes follow; {what}; {cut}"
 
 
 def _records(file):

@@ -1,5 +1,6 @@
 """Software of somebody's own, called with care: what goes wrong in it is told with its name and the time."""
 
+import os
 import sys
 from contextlib import redirect_stdout
 
@@ -13,6 +14,15 @@ NO_NUMBERS = str | bytes | None | complex | np.complexfloating
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
+def _is_open(number):
+    """Whether a file descriptor is open."""
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
+
 class OwnSoftware:
     """An object that somebody wrote.
 
@@ -22,13 +32,24 @@ class OwnSoftware:
 
     def __init__(self, software, name):
         self._software, self._name = software, name
+        self._streams = [number for number in (1, 2) if _is_open(number)]
 
     def has(self, method):
         """Whether it has a method."""
         return hasattr(self._software, method)
 
     def ask(self, now_s, method, *given):
-        """What a method gives; an exception becomes a SoftwareError with its frames."""
+        """What a method gives; an exception becomes a SoftwareError with its frames.
+
+        So does standard output or error that it has closed: the program would fail far away.
+        """
+        answer = self._answer(now_s, method, given)
+        for number in self._streams:
+            if not _is_open(number):
+                raise self.error(now_s, f"has closed file descriptor {number}, a stream of the program")
+        return answer
+
+    def _answer(self, now_s, method, given):
         try:
             with redirect_stdout(sys.stderr):  # standard output is for results
                 return getattr(self._software, method)(*given)

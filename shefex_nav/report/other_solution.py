@@ -1,6 +1,7 @@
 """What another filter says of a flight, as arrays or CSV, made the records of a solution."""
 
 import csv
+import io
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from shefex_nav.onboard.own_navigation import Estimate
 from shefex_nav.onboard.own_software import covariance_fault
 from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.report.pairing import same_times
+from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 
 FRAMES = "i", "e"
 UNIT = 1e-3  # by which the norm of a quaternion may differ from one
@@ -69,7 +71,7 @@ class BadTable(UserError):
 def read_csv(path):
     """Given of a CSV with the COLUMNS, and perhaps COVARIANCE, among others; BadTable."""
     try:
-        with open(path, newline="", encoding="utf-8") as file:
+        with io.StringIO(read_text(path, "a table", LARGEST_DATA)) as file:
             lines = csv.DictReader(file)
             names = lines.fieldnames or []
             if missing := [name for name in COLUMNS if name not in names]:
@@ -80,8 +82,8 @@ def read_csv(path):
                     f"{path}:1: has no column {missing[0]}; expected P_1_1 to P_9_9, or none of them"
                 )
             rows = [_numbers(path, lines.line_num, line, wanted) for line in lines]
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadTable(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    except (Unreadable, csv.Error) as error:
+        raise BadTable(f"{path} {error}") from None
     if not rows:
         raise BadTable(f"{path}:2: has no row; expected one for each time")
     t_s, r, v, q, P = np.split(np.array(rows), [1, 4, 7, 11], axis=1)
@@ -90,6 +92,10 @@ def read_csv(path):
 
 def _numbers(path, number, line, names):
     """Numbers of a line of a CSV; BadTable."""
+    more, cells = line.pop(None, ()), list(line.values())  # as csv has what is too much
+    if any(more) or None in cells:  # which value belongs to which column is not known
+        count = len(cells) + len(more) - cells.count(None)
+        raise BadTable(f"{path}:{number}: {count} values, but {len(cells)} names of columns")
     try:
         return [float(line[name]) for name in names]
     except (TypeError, ValueError):

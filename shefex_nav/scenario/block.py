@@ -29,6 +29,9 @@ class Block(BaseModel):
         return BaseModel.model_copy(self, update=sections)
 
 
+BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
+
+
 def is_tag(part):
     """Whether a part of an error's location names a form (`<file>`), not a key of the scenario."""
     return isinstance(part, str) and part.startswith("<")

@@ -8,6 +8,7 @@ import csv
 import difflib
 import os
 import re
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 from shefex_nav.scenario.quantity import quoted
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+OF_NAMES, OF_FIRST_ROW = "names of columns", "in the first row"  # what the values of a row are counted by
 QUOTE = '"'
 
 
@@ -46,6 +48,29 @@ class Table(NamedTuple):
         return np.column_stack([self.columns[name] for name in names])
 
 
+class _Form(NamedTuple):
+    """How the rows of a file are made."""
+
+    separator: str | None  # None: spaces
+    width: int  # values in a row
+    what: str = OF_NAMES
+
+    def fits(self, line):
+        """Whether a row has as many values; empty ones beyond them do not count."""
+        if QUOTE in line or self.separator is None:
+            count = len(_cells(line, self.separator))
+        else:
+            count = line.count(self.separator) + 1
+        return count == self.width or (count > self.width and len(self.filled(line)) == self.width)
+
+    def filled(self, line):
+        """Cells of a row without empty ones beyond the width."""
+        cells = _cells(line, self.separator)
+        while len(cells) > self.width and not cells[-1]:
+            cells.pop()
+        return cells
+
+
 def read_csv(path, names, *, flag=None, torn_end=False):
     """Table of the columns `names` of a CSV whose first line that is no comment names its columns.
 
@@ -61,33 +86,36 @@ def read_csv(path, names, *, flag=None, torn_end=False):
     problems = [f"{path}:{number}: {missing(name, found)}" for name in names if found.count(name) != 1]
     if problems:
         raise DataError("\n".join(problems))
-    indices, rows, torn = [found.index(name) for name in names], numbered[1:], ""
+    while not found[-1]:  # separators at the end of a line
+        found.pop()
+    form, indices, rows, torn = (
+        _Form(separator, len(found)),
+        [found.index(name) for name in names],
+        numbered[1:],
+        "",
+    )
     if torn_end and rows:
-        rows, torn = _without_torn_end(path, text, whole, rows, indices, (separator, len(found)))
+        rows, torn = _without_torn_end(path, text, whole, rows, indices, form)
     if not rows:
         raise DataError(f"{path}:{number}: there is no row below the names of the columns; expected numbers")
-    _refuse_longer(path, rows[0], separator, len(found))
-    table = _numbers(path, rows, indices, names, separator, flag=None if flag is None else found.index(flag))
+    table = _numbers(path, rows, indices, names, form, flag=None if flag is None else found.index(flag))
     return table._replace(torn=torn)
 
 
 def _without_torn_end(path, text, whole, rows, indices, form):
     """Rows without a last one that was not written to its end, and words about what is left out.
 
-    whole : the text without null characters at its end;  form : separator and number of names
+    whole : the text without null characters at its end
     """
-    separator, width = form
     number, last = rows[-1]
     nulls, open_end = len(text) - len(whole), not whole.endswith("\n")
     if not nulls and not open_end:
         return rows, ""
     words = [f"the file ends in {nulls} null characters"] if nulls else []
     if open_end and number == len(whole.splitlines()):
-        cells = _cells(last, separator)
-        at_end = max(indices) >= len(cells) - 1
-        is_cut = max(indices) >= len(cells) or (
-            at_end and not (_is_number(cells[-1]) and len(cells) >= width)
-        )
+        cells = _cells(last, form.separator)
+        at_end = max(indices) == len(cells) - 1
+        is_cut = len(cells) < form.width or (at_end and not _is_number(cells[-1]))
         if nulls or is_cut:
             words.append("the last line was not written to its end")
             rows = rows[:-1]
@@ -95,20 +123,6 @@ def _without_torn_end(path, text, whole, rows, indices, form):
         return rows, ""
     read_to = f"; read to line {rows[-1][0]}" if rows else ""
     return rows, f"{path}:{number}: {' and '.join(words)}{read_to}"
-
-
-def _refuse_longer(path, row, separator, width):
-    """Refuse a first row with more values than there are names: which belongs to which is not known."""
-    number, line = row
-    if separator is None:
-        return
-    cells = _cells(line, separator)
-    while cells and not cells[-1]:
-        cells.pop()
-    if len(cells) > width:
-        words = f"{len(cells)} values, but {width} names of columns"
-        hint = "; if commas are in the numbers (decimal comma), write points" if separator == "," else ""
-        raise DataError(f"{path}:{number}: {words}{hint}")
 
 
 class Export(NamedTuple):
@@ -122,7 +136,8 @@ class Export(NamedTuple):
 
     def table(self, names, indices):
         """Table of the columns with these indices, under other names."""
-        return _numbers(self.file, self.rows, indices, names, self.separator)
+        form = _Form(self.separator, len(self.names), f"{OF_NAMES} in line {self.number}")
+        return _numbers(self.file, self.rows, indices, names, form)
 
 
 def read_export(path, first):
@@ -135,7 +150,7 @@ def read_export(path, first):
         line = text.strip().lstrip("#").strip()
         if line.strip('"').lower().startswith(first):
             separator = next((mark for mark in (",", ";", "\t") if mark in line), ",")
-            names = [cell.strip().strip('"') for cell in line.split(separator)]
+            names = [cell.strip().strip('"') for cell in line.rstrip(separator).split(separator)]
             rows = [(n, one) for n, one in _lines(path, whole) if n > number]
             if not rows:
                 words = "there is no row below the names of the columns; expected numbers"
@@ -154,16 +169,17 @@ def read_columns(path, names, others=(), *, torn_end=False):
     text = _text(path)
     whole = text.rstrip("\0") if torn_end else text
     numbered = _lines(path, whole)
-    width = len(numbered[0][1].replace(",", " ").split())
+    separator = "," if "," in numbered[0][1] else None
+    width = len(_cells(numbered[0][1].rstrip(", "), separator))
     fitting = [choice for choice in (names, *others) if len(choice) <= width]
     if not fitting:
         words = f"expected {len(names)} columns ({', '.join(names)}), got {width}"
         raise DataError(f"{path}:{numbered[0][0]}: {words}")
     chosen = max(fitting, key=len)
-    separator, indices, torn = "," if "," in numbered[0][1] else None, list(range(len(chosen))), ""
+    form, indices, torn = _Form(separator, width, OF_FIRST_ROW), list(range(len(chosen))), ""
     if torn_end and len(numbered) > 1:
-        numbered, torn = _without_torn_end(path, text, whole, numbered, indices, (separator, width))
-    return _numbers(path, numbered, indices, chosen, separator)._replace(torn=torn)
+        numbered, torn = _without_torn_end(path, text, whole, numbered, indices, form)
+    return _numbers(path, numbered, indices, chosen, form)._replace(torn=torn)
 
 
 def _text(path):
@@ -201,28 +217,33 @@ def missing(name, found, kind="column"):
     return f"{kind} {quoted(name)} is missing; {hint}"
 
 
-def _numbers(path, numbered, indices, names, separator, flag=None):
+def _numbers(path, numbered, indices, names, form, flag=None):
     """Table of the columns with these indices. flag : as in `read_csv`, an index"""
     try:
-        values = _values(numbered, indices, separator)
+        values = _values(numbered, indices, form)
     except (ValueError, IndexError):
         try:
             if flag is None:
                 raise
-            numbered = _with_nan(numbered, max(indices) + 1, flag, separator)
-            values = _values(numbered, indices, separator)
+            numbered = _with_nan(numbered, form, flag)
+            values = _values(numbered, indices, form)
         except (ValueError, IndexError):
-            raise _explained(path, numbered, indices, names, separator) from None
+            raise _explained(path, numbered, indices, names, form) from None
     lines = np.array([n for n, _ in numbered])
     table = Table(path, {name: values[:, k].copy() for k, name in enumerate(names)}, lines)
     refuse_infinite(table, None if flag is None else values[:, indices.index(flag)] == 0.0)
     return table
 
 
-def _values(numbered, indices, separator):
-    """(N, k) of the columns with these indices."""
-    lines = [line if QUOTE not in line else _unquoted(line, separator) for _, line in numbered]
-    return np.loadtxt(lines, delimiter=separator, usecols=indices, ndmin=2, comments=None)
+def _values(numbered, indices, form):
+    """(N, k) of the columns with these indices; ValueError also of a row with more values, or fewer.
+
+    Which value belongs to which column is not known there, even if those that are asked for are numbers.
+    """
+    if not all(form.fits(line) for _, line in numbered):
+        raise ValueError("rows of several widths")
+    lines = [line if QUOTE not in line else _unquoted(line, form.separator) for _, line in numbered]
+    return np.loadtxt(lines, delimiter=form.separator, usecols=indices, ndmin=2, comments=None)
 
 
 def _unquoted(line, separator):
@@ -231,17 +252,17 @@ def _unquoted(line, separator):
     return (separator or " ").join(cells)
 
 
-def _with_nan(numbered, width, flag, separator):
-    """(number, text) of lines, with nan for what is no number where the flag is 0.
+def _with_nan(numbered, form, flag):
+    """(number, text) of lines, with nan for what is no number, or not there, where the flag is 0.
 
-    width : least number of cells;  flag : index of its column
+    flag : index of its column
     """
     out = []
     for number, line in numbered:
-        cells = _cells(line, separator)
+        cells = form.filled(line)
         if flag < len(cells) and _is_number(cells[flag]) and float(cells[flag]) == 0.0:
-            cells += [""] * (width - len(cells))
-            line = (separator or " ").join(cell if _is_number(cell) else "nan" for cell in cells)
+            cells += [""] * (form.width - len(cells))
+            line = (form.separator or " ").join(cell if _is_number(cell) else "nan" for cell in cells)
         out.append((number, line))
     return out
 
@@ -265,17 +286,13 @@ def _likewise(count, last, what):
     return f"; {count - 1} more {what}{more} likewise, the last in {last}" if count > 1 else ""
 
 
-def _explained(path, numbered, indices, names, separator):
+def _explained(path, numbered, indices, names, form):
     """DataError about what is wrong in lines that are no rows of numbers: one line for each kind of thing."""
     found = {}  # kind -> [first line, words, count, last line]
     for number, line in numbered:
-        cells = _cells(line, separator)
-        for index, name in zip(indices, names, strict=True):
-            wrong = _wrong(cells, index)
-            if wrong is not None:
-                entry = found.setdefault(wrong[0], [number, f"{name}: {wrong[1]}", 0, number])
-                entry[2:] = entry[2] + 1, number
-                break
+        if (wrong := _wrong(form.filled(line), indices, names, form)) is not None:
+            entry = found.setdefault(wrong[0], [number, wrong[1], 0, number])
+            entry[2:] = entry[2] + 1, number
     texts = [
         f"{path}:{first}: {words}{_likewise(count, f'{path}:{last}', 'line')}"
         for first, words, count, last in found.values()
@@ -283,11 +300,28 @@ def _explained(path, numbered, indices, names, separator):
     return DataError("\n".join(texts) or f"{os.fspath(path)}: cannot be read as a table of numbers")
 
 
-def _wrong(cells, index):
+def _wrong(cells, indices, names, form):
+    """Kind and words of what is wrong first with the cells of a row; None if nothing is."""
+    if len(cells) != form.width:
+        words = f"{len(cells)} values, but {form.width} {form.what}"
+        return ("long", words + _halves(cells, form)) if len(cells) > form.width else ("short", words)
+    for index, name in zip(indices, names, strict=True):
+        if (wrong := _wrong_cell(cells[index])) is not None:
+            return wrong[0], f"{name}: {wrong[1]}"
+    return None
+
+
+def _halves(cells, form):
+    """What to do about a row that is too long if its numbers seem to be cut by decimal commas."""
+    joined = (f"{one},{other}" for one, other in pairwise(cells))
+    halves = sum(DECIMAL_COMMA.fullmatch(one) is not None for one in joined)
+    if form.separator != "," or halves < len(cells) - form.width or any("." in cell for cell in cells):
+        return ""
+    return "; the commas seem to be in the numbers (decimal comma): write points"
+
+
+def _wrong_cell(cell):
     """Kind and words of what is wrong with a cell; None if it is a number."""
-    if index >= len(cells):
-        return "short", f"expected {index + 1} columns at least, got {len(cells)}"
-    cell = cells[index]
     if _is_number(cell):
         return None
     if DECIMAL_COMMA.fullmatch(cell):

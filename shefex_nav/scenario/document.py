@@ -9,8 +9,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from shefex_nav.scenario import decimal_comma, yaml_text
+from shefex_nav.scenario.block import BAD_KEY, is_tag
+from shefex_nav.scenario.quantity import quoted
 
 MOST_REPEATED = 50_000  # values of a file that aliases repeat: they may make a short one endless
+MERGE = "<<"
 REMOVED = object()  # the value `null`, written out
 
 
@@ -200,8 +203,8 @@ def _mapping(node, path, file, document, parents):
             words = decimal_comma.words(*halves, "keys")
             document.errors.append((_mark(value, file), f"{dotted((*path, key.value))}: {words}"))
             continue
-        if not isinstance(key_node.value, str):
-            document.errors.append((mark, f"{dotted(path)}: a key must be a word"))
+        if words := no_key(key_node.value):
+            document.errors.append((mark, f"{dotted(path)}: {words}"))
             continue
         key_path = (*path, key_node.value)
         if key_node.value in taken:
@@ -216,6 +219,18 @@ def _mapping(node, path, file, document, parents):
             continue
         tree[key_node.value] = _build(value_node, key_path, file, document, parents)
     return tree
+
+
+def no_key(key):
+    """Words about a key that is none, also about one in the spelling of what messages.plain leaves out."""
+    if key == MERGE:
+        return (
+            f"the merge key {MERGE} of YAML 1.1 is not read; write the values out, repeat a whole value by "
+            "an alias ('gps: *name'), or put what is common into a file that this one extends, 'extends: "
+            "base.yaml'"
+        )
+    is_word = isinstance(key, str) and not is_tag(key) and key != BAD_KEY
+    return "" if is_word else f"a key must be a word{f', got {quoted(key)}' if isinstance(key, str) else ''}"
 
 
 def _scalar(node, path, file, document):

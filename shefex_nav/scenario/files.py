@@ -4,35 +4,35 @@ import difflib
 import os
 import stat
 
+from shefex_nav.files import irregular
 from shefex_nav.scenario import kind
 
 # bytes: of a scenario, of a table in it, of recorded data
 LARGEST, LARGEST_TABLE, LARGEST_DATA = 2 << 20, 4 << 20, 1 << 30
 ALIKE = 0.6  # of difflib: names that may be meant for each other
-DEVICES = ((stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))
 
 
 class Unreadable(Exception):
     """A file that cannot be read; the text says why."""
 
 
-def read_text(path, expected, largest=LARGEST):
+def read_text(path, expected, largest=LARGEST, errors="strict"):
     """Text of the UTF-8 file at `path`; Unreadable otherwise.
 
-    expected : says what it should have been;  largest : bytes
+    expected : says what it should have been;  largest : bytes;  errors : of what is no UTF-8, as of open
     """
     try:
         found = os.stat(path)
-        for is_one, what in DEVICES:  # of which there may be no end
-            if is_one(found.st_mode):
-                raise Unreadable(f"is {what}, expected a file")
+        is_pipe = stat.S_ISFIFO(found.st_mode)
+        if (what := irregular(found)) and not is_pipe:  # of which there may be no end
+            raise Unreadable(f"is {what}, expected a file")
         if found.st_size > largest:
             words = f"has {found.st_size / 1e6:.3g} MB; {expected} has {largest / 1e6:.3g} MB at most"
             other = kind.of_bytes(path)
             raise Unreadable(_instead(other, expected) if other else words)
-        if stat.S_ISFIFO(found.st_mode):
-            return _poured(path, expected, largest)
-        with open(path, encoding="utf-8-sig") as stream:
+        if is_pipe:
+            return _poured(path, expected, largest, errors)
+        with open(path, encoding="utf-8-sig", errors=errors) as stream:
             return stream.read()
     except FileNotFoundError:
         words = f"there is no such file{alike(path)}"
@@ -47,14 +47,16 @@ def read_text(path, expected, largest=LARGEST):
     raise Unreadable(words)
 
 
-def _poured(path, expected, largest):
-    """Text of a pipe, such as `shefex-nav check <(make_scenario)`; one that nobody writes to is empty."""
+def _poured(path, expected, largest, errors):
+    """Text of a pipe, such as `shefex-nav check <(make_scenario)`; not waited for is one nobody writes to."""
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as pipe:
         os.set_blocking(pipe.fileno(), True)
         content = pipe.read(largest + 1)
     if len(content) > largest:
         raise Unreadable(f"is larger than {largest / 1e6:.3g} MB, more than {expected} has")
-    return content.decode("utf-8-sig")
+    if not content:
+        raise Unreadable(f"is a pipe into which nobody writes anything; expected {expected}")
+    return content.decode("utf-8-sig", errors)
 
 
 def alike(path):

@@ -2,6 +2,8 @@
 
 import os
 
+from shefex_nav.files import opened
+
 MAGIC = (  # first bytes of a file, what it is
     (b"\x89MCAP0\r\n", "is a log; `shefex-nav report`, `view` and `replay` read it"),
     (b"\x89PNG", "is a picture; `shefex-nav solve` finds where one of the night sky looks"),
@@ -37,7 +39,7 @@ CAMPAIGN, STATISTICS = ("digest", "source", "sampling"), ("digest", "sightings",
 def of_bytes(path):
     """What a file is that holds no text, '' if it cannot be told."""
     try:
-        with open(path, "rb") as stream:
+        with opened(path) as stream:
             start = stream.read(8)
     except OSError:
         return ""

@@ -27,6 +27,7 @@ from shefex_nav.scenario.document import BadText, Mark, dotted, placed
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.use import USE
 
+MOST, LONGEST = 2 * messages.MOST_TOLD, 4000  # errors, and letters of one: what a person reads
 EXTENDS, ENDINGS = "extends", (".yaml", ".yml")
 
 
@@ -57,7 +58,13 @@ class Texts(dict):
 def sorted_error(found):
     """ScenarioError of (Mark, text) in the order of the file; in one place a section before what is in it."""
     ordered = sorted(found, key=lambda one: (one[0], one[1].partition(": ")[0].split("."), one[1]))
-    return ScenarioError(placed(mark, text) for mark, text in ordered)
+    told = [
+        placed(mark, text if len(text) <= LONGEST else f"{text[:LONGEST]}...")
+        for mark, text in ordered[:MOST]
+    ]
+    if len(ordered) > MOST:
+        told.append(placed(ordered[MOST][0], "more errors are told when these are mended"))
+    return ScenarioError(told)
 
 
 class Named(NamedTuple):
@@ -134,8 +141,12 @@ def extended(path, texts, chain=(), said=None, find=None):
         put_instrument(tree, section, name, folder, own.values[*section, USE], places, texts)
     starlight.give_way(tree, own.tree, own.removed)
     merge(tree, own, (), own.tree, places)
-    in_reach = [path for path in own.removed if has_base or any(_is_below(path, one) for one, _ in used)]
-    found = [(own.keys[path], words) for path in in_reach if (words := _remove(tree, path, places))]
+    in_reach = {path for path in own.removed if has_base or any(_is_below(path, one) for one, _ in used)}
+    found = [
+        (own.keys[path], words) for path in own.removed if path in in_reach and (words := _remove(tree, path))
+    ]
+    if in_reach:
+        places.take(in_reach, {}, {})
     if found:
         raise sorted_error(found)
     return tree, places
@@ -241,7 +252,7 @@ def _unreadable(path, said, error):
     return ScenarioError([said.line(f"'{path}' {error}") if said else f"{path}: {error}"])
 
 
-def _remove(tree, path, places):
+def _remove(tree, path):
     """Take away what a base gives at `path`; the complaint if it gives nothing there, else None."""
     given = node(tree, path[:-1])
     if not isinstance(given, dict) or path[-1] not in given:
@@ -249,7 +260,6 @@ def _remove(tree, path, places):
             return f"{dotted(path)}: {said}"
         return f"{dotted(path)}: null takes away what the extended file gives, which is nothing; leave it out"
     del given[path[-1]]
-    places.put(path, {}, {})
     return None
 
 
@@ -260,14 +270,21 @@ def merge(tree, own, path, updates, places):
     own : document.Document, or what has its marks, of the updates
     places : messages.Places of the scenario
     """
+    places.take(_merged(tree, own, path, updates, places), own.keys, own.values)
+
+
+def _merged(tree, own, path, updates, places):
+    """Merge, but for the marks of what is replaced; the set of the paths of that."""
+    replaced = set()
     for key, value in updates.items():
         here = (*path, key)
         if isinstance(value, dict) and isinstance(tree.get(key), dict):
             places.keys[here], places.values[here] = own.keys[here], own.values[here]
-            merge(tree[key], own, here, value, places)
+            replaced |= _merged(tree[key], own, here, value, places)
             continue
         tree[key] = value
-        places.put(here, _below(own.keys, here), _below(own.values, here))
+        replaced.add(here)
+    return replaced
 
 
 def _below(marks, path):

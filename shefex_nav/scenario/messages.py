@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args, get_origin
 from pydantic import BaseModel, Tag
 
 from shefex_nav.scenario import moved, suggest
-from shefex_nav.scenario.block import is_tag
+from shefex_nav.scenario.block import BAD_KEY, is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.kind import of_the_other
 from shefex_nav.scenario.quantity import describe, quoted
@@ -25,7 +25,6 @@ FAULT = (
     "an outage at given times is a fault: 'faults: {gps: [{fault: outage, from: 100 s, until: 130 s}]}'; "
     "gps.outages follow events of the flight, each of a duration that is drawn"
 )
-BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 MOST_TOLD = 50  # errors of a scenario
 
@@ -65,11 +64,28 @@ class Places:
         self.keys.update({(*path, *inner): mark for inner, mark in keys.items()})
         self.values.update({(*path, *inner): mark for inner, mark in values.items()})
 
+    def take(self, paths, keys, values):
+        """Replace what is known at and below each of a set of paths by what `keys` and `values` have there.
+
+        In one pass: a file may have some ten thousand values.
+        """
+        for mine, others in ((self.keys, keys), (self.values, values)):
+            for old in [known for known in mine if _is_within(known, paths)]:
+                del mine[old]
+            mine.update({known: mark for known, mark in others.items() if _is_within(known, paths)})
+        self.made = {known for known in self.made if not _is_within(known, paths)}
+        self.replaced = {known for known in self.replaced if not _is_within(known, paths)}
+
     @staticmethod
     def _nearest(marks, path):
         while path not in marks:
             path = path[:-1]
         return marks[path]
+
+
+def _is_within(path, paths):
+    """Whether a path is one of a set, or below one."""
+    return any(path[:n] in paths for n in range(1, len(path) + 1))
 
 
 def field_at(model, location):
@@ -131,8 +147,8 @@ def lines(model, validation_error, places):
     if len(absent[()]) >= MANY:
         found.append((places.key(()), _all_absent(model, absent[()])))
         absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
-    timed = [one["loc"][:-1] for one in errors if _is_timed_outage(one)]
-    for section in dict.fromkeys(timed):
+    timed = dict.fromkeys(one["loc"][:-1] for one in errors if _is_timed_outage(one))
+    for section in timed:
         found.append((places.key(plain(section)), f"{dotted(plain(section))}: {FAULT}"))
     errors = [one for one in errors if one["loc"][:-1] not in timed]
     for section in [one for one in absent if absent[one] and plain(one) in places.made]:
@@ -144,7 +160,7 @@ def lines(model, validation_error, places):
     for k, error in enumerate(errors):
         location = error["loc"]
         if len(found) >= MOST_TOLD:
-            found.append((places.key(()), f"{len(errors) - k} more errors are told when these are mended"))
+            found.append((places.key(()), "more errors are told when these are mended"))
             break
         if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
             continue  # another message says it
@@ -168,12 +184,11 @@ def _absent(model, errors):
     for error in errors:
         if error["type"] == "missing":
             absent[error["loc"][:-1]].append(error["loc"][-1])
-    for error in errors:
-        section = absent[error["loc"][:-1]]
-        if error["type"] == "extra_forbidden":
-            meant = _meant(model, error)
-            if meant.is_sibling and meant.path[-1] in section:
-                section.remove(meant.path[-1])
+    unknown = [one for one in errors if one["type"] == "extra_forbidden" and absent[one["loc"][:-1]]]
+    for error in unknown[:MOST_TOLD]:  # of more, what was meant is not told
+        section, meant = absent[error["loc"][:-1]], _meant(model, error)
+        if meant.is_sibling and meant.path[-1] in section:
+            section.remove(meant.path[-1])
     return absent
 
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from shefex_nav.scenario import document, instruments, layers, moved, replaced, starlight
 from shefex_nav.scenario.dispersions import KEYS, ColumnOfFile
-from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
+from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted, no_key
 from shefex_nav.scenario.use import USE
 
 DISPERSIONS = "dispersions"  # the section whose keys are paths
@@ -140,6 +140,8 @@ def _put(tree, parts, value, mark, places):
             part = int(part)
         elif not isinstance(node, dict):
             return f"{dotted(path)} is a single value, there is no '{part}' in it"
+        elif words := no_key(part):
+            return words
         path = (*path, part)
         if depth + 1 == len(parts) and value is REMOVED:
             if isinstance(node, list):

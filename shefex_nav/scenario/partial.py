@@ -6,7 +6,7 @@ caught. Items of a list are judged one by one (`of_each`): what is wrong with on
 """
 
 from functools import lru_cache
-from typing import Annotated, get_args, get_origin
+from typing import Annotated, NamedTuple, get_args, get_origin
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -19,12 +19,20 @@ class _Unknown(Exception):
     """A value that is wrong."""
 
 
+class _Bad(NamedTuple):
+    """Paths of what is not good."""
+
+    at: set
+    around: set  # of those, and of all sections around them
+
+
 def validated(model, tree, bad):
     """Instance of a model with the good values of a tree.
 
     bad : paths of keys and values that are not good, those of unknown keys too
     """
-    return _value(model, (), tree, (), {tuple(path) for path in bad})
+    at = {tuple(path) for path in bad}
+    return _value(model, (), tree, (), _Bad(at, {path[:n] for path in at for n in range(len(path) + 1)}))
 
 
 def known(complaints):
@@ -57,9 +65,9 @@ def _left_out(section, name):
 
 def _value(annotation, metadata, value, path, bad):
     """The validated value; one with good and bad ones in it has the good ones. _Unknown if it is bad."""
-    if path in bad and path:
+    if path in bad.at and path:
         raise _Unknown
-    if not any(one[: len(path)] == path for one in bad):
+    if path not in bad.around:
         try:
             return _adapter(annotation, metadata).validate_python(value)
         except ValidationError:
@@ -102,7 +110,7 @@ def _section(model, tree, path, bad):
     values = {}
     for name, field in model.model_fields.items():
         key = field.alias or name
-        if (*path, key) in bad or (key not in tree and (misspelt or field.is_required())):
+        if (*path, key) in bad.at or (key not in tree and (misspelt or field.is_required())):
             continue
         if key not in tree and model.NEEDED_UNLESS.get(name, name) not in (name, *values):
             continue  # nobody knows whether it is missing

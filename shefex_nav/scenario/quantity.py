@@ -80,6 +80,15 @@ def _unit(text):
     return unit
 
 
+@cache  # to look for similar ones takes milliseconds
+def _unit_or_hint(text):
+    """The astropy unit written as `text`, or None; and `; did you mean Hz?`, or nothing."""
+    try:
+        return _unit(text), ""
+    except (ValueError, TypeError) as error:
+        return None, _similar_unit(error)
+
+
 def _dimension(unit):
     """What a unit measures, in words."""
     name = str(unit.physical_type)
@@ -237,13 +246,9 @@ class QuantitySpec:
         if self.unit == "rad" and (side := _COMPASS.fullmatch(unit_text)):
             degrees = -abs(number) if side[1] in "SW" else number
             raise refuse(f"{quoted(value)}: write {degrees:g} deg; south and west are negative")
-        try:
-            unit = _unit(unit_text)
-        except (ValueError, TypeError) as error:
-            hint = _similar_unit(error)
-            raise refuse(
-                f"{quoted(unit_text)} is not a unit; expected one as in '{self.example}'{hint}"
-            ) from None
+        unit, hint = _unit_or_hint(unit_text)
+        if unit is None:
+            raise refuse(f"{quoted(unit_text)} is not a unit; expected one as in '{self.example}'{hint}")
         target, taken = _unit(self.unit), self._measured_in(unit)
         if taken is None:
             raise refuse(self._wrong_dimension(unit, target, value))

@@ -12,10 +12,10 @@ import json
 import math
 import re
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav.errors import UserError
+from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 
 RADIUS = 6356766.0  # m
 APART = 50.0  # m; rows that are closer to the one before are left out
@@ -63,9 +63,9 @@ class Winds(NamedTuple):
 def read(path, epoch):
     """Winds of a file. epoch : UTC of lift-off, ISO 8601, for which a forecast is looked up"""
     try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise SoundingError(f"{path}: {error.strerror}") from None
+        text = read_text(path, "winds", LARGEST_DATA, errors="replace")
+    except Unreadable as error:
+        raise SoundingError(f"{path} {error}") from None
     if text.lstrip().startswith("{"):
         rows, what = _open_meteo(path, text, epoch)
     elif "PRES" in text and "HGHT" in text and "," not in _line_with(text, "HGHT"):
@@ -170,6 +170,9 @@ def _columns(path, text):
         if line.strip() and not line.startswith("#")
     ]
     heads = [head.strip().lower() for head in table[0][1]] if table else []
+    for n, row in table[1:]:
+        if any(row[len(heads) :]):  # which value belongs to which column is not known
+            raise SoundingError(f"{path}, line {n}: {len(row)} values, but {len(heads)} names of columns")
     places = {
         what: next((k for k, head in enumerate(heads) if any(n in head for n in names)), None)
         for what, names in WANTED.items()

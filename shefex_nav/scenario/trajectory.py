@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from shefex_nav.files import opened
 from shefex_nav.scenario.block import Block, forms, kinds
 from shefex_nav.scenario.columns import SIDES, Axis, Names, Unit, check_right_handed
 from shefex_nav.scenario.document import dotted
@@ -186,7 +187,7 @@ def pin(tree, places):
 
 def content(path):
     """SHA-256 of a file; OSError."""
-    with open(path, "rb") as stream:
+    with opened(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 

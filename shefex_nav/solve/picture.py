@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
-from shefex_nav.solve import deep, orientation
+from shefex_nav.files import irregular
+from shefex_nav.solve import deep, fits_head, orientation
 from shefex_nav.solve.header import julian_year, of_header, year_of
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
@@ -90,6 +91,8 @@ def check_file(path):
         raise PictureError(f"{path}: there is no such file")
     if path.is_dir():
         raise PictureError(f"{path}: is a folder; expected a picture")
+    if what := irregular(path.stat()):
+        raise PictureError(f"{path}: is {what}; expected a picture")
     if path.stat().st_size == 0:
         raise PictureError(f"{path}: is empty")
 
@@ -115,6 +118,11 @@ def _of_fits(path):
     """Stored of a FITS file: its first image of two axes, whose first row is row 0, with the head of it."""
     from astropy.io import fits
 
+    with path.open("rb") as file:
+        try:
+            fits_head.check(file)
+        except fits_head.FitsError as error:
+            raise PictureError(f"{path}: is no FITS picture that can be read: {error}") from None
     with fits.open(path, memmap=False) as parts:
         plane = next((one for one in parts if one.is_image and one.header.get("NAXIS") == 2), None)
         if plane is None:

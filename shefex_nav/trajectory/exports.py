@@ -44,10 +44,6 @@ class _Columns:
         export = read_export(path, "time")
         self._known = [_parted(name) for name in export.names]
         self._file, self._number = path, export.number
-        width = len(export.rows[0][1].split(export.separator))
-        if width != len(export.names):
-            words = f"has {width} numbers, the line of names, {export.number}, has {len(export.names)}"
-            raise DataError(f"{path}:{export.rows[0][0]}: {words}; export with the columns named")
         found = {name: self._index(name) for name in ("Time", *wanted)}
         found |= {name: k for name in optional if (k := self._index(name, must=False)) is not None}
         self.table = export.table(tuple(found), list(found.values()))

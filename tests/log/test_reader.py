@@ -97,6 +97,18 @@ def test_a_file_cut_anywhere_is_read_up_to_there_or_refused(run, tmp_path):
     assert last == whole.last_t_s
 
 
+def test_what_follows_the_end_of_a_log_is_an_error(run, tmp_path):
+    """`cat a.mcap a.mcap`: the second was passed over without a word."""
+    whole = run[0].read_bytes()
+    for more, words in ((whole, "another log begins there"), (b"\0", "nothing may follow")):
+        path = tmp_path / "two.mcap"
+        path.write_bytes(whole + more)
+        with pytest.raises(LogError) as caught:
+            reader.read(path)
+        said = f"two.mcap: the log ends at byte {len(whole)}, {len(more)} bytes follow; {words}"
+        assert said in str(caught.value)
+
+
 def test_damage_in_the_middle_is_an_error(run, tmp_path):
     path, _ = run
     data = bytearray(path.read_bytes())

@@ -82,7 +82,7 @@ def test_velocities_in_three_frames(tmp_path):
 WRONG = {
     "a word": (IMU.replace("4,5,6", "4,five,6"), "imu.csv:5: wy: expected a number such as 12.5, got 'five'"),
     "nothing": (IMU.replace("4,5,6", "4,,6"), "imu.csv:5: wy: expected a number such as 12.5, got nothing"),
-    "a short row": (IMU.replace(",0.4,-1.5", ""), "imu.csv:5: fy: expected 6 columns at least, got 5"),
+    "a short row": (IMU.replace(",0.4,-1.5", ""), "imu.csv:5: 5 values, but 7 names of columns"),
     "not a number": (IMU.replace("4,5,6", "4,nan,6"), "imu.csv:5: wy: must be a finite number"),
     "a name": (IMU.replace("wy", "wyy"), "imu.csv:1: column 'wy' is missing; did you mean 'wyy'?"),
     "twice": (IMU.replace("wy", "wx"), "imu.csv:1: column 'wx' is there 2 times; keep one of them"),
@@ -124,8 +124,29 @@ def test_a_decimal_comma_is_named_once(tmp_path):
             f"imu.csv:3: fx: '0,1' has a decimal comma; write 0.1, with a point; 1 more line likewise, "
             f"the last in {tmp_path / 'imu.csv'}:5"
         )
-    with pytest.raises(DataError, match=r"imu\.csv:3: 9 values, but 7 names of columns; if commas are in"):
+    with pytest.raises(
+        DataError, match=r"imu\.csv:3: 9 values, but 7 names of columns; the commas seem to be in"
+    ):
         read_csv(tmp_path, IMU.replace(".", ","))  # between commas: which belongs to which?
+
+
+@pytest.mark.parametrize("row", ["5,4,5,6,0,3,0,4,-1,5", "5,4,5,6,0.3,0.4,-1.5,7", "5,4,5,6,0.4,-1.5"])
+def test_a_row_with_more_or_fewer_values_than_names_is_refused(row, tmp_path):
+    """In any line: of a shifted row all values that are read are numbers."""
+    end = f"{IMU}10,1,2,3,0.1,0.2,-1,,\n"  # as written by spreadsheets: empty cells beyond the last name
+    with pytest.raises(DataError) as caught:
+        read_csv(tmp_path, end.replace("5,4,5,6,0.3,0.4,-1.5", row))
+    count = row.count(",") + 1
+    comma = "; the commas seem to be in the numbers (decimal comma): write points" if "." not in row else ""
+    assert str(caught.value).endswith(f"imu.csv:5: {count} values, but 7 names of columns{comma}")
+    imu, _, _ = read_csv(tmp_path, end)
+    assert imu.t_s.tolist() == [0.0, 0.005, 0.01]
+
+
+def test_a_row_of_another_width_in_a_table_without_names(tmp_path):
+    (tmp_path / "i.txt").write_text("0 1 1 1 2 2 2\n1 1 1 1 2 2 2\n2 1 1 9 1 2 2 2\n3 1 1 1 2 2 2\n")
+    with pytest.raises(DataError, match=r"i\.txt:3: 8 values, but 7 in the first row$"):
+        kf_gins.read_columns(tmp_path / "i.txt", ("time", *kf_gins.TURN, *kf_gins.GAIN))
 
 
 TORN = {

@@ -261,10 +261,11 @@ def test_a_table_of_another_filter_is_compared_with_the_log(sky, tmp_path, comma
     [
         ("t_s,r_i_m_x\n1,2\n", "mine.csv:1: has no column r_i_m_y; expected t_s, r_i_m_x"),
         ("HEAD\n1,2,3,4,5,6,7,1,0,0,none\n", "mine.csv:2: q_ib_z: 'none'; expected a number"),
-        ("HEAD\n1,2,3\n", "mine.csv:2: r_i_m_z: None; expected a number"),
+        ("HEAD\n1,2,3\n", "mine.csv:2: 3 values, but 11 names of columns"),
+        ("HEAD\n" + "1," * 11 + "5\n", "mine.csv:2: 12 values, but 11 names of columns"),
         ("HEAD\n", "mine.csv:2: has no row"),
         ("HEAD\n1,2,3,4,5,6,7,2,0,0,0\n", "mine.csv: q: norm 2 at T+1.00 s"),
-        (None, "mine.csv: cannot be read"),
+        (None, "mine.csv there is no such file"),
     ],
 )
 def test_a_table_that_is_none_is_one_line(sky, text, words, tmp_path, command):

@@ -7,8 +7,14 @@ from contextlib import contextmanager, suppress
 import pytest
 from broken import TEXT, the_message
 
+from shefex_nav import plugins
+from shefex_nav.log.reader import read as read_log
+from shefex_nav.log.topics import LogError
+from shefex_nav.plugins import PluginError
 from shefex_nav.scenario import files as files_module
 from shefex_nav.scenario.load import ScenarioError, load, load_text
+from shefex_nav.solve.picture import PictureError
+from shefex_nav.solve.picture import read as read_picture
 
 ALIASES = "a0: &a0 [1,1,1,1,1,1,1,1,1]\n" + "".join(
     f"a{k}: &a{k} [{','.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 9)
@@ -27,6 +33,13 @@ NOT_A_SCENARIO = {
     "two documents": ("mission: 1\n---\nearth: 2\n", "2:1", "another document"),
     "control character": ("mission: \x02\n", "1:10", "special characters are not allowed"),
     "list as a key": ("mission:\n  [1]: 2\n", "2:3", "mission: a key must be a word"),
+    "a key that looks like a form": ("mission:\n  <file>: 2\n", "2:3", "a key must be a word, got '<file>'"),
+    "a key that looks like a step": ("mission:\n  '[key]': 2\n", "2:3", "a key must be a word, got '[key]'"),
+    "merge key": (
+        "mission: &m {a: 1}\nearth:\n  <<: *m\n",
+        "3:3",
+        "earth: the merge key << of YAML 1.1 is not",
+    ),
     "alias to nothing": ("mission: *m\n", "1:10", "undefined alias 'm'"),
     "alias to itself": ("mission: &m\n  name: *m\n", "1:10", "must not contain itself"),
     "foreign tag": ("mission: !!binary abcd\n", "1:10", "is not used in scenarios"),
@@ -115,7 +128,24 @@ def test_a_pipe_is_read_to_its_end():
     with poured("# nothing\n" * 300_000) as path:
         assert the_message(path) == f"{path}: is larger than 2.1 MB, more than a scenario file has"
     with poured("") as path:
-        assert the_message(path).startswith(f"{path}:1:1: the file is empty")
+        assert the_message(path) == f"{path}: is a pipe into which nobody writes anything; {EXPECTED}"
+
+
+EXPECTED = "expected a scenario file"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes have no names here")
+def test_a_pipe_without_a_writer_is_not_waited_for(tmp_path):
+    """By any reader of files of a user: it would wait for ever, or call it empty."""
+    pipe = tmp_path / "x.mcap"
+    os.mkfifo(pipe)
+    assert the_message(pipe) == f"{pipe}: is a pipe into which nobody writes anything; {EXPECTED}"
+    with pytest.raises(LogError, match="cannot be read: is a pipe, expected a file"):
+        read_log(pipe)
+    with pytest.raises(PictureError, match="is a pipe; expected a picture"):
+        read_picture(pipe)
+    with pytest.raises(PluginError, match="cannot be read: is a pipe, expected a file"):
+        plugins.load(str(pipe.rename(tmp_path / "own.py")), trust=True)
 
 
 @contextmanager

@@ -1,5 +1,7 @@
 """Keys that a scenario does not know: what was meant, for the mistakes that people make."""
 
+import time
+
 import pytest
 from broken import DEFAULT, messages
 
@@ -99,4 +101,29 @@ def test_of_hundreds_of_errors_the_first_fifty_are_told(tmp_path):
         load(path)
     lines = str(caught.value).splitlines()
     assert len(lines) == 51 and "many.yaml:51:1: k49: unknown key" in lines[-1]
-    assert "10 more errors are told when these are mended" in lines[0]
+    assert "more errors are told when these are mended" in lines[0]
+
+
+KEYS = {
+    "in one section": lambda n: "".join(f"k{k}: 1\n" for k in range(n)),
+    "taken away": lambda n: "".join(f"k{k}: null\n" for k in range(n)),
+    "in sections": lambda n: "vehicle: {stages: {" + ", ".join(f"s{k}: {{a: 1}}" for k in range(n)) + "}}\n",
+    "of an unknown unit": lambda n: (
+        "faults: {gps: [" + ", ".join(f"{{fault: outage, from: {k} x}}" for k in range(n)) + "]}\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_time_for_many_errors_grows_with_their_number_only(kind, tmp_path):
+    """Eight times as many take some eight times as long, not 64 times."""
+    took = []
+    for count in (250, 2000):
+        path = tmp_path / f"{count}.yaml"
+        path.write_text("extends: night_sky.yaml\n" + KEYS[kind](count))
+        began = time.process_time()
+        with pytest.raises(ScenarioError) as caught:
+            load(path)
+        took.append(time.process_time() - began)
+    assert took[1] < 1.0 + 16.0 * took[0] and took[1] < 4.0
+    assert len(caught.value.messages) <= 101

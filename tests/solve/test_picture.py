@@ -154,3 +154,39 @@ def test_a_format_that_runs_a_program_is_not_opened(tmp_path):
     Image.new("L", (80, 80)).save(path, "EPS")
     with pytest.raises(picture.PictureError, match="not a picture that can be read; expected PNG"):
         picture.read(path)
+
+
+HEADS = {  # cards in the place of others of a good head: words
+    ("NAXIS   =                   -1",): "NAXIS is -1; expected a whole number from 0 to 999",
+    ("NAXIS   =           1000000000",): "NAXIS is 1000000000; expected",  # took all memory
+    ("NAXIS   = 'two     '",): "NAXIS is 'two'; expected",
+    ("NAXIS   =                    3",): "NAXIS3 is missing in a head",
+    ("NAXIS1  = 'abc     '",): "NAXIS1 is 'abc'; expected a whole number of 0 or more",
+    ("NAXIS1  = 9999999999999999999999",): "NAXIS1 is 9999999999999999999999; expected",
+    ("NAXIS1  =                 64.5",): "NAXIS1 is 64.5; expected",
+    ("NAXIS1  =                 2000",): "ends after 5760 of the 128000 bytes of its picture",
+    ("NAXIS1  =   100000000000000000",): "ends after 5760 of the ",
+    ("BITPIX  =                    7",): "BITPIX is 7; expected one of 8, 16, 32, 64, -32, -64",
+    ("PCOUNT  =              -100000",): "PCOUNT is -100000; expected",
+    ("BSCALE  = 'abc     '",): "BSCALE is 'abc'; expected a finite number",
+    ("ZIMAGE  =                    T", "ZBITPIX = 'x'"): "ZBITPIX is 'x'; expected",
+}
+
+
+@pytest.mark.parametrize("cards", HEADS, ids=" ".join)
+def test_a_fits_head_that_makes_no_sense_is_refused_in_words(cards, tmp_path):
+    good = [
+        f"{key:8}= {value:>20}"
+        for key, value in (("BITPIX", 8), ("NAXIS", 2), ("NAXIS1", 64), ("NAXIS2", 64))
+    ]
+    replaced = [next((card for card in cards if card[:8] == one[:8]), one) for one in good]
+    added = [card for card in cards if card not in replaced]
+
+    def content(lines):
+        head = "".join(f"{line:80}" for line in (f"SIMPLE  = {'T':>20}", *lines, "END")).encode()
+        return head.ljust(2880) + bytes(5760)
+
+    assert read(put(tmp_path, "good.fits", content(good))).grey.shape == (64, 64)
+    with pytest.raises(PictureError) as caught:
+        read(put(tmp_path, "bad.fits", content(replaced + added)))
+    assert f"bad.fits: is no FITS picture that can be read: {HEADS[cards]}" in str(caught.value)

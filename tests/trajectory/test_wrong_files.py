@@ -393,4 +393,4 @@ def test_exports_with_other_columns(tmp_path):
     names = ["# Time (s)", "X (m)", "Y (m)", "Z (m)", "E0", "E1", "E2", "E3"]
     csv(tmp_path / "or.csv", names, (path.t_s, path.r_l, path.v_l, path.q_lb))
     words = refused({"format": "rocketpy", "origin": ORIGIN, "file": tmp_path / "or.csv"})
-    assert "or.csv:2: has 11 numbers, the line of names, 1, has 8; export with the columns named" in words
+    assert "or.csv:2: 11 values, but 8 names of columns in line 1" in words
