@@ -24,6 +24,7 @@ INTERNAL = {  # caught inside the package, which says it in other words, or of t
     "scenario.partial._Unknown",
     "software.channels.Late",
     "software.channels.Silent",
+    "solve.fits_head.FitsError",
     "scenario.tables.BadTable",
     "scenario.tables.NoColumn",
 }

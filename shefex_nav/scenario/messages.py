@@ -157,7 +157,7 @@ def lines(model, validation_error, places):
     for section in [one for one in absent if len(absent[one]) > 1 and plain(one) in places.replaced]:
         found.append((places.key(plain(section)), _incomplete(plain(section), absent[section], errors)))
         absent[section] = ()
-    for k, error in enumerate(errors):
+    for error in errors:
         location = error["loc"]
         if len(found) >= MOST_TOLD:
             found.append((places.key(()), "more errors are told when these are mended"))
