@@ -56,7 +56,7 @@ def drawn(seed):
     if scenario != "no_star_tracker":
         found.append(BY_STATISTICS)
     if seed % 4 == 0:
-        return scenario, found + precise(draw)
+        return scenario, found + precise(draw) + around(draw, scenario)
     return scenario, found + receiver(draw) + inertial(draw) + around(draw, scenario)
 
 

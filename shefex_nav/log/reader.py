@@ -5,6 +5,7 @@ way: reading stops at the first record that is not complete.
 """
 
 import json
+import shlex
 import struct
 import zlib
 from contextlib import contextmanager
@@ -186,7 +187,7 @@ def _following(file, more):
         if start == MAGIC
         else "nothing may follow"
     )
-    cut = f"'head -c {end} {file.name} > FILE.mcap' keeps the log alone"
+    cut = f"`head -c {end} {shlex.quote(file.name)} > FILE.mcap` keeps the log alone"
     return f"the log ends at byte {end}, {more} bytes follow; {what}; {cut}"
 
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import weakref
 from contextlib import redirect_stdout
 
 import numpy as np
@@ -23,6 +24,11 @@ def _is_open(number):
     return True
 
 
+def _close(numbers):
+    for number in numbers:
+        os.close(number)
+
+
 class OwnSoftware:
     """An object that somebody wrote.
 
@@ -32,7 +38,8 @@ class OwnSoftware:
 
     def __init__(self, software, name):
         self._software, self._name = software, name
-        self._streams = [number for number in (1, 2) if _is_open(number)]
+        self._streams = {number: os.dup(number) for number in (1, 2) if _is_open(number)}
+        weakref.finalize(self, _close, tuple(self._streams.values()))
 
     def has(self, method):
         """Whether it has a method."""
@@ -44,8 +51,9 @@ class OwnSoftware:
         So does standard output or error that it has closed: the program would fail far away.
         """
         answer = self._answer(now_s, method, given)
-        for number in self._streams:
+        for number, kept in self._streams.items():
             if not _is_open(number):
+                os.dup2(kept, number)
                 raise self.error(now_s, f"has closed file descriptor {number}, a stream of the program")
         return answer
 
@@ -76,7 +84,7 @@ class OwnSoftware:
             array = np.asarray(value)
             if array.dtype.kind in "biuf" or _are_numbers(array):
                 return array.astype(float)
-        except (TypeError, ValueError, OverflowError):  # rows of several lengths, numbers of 400 digits
+        except Exception:  # rows of several lengths, numbers of 400 digits, what its own __array__ raises
             pass
         raise self.error(now_s, f"{what} must be numbers, got {value!r}")
 

@@ -73,7 +73,10 @@ def read_csv(path):
     try:
         with io.StringIO(read_text(path, "a table", LARGEST_DATA)) as file:
             lines = csv.DictReader(file)
-            names = lines.fieldnames or []
+            names = list(lines.fieldnames or [])
+            while names and not names[-1].strip():  # separators at the end of the line
+                names.pop()
+            lines.fieldnames = names
             if missing := [name for name in COLUMNS if name not in names]:
                 raise BadTable(f"{path}:1: has no column {missing[0]}; expected {', '.join(COLUMNS)}")
             wanted = COLUMNS + (COVARIANCE if COVARIANCE[0] in names else ())
@@ -93,7 +96,7 @@ def read_csv(path):
 def _numbers(path, number, line, names):
     """Numbers of a line of a CSV; BadTable."""
     more, cells = line.pop(None, ()), list(line.values())  # as csv has what is too much
-    if any(more) or None in cells:  # which value belongs to which column is not known
+    if any(cell.strip() for cell in more) or None in cells:  # whose value is which is not known
         count = len(cells) + len(more) - cells.count(None)
         raise BadTable(f"{path}:{number}: {count} values, but {len(cells)} names of columns")
     try:

@@ -20,6 +20,7 @@ from shefex_nav.scenario.quantity import quoted
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 OF_NAMES, OF_FIRST_ROW = "names of columns", "in the first row"  # what the values of a row are counted by
 QUOTE = '"'
+COMMENT = re.compile(r"(?<=[^,;\s]) +#.*")  # behind a name; '#sat' is one
 
 
 class DataError(UserError):
@@ -80,7 +81,8 @@ def read_csv(path, names, *, flag=None, torn_end=False):
     text = _text(path)
     whole = text.rstrip("\0") if torn_end else text
     numbered = _lines(path, whole)
-    number, head = numbered[0]
+    number, _ = numbered[0]
+    head = COMMENT.sub("", whole.splitlines()[number - 1])
     separator = next((mark for mark in (",", ";", "\t") if mark in head), None)
     found = _cells(head, separator)
     problems = [f"{path}:{number}: {missing(name, found)}" for name in names if found.count(name) != 1]
@@ -192,8 +194,9 @@ def _text(path):
 
 def _lines(path, text):
     """(number, text) of every line of a text that is neither empty nor a comment."""
-    pairs = ((n, line.partition("#")[0].strip()) for n, line in enumerate(text.splitlines(), 1))
-    numbered = [(n, line) for n, line in pairs if line]
+    # tabs part cells, of which the first or the last may be empty
+    pairs = ((n, line.partition("#")[0].strip(" ")) for n, line in enumerate(text.splitlines(), 1))
+    numbered = [(n, line) for n, line in pairs if line.strip()]
     if not numbered:
         raise DataError(f"{path}: the file is empty; expected rows of numbers")
     return numbered
@@ -313,9 +316,10 @@ def _wrong(cells, indices, names, form):
 
 def _halves(cells, form):
     """What to do about a row that is too long if its numbers seem to be cut by decimal commas."""
-    joined = (f"{one},{other}" for one, other in pairwise(cells))
+    joined, more = (f"{one},{other}" for one, other in pairwise(cells)), len(cells) - form.width
     halves = sum(DECIMAL_COMMA.fullmatch(one) is not None for one in joined)
-    if form.separator != "," or halves < len(cells) - form.width or any("." in cell for cell in cells):
+    are_cut = 2 <= more <= min(form.width, halves)
+    if form.separator != "," or not are_cut or any("." in cell for cell in cells):
         return ""
     return "; the commas seem to be in the numbers (decimal comma): write points"
 

@@ -11,7 +11,7 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any
 
 from pydantic_core import PydanticCustomError, core_schema
@@ -80,7 +80,7 @@ def _unit(text):
     return unit
 
 
-@cache  # to look for similar ones takes milliseconds
+@lru_cache(1024)  # to look for similar ones takes milliseconds
 def _unit_or_hint(text):
     """The astropy unit written as `text`, or None; and `; did you mean Hz?`, or nothing."""
     try:

@@ -171,7 +171,8 @@ def _columns(path, text):
     ]
     heads = [head.strip().lower() for head in table[0][1]] if table else []
     for n, row in table[1:]:
-        if any(row[len(heads) :]):  # which value belongs to which column is not known
+        more = any(cell.strip() for cell in row[len(heads) :])
+        if more or len(row) < len(heads):  # which value belongs to which column is not known
             raise SoundingError(f"{path}, line {n}: {len(row)} values, but {len(heads)} names of columns")
     places = {
         what: next((k for k, head in enumerate(heads) if any(n in head for n in names)), None)
@@ -181,10 +182,7 @@ def _columns(path, text):
     chosen = {what: heads[k] for what, k in places.items()}
     geopotential = "geopotential" in chosen["height"] or "hght" in chosen["height"]
     read = _read_as(path, {what: _unit(head, what) for what, head in chosen.items()}, geopotential)
-    return [
-        read.row(f"line {n}", *(_number(row[k]) if k < len(row) else math.nan for k in places.values()))
-        for n, row in table[1:]
-    ]
+    return [read.row(f"line {n}", *(_number(row[k]) for k in places.values())) for n, row in table[1:]]
 
 
 def _cells(path, n, line):

@@ -30,16 +30,15 @@ def check(file):
             head = Header.fromfile(file)
         except EOFError:  # what follows is no head
             return
-        except OSError:
+        except (OSError, ValueError):
             raise FitsError(f"its head at byte {at} has no END") from None
         start, stored = file.tell(), _bytes(head)
         is_packed = head.get("ZIMAGE", False) is True
-        if is_packed:
-            _axes(head, "Z")
+        is_picture = is_packed and len(_axes(head, "Z")[1]) == 2
         for key in ("BSCALE", "BZERO"):
             _finite(head, key)
         is_table = head.get("XTENSION", "IMAGE") != "IMAGE"
-        if _whole(head, "NAXIS", 0, MOST_AXES) == 2 and not is_table:
+        if is_picture or (_whole(head, "NAXIS", 0, MOST_AXES) == 2 and not is_table):
             if start + stored > size:
                 raise FitsError(f"ends after {size - start} of the {stored} bytes of its picture")
             return

@@ -62,6 +62,16 @@ def test_blocks_get_back_what_they_have_gained_since():
     assert not any(sigma.any() for sigma in grown.values())
 
 
+def test_a_covariance_that_was_too_small_grows_to_sixteen_sigmas_of_the_start():
+    """Learnt errors; position and velocity by the whole factor."""
+    start = np.sqrt(learnt.doubts(NAV.params, ORDER, None, X * 0.0, 0.0 * P)["gyro_bias"] ** 2)
+    P_now, bias = P + 1e-12, ORDER.places["gyro_bias"]
+    P_now[bias, bias] = np.diag((np.array([1.0, 8.0, 20.0]) * start) ** 2)
+    factors = learnt.widened(NAV, P_now, 4.0).factors
+    np.testing.assert_allclose(factors[bias], [4.0, 2.0, 1.0], rtol=1e-6)
+    np.testing.assert_allclose(factors[:6], 4.0)
+
+
 def test_what_is_doubted_again_grows_no_more():
     """Until it has been corrected further."""
     before, wider = kept(6.0).kept[0], P.copy()

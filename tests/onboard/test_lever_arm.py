@@ -140,6 +140,42 @@ def test_vibration_swings_the_velocity_of_the_sensors():
     np.testing.assert_allclose(found, 0.15**2 * np.eye(3), rtol=1e-9, atol=1e-9)
 
 
+def test_vibration_without_a_motor_swings_them_too():
+    """As told of pad and coast: the velocity of the sensors, and the rate at the end of the arm."""
+    angle, velocity = 2e-5, 0.02
+    nav, now = filter_of()
+    now.vibration = 0.0
+    nav = nav._replace(params=nav.params._replace(swing_at_rest=np.array([angle, velocity])))
+    arm = rotation.dcm_from_quat(now.x[X_Q]) @ rotation.skew(ARM)
+    rate2 = 2.0 * (angle / (2.0 * DT)) ** 2  # of the mean of two samples
+    found = lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))
+    np.testing.assert_allclose(found, velocity**2 * np.eye(3) + rate2 * arm @ arm.T, rtol=1e-6, atol=1e-9)
+    now.vibration = 1.0  # a motor's takes its place
+    assert np.abs(lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))).max() < 1e-9
+
+
+def test_a_sample_beside_that_was_not_read_is_left_out():
+    """Before the instant and after it: what the rate may be off by is charged, from the other side."""
+    for ticks, past in ((-1, 0.1), (1, 3.9)):
+        nav, now = filter_of(T_S - 4 * DT + past * DT)
+        history = nav.history
+        history.increments[now.place, BEFORE - 1 : BEFORE + 4, :3] = DT * np.arange(5.0)[:, None]
+        history.extra[(history.number(now.k) + ticks) % len(history.numbers), 0] = 0.1
+        about = now.about()
+        own = history.increments[now.place, BEFORE + (0 if ticks < 0 else 3)]
+        assert about.share == 0.0 and np.array_equal(about.increments, own)
+        np.testing.assert_allclose(about.missed[:3], ticks * 0.4 * DT)
+
+
+def test_the_next_tick_may_have_longer_samples():
+    nav, now = filter_of()
+    place = (now.place + 1) % len(nav.history.numbers)
+    nav.history.numbers[place, 1] *= 2.0
+    nav.history.increments[place, BEFORE, :3] = 2.0 * DT * 0.5
+    nav.history.increments[now.place, BEFORE + 3, :3] = DT * 0.3
+    np.testing.assert_allclose(now.about().increments[:3], DT * 0.4)
+
+
 def test_all_rows_see_the_same_antenna():
     """Rows of single satellites: what they share is the antenna's velocity along each line of sight."""
     nav, now = filter_of(gyro_random_walk=WALK)

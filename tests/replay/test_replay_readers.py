@@ -143,6 +143,15 @@ def test_a_row_with_more_or_fewer_values_than_names_is_refused(row, tmp_path):
     assert imu.t_s.tolist() == [0.0, 0.005, 0.01]
 
 
+def test_empty_cells_at_the_ends_of_rows_between_tabs(tmp_path):
+    """Before the first value and behind the last one, with a column of words that begins with a mark."""
+    rows = "note,t_ms,wx,wy,wz,fx,fy,fz,#sat\n,0,1,2,3,0.1,0.2,-1,\n9,5,4,5,6,0.3,0.4,-1.5,7\n"
+    imu, _, _ = read_csv(tmp_path, rows.replace(",", "\t"))
+    np.testing.assert_allclose(imu.accelerometer, 9.80665 * np.array([[0.1, 0.2, -1.0], [0.3, 0.4, -1.5]]))
+    with pytest.raises(DataError, match=r"imu\.csv:5: 8 values, but 7 names of columns$"):
+        read_csv(tmp_path, IMU.replace("-1.5", "-1.5,7"))  # one value more is no decimal comma
+
+
 def test_a_row_of_another_width_in_a_table_without_names(tmp_path):
     (tmp_path / "i.txt").write_text("0 1 1 1 2 2 2\n1 1 1 1 2 2 2\n2 1 1 9 1 2 2 2\n3 1 1 1 2 2 2\n")
     with pytest.raises(DataError, match=r"i\.txt:3: 8 values, but 7 in the first row$"):

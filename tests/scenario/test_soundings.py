@@ -95,6 +95,7 @@ def test_the_scenario_flies_in_them(tmp_path):
         (PLAIN + "0,2,3\n9000,2,3\n-5000,2,3\n", "winds.txt, line 4: a height of -5000 m"),
         (LIST.replace(" 30480", "630480"), "winds.txt, line 11: a height of 630480 m"),
         (PLAIN + "0,2,3\n900,2,5,3\n", "winds.txt, line 3: 4 values, but 3 names of columns"),
+        (PLAIN + "0,2,3\n900,2\n", "winds.txt, line 3: 2 values, but 3 names of columns"),
         (PLAIN + '0,2,3\n900,"2,3\n1900,2,3\n', "winds.txt, line 3: a quotation mark has no partner"),
         (PLAIN + '0,2,3\n900,"2"x,3\n1900,2,3\n', "winds.txt, line 3: ',' expected"),
         (forecast_in(wind_speed_500hPa="furlong"), "the speed is in 'furlong'"),

@@ -186,7 +186,19 @@ def test_a_fits_head_that_makes_no_sense_is_refused_in_words(cards, tmp_path):
         head = "".join(f"{line:80}" for line in (f"SIMPLE  = {'T':>20}", *lines, "END")).encode()
         return head.ljust(2880) + bytes(5760)
 
-    assert read(put(tmp_path, "good.fits", content(good))).grey.shape == (64, 64)
+    for more in (b"", b"\n", b"x" * 3000):  # behind the picture nobody reads
+        assert read(put(tmp_path, "good.fits", content(good) + more)).grey.shape == (64, 64)
     with pytest.raises(PictureError) as caught:
         read(put(tmp_path, "bad.fits", content(replaced + added)))
     assert f"bad.fits: is no FITS picture that can be read: {HEADS[cards]}" in str(caught.value)
+
+
+def test_what_follows_a_packed_picture_is_not_looked_at(tmp_path):
+    from astropy.io import fits
+
+    grey = np.arange(4096, dtype=np.int16).reshape(64, 64)
+    packed = fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(grey)])
+    packed.writeto(tmp_path / "packed.fits")
+    content = (tmp_path / "packed.fits").read_bytes()
+    for more in (b"", b"\n", b"x" * 3000):
+        assert np.array_equal(read(put(tmp_path, "more.fits", content + more)).grey, grey)

@@ -311,34 +311,40 @@ class Moment:
         samples, n, at = history.increments[self.place], int(n), self.at_s / dt_s
         k = BEFORE - 1 + min(max(math.ceil(at - 1e-6), 1), n)
         past = at - (k - BEFORE + 0.5) if n else 0.0  # the middle of the sample in which it lies
-        if past <= 0.0 or k + 1 < BEFORE + n:
-            beside = samples[k + (1 if past > 0.0 else -1)]
-        else:
-            beside = self._next_sample(dt_s)
+        before = samples[k - 1] if k > BEFORE or self._is_read(-1) else None
+        after = samples[k + 1] if k + 1 < BEFORE + n else self._next_sample(dt_s)
+        beside, other, share = (after, before, past) if past > 0.0 else (before, after, -past)
         if beside is None:
-            return Readings(dt_s, samples[k], 0.0, past * (samples[k] - samples[k - 1]))
-        share = abs(past)
+            missed = share * (samples[k] if other is None else samples[k] - other)
+            return Readings(dt_s, samples[k], 0.0, missed)
         return Readings(dt_s, (1.0 - share) * samples[k] + share * beside, share, NOTHING)
+
+    def _is_read(self, ticks):
+        """Whether the gyros were read in the tick so many after this one, and it is remembered."""
+        history, number = self.history, self.history.number(self.k) + ticks
+        place = number % len(history.numbers)
+        return history.oldest <= number <= history.newest and not history.extra[place, 0].any()
 
     def _next_sample(self, dt_s):
         """The first of the tick that follows, (6,) for a duration of dt_s; None: there is none to rely on."""
-        history, number = self.history, self.history.number(self.k) + 1
-        place = number % len(history.numbers)
-        if number > history.newest or history.extra[place, 0].any():
+        if not self._is_read(1):
             return None
+        history = self.history
+        place = (history.number(self.k) + 1) % len(history.numbers)
         return dt_s / history.numbers[place, 1] * history.increments[place, BEFORE]
 
 
 class Readings(NamedTuple):
     """What the IMU measured in the time of one sample about an instant, rad and m/s.
 
-    Half of it lies after the instant. Where that has not been measured, it is the last sample.
+    Half of it lies after the instant. Where that has not been measured, or a gyro was not read in the tick
+    beside, it is the sample in which the instant lies.
     """
 
     dt_s: float
     increments: np.ndarray  # (6,)
     share: float  # of the second of the two samples that it is made of
-    missed: np.ndarray  # (6,) by what it is off, if the increments go on to change as they did
+    missed: np.ndarray  # (6,) by what it is off, if the increments change evenly; all of it: not known
 
 
 @kernel

@@ -8,8 +8,8 @@ C_ib (omega_ib_b x l). That of the noise in the rate is noise of the predicted v
 with those that `mean_rate` counts for a rate of any duration, and with what may be missed of a gyro that
 cannot be read. The rate is the mean of the time of one sample about the instant, of two samples as a rule; a
 fix that arrives before the second of them has the last sample, half a sample late, and its change besides.
-While a motor burns, the velocity of the sensors swings. All satellites of a set see the same antenna, so
-their range rates err together.
+The velocity of the sensors swings with the vibration besides, of a motor or without. All satellites of a set
+see the same antenna, so their range rates err together.
 
 What is not linear while the attitude is hardly known is in `unknown_attitude.of_arm`.
 """
@@ -22,7 +22,7 @@ from shefex_nav.onboard.navigation import error_model, mean_rate, unknown_attitu
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
 
 AT_END = 0.999  # of the range of a gyro, from which a reading counts as its end
-NOTHING = np.zeros(3)
+NOTHING, NO_SWING = np.zeros(3), np.zeros(2)
 
 
 def of_position(nav, now, H):
@@ -36,10 +36,12 @@ def of_position(nav, now, H):
 def of_velocity(nav, now, H):
     """Likewise of the rows that measure its velocity."""
     arm, x, sensed, about = nav.params.l_ba_b, now.x, now.sensed_packed, now.about()
-    unread = _unread(now.imu, nav.watch.params.imu) if now.extra[0].any() else NOTHING
+    more = _unread(now.imu, nav.watch.params.imu) if now.extra[0].any() else NOTHING
     mean_s = about.dt_s / ((1.0 - about.share) ** 2 + about.share**2)  # over which white noise is as large
+    angle, velocity = NO_SWING if now.vibration else nav.params.swing_at_rest
     tick = nav.history.ends_s[now.k], mean_s, now.vibration
-    W = _swung(nav.constants.model, x, sensed, tick, unread, arm)
+    W = _swung(nav.constants.model, x, sensed, tick, more + 2.0 * (angle / mean_s) ** 2, arm)
+    W += velocity**2 * np.eye(3)
     if about.missed.any():
         missed_i = rotation.quat_rotate(x[X_Q], rotation.cross(about.missed[:3] / about.dt_s, arm))
         W += np.outer(missed_i, missed_i)
@@ -58,15 +60,15 @@ def _unread(imu, rules):
 
 
 @kernel
-def _swung(model, x, sensed, tick, unread, arm_b):
+def _swung(model, x, sensed, tick, more, arm_b):
     """Covariance of the velocity of the antenna by what is not known of the motion of the IMU.
 
     model : `error_model.record`;  x : (X,) packed values;  sensed : (6,) corrected rate and specific force
-    tick : its end, duration of which `sensed` is the mean, vibration
-    unread : (3,) rad^2/s^2;  arm_b : (3,) m -> (3, 3) m^2/s^2, inertial axes
+    tick : its end, duration whose mean has the white noise of `sensed`, vibration
+    more : (3,) rad^2/s^2, variances of the rate besides;  arm_b : (3,) m -> (3, 3) m^2/s^2, inertial axes
     """
     t_end_s, mean_s, vibration = tick
     row = model[error_model.valid(model, t_end_s)]
-    rate2 = unread + mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, mean_s)
+    rate2 = more + mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, mean_s)
     arm_i = rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(arm_b)
     return arm_i * rate2 @ arm_i.T + (vibration * row.accel_vibration) ** 2 * np.eye(3)
