@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from shefex_nav import plugins
 from shefex_nav.files import named, opened
-from shefex_nav.log import other_solutions, topics, wire
+from shefex_nav.log import checked, other_solutions, topics, wire
 from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
@@ -24,7 +24,8 @@ from shefex_nav.records import Alignment
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7  # opcodes
 _ATTACHMENT, _METADATA, _DATA_END = 9, 12, 15
 _LONGEST = 4 << 30  # bytes of a record; what claims more is no record
-_LARGEST_CHUNK = 1 << 28  # bytes unpacked; what claims more is not unpacked
+_LARGEST_CHUNK = 1 << 28  # bytes unpacked; what claims more is not unpacked,
+_SMALL_CHUNK, _TIMES = 1 << 24, 500  # nor what claims so many times its size beyond that
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 _CHANNEL_OF = struct.Struct("<H")  # the first of it
 _CHECKSUM = struct.Struct("<I")  # CRC-32; 0: there is none
@@ -48,8 +49,11 @@ def read(path):
     for topic in _stored_topics(path, raw):
         with readable(path, f"a message of {topic.topic}"):
             decoded = wire.codec(topic).decode(raw.messages.pop(topic.topic, []))  # not kept twice
+        if topic.record in steady and isinstance(decoded, list):
+            decoded = stack(topic.record, decoded)
+        checked.check(path, topic.topic, topic.record, decoded)
         if topic.record in steady:
-            arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
+            arrays[topic.record] = decoded
         elif topic.record in LISTS:
             lists[topic.record] = decoded
         else:
@@ -60,6 +64,9 @@ def read(path):
     data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
     with readable(path, "another solution"):
         others = other_solutions.read(raw)
+    for name, other in others.items():
+        for record in (other.nav, other.covariance):
+            checked.check(path, f"solution '{name}'", type(record), record)
     # a flight that was interrupted, or failed, closes its file, but has no last record
     return data._replace(others=others, ended_early=data.ended_early or data.summary is None)
 
@@ -71,6 +78,8 @@ def readable(path, what):
 
     try:
         yield
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
     except (DecodeError, LookupError, OverflowError, TypeError, struct.error, *_damage_errors()) as error:
         raise LogError(f"{path}: damaged: {what} cannot be read: {error}") from error
 
@@ -250,8 +259,8 @@ def _take(opcode, content, raw):
     stream = ReadDataStream(BytesIO(content))
     if opcode == _CHUNK:
         chunk = Chunk.read(stream)
-        if _unpacked_size(chunk) > _LARGEST_CHUNK:
-            raise ValueError(f"a chunk claims more than {_LARGEST_CHUNK >> 20} MB unpacked")
+        if (size := _unpacked_size(chunk)) > min(_LARGEST_CHUNK, _SMALL_CHUNK + _TIMES * len(chunk.data)):
+            raise ValueError(f"a chunk of {len(chunk.data)} bytes claims {size} unpacked")
         unpacked, length = get_chunk_data_stream(chunk, validate_crc=True)
         _take_chunk(unpacked.read(length), raw)
     elif opcode == _SCHEMA:
