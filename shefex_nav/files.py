@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import json
 import os
 import stat
 import zlib
@@ -76,6 +77,14 @@ def opened(path):
 def irregular(found):
     """`a pipe`: what something is that is neither a file nor a folder, else ''. found : of os.stat"""
     return next((what for is_one, what in IRREGULAR if is_one(found.st_mode)), "")
+
+
+def from_json(text):
+    """What a JSON text holds, of a file that may be anybody's; ValueError if it is none that can be read."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("too many lists and objects within each other") from None
 
 
 def put(path, content):
