@@ -9,8 +9,6 @@ import zlib
 from contextlib import contextmanager, suppress
 from zipfile import BadZipFile
 
-import numpy as np
-
 
 def part(path):
     """Where the file `path` is written until it is whole: beside its place, on the same disk. -> Path"""
@@ -104,12 +102,16 @@ def arrays(path, names=None):
 
 def arrays_of(file, names=None):
     """The same of an open file."""
+    import numpy as np  # not for `--help`, whose commands load this file
+
     with np.load(file, allow_pickle=False) as archive:
         return {name: archive[name] for name in names or archive.files}
 
 
 def put_arrays(path, content):
     """Write {name: array} as a compressed .npz file."""
+    import numpy as np
+
     with whole(path) as half, half.open("wb") as file:
         np.savez_compressed(file, **content)
 
