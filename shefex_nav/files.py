@@ -2,13 +2,12 @@
 
 import errno
 import hashlib
+import json
 import os
 import stat
 import zlib
 from contextlib import contextmanager, suppress
 from zipfile import BadZipFile
-
-import numpy as np
 
 
 def part(path):
@@ -78,6 +77,14 @@ def irregular(found):
     return next((what for is_one, what in IRREGULAR if is_one(found.st_mode)), "")
 
 
+def from_json(text):
+    """What a JSON text holds, of a file that may be anybody's; ValueError if it is none that can be read."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("too many lists and objects within each other") from None
+
+
 def put(path, content):
     """Write bytes or text to a file. Its name is safe on the disk after `settle` of its folder."""
     with whole(path) as half:
@@ -95,12 +102,16 @@ def arrays(path, names=None):
 
 def arrays_of(file, names=None):
     """The same of an open file."""
+    import numpy as np  # not for `--help`, whose commands load this file
+
     with np.load(file, allow_pickle=False) as archive:
         return {name: archive[name] for name in names or archive.files}
 
 
 def put_arrays(path, content):
     """Write {name: array} as a compressed .npz file."""
+    import numpy as np
+
     with whole(path) as half, half.open("wb") as file:
         np.savez_compressed(file, **content)
 

@@ -352,6 +352,19 @@ def test_a_full_disk_is_one_message(json_too):
     assert done.stderr == "the output cannot be written: No space left on device\n"
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.parametrize("to", [("/dev/full", "w"), (os.devnull, "r")])
+def test_bad_input_ends_with_its_code_where_nothing_can_be_said(to, tmp_path):
+    (tmp_path / "empty.yaml").touch()
+    with open(*to) as nowhere:
+        done = subprocess.run(
+            [sys.executable, "-m", "shefex_nav", "check", tmp_path / "empty.yaml"],
+            stderr=nowhere,
+            check=False,
+        )
+    assert done.returncode == 2
+
+
 @pytest.mark.parametrize("written", [False, True])
 def test_an_old_log_is_not_called_what_was_flown(tmp_path, written, capsys):
     """Interrupted before the flight begins, with --force: the log of somebody else is as it was."""

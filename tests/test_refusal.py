@@ -11,6 +11,8 @@ REFUSALS = {
     ("run", "x.yaml", "--seed", "1.5"): "--seed 1.5: expected a whole number",
     ("run", "x.yaml", "--seed", "-1"): "--seed -1: must be at least 0",
     ("campaign", "x.yaml", "--runs", "0"): "--runs 0: must be at least 1",
+    ("campaign", "x.yaml", "--runs", "10000001"): "--runs 10000001: must be at most 10000000",
+    ("impact", "x.yaml", "--runs", "9" * 21): f"--runs {'9' * 21}: must be at most 10000000",
     ("campaign", "x.yaml"): "--runs: is missing; see `shefex-nav campaign --help`",
     ("solve", "x.png", "--epoch", "today"): (
         "--epoch: expected UTC in ISO 8601, such as 2012-06-22 or 2012-06-22T19:22:00.5, got 'today'"

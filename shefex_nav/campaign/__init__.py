@@ -27,3 +27,5 @@ parts, verdict_rows, summary, page, figures    printed; one HTML page
 repeating                        one run again
 characterise/                    the statistical star tracker, fitted to rendered runs and judged on others
 """
+
+MOST_RUNS = 10_000_000  # that may be asked for: numbers and draws of all of them are kept in memory

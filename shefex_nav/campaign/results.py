@@ -6,7 +6,6 @@ campaign.draws["vehicle.payload.mass"], campaign.series(12)["t_s"], campaign.sum
 """
 
 import io
-import json
 import re
 import shutil
 import tempfile
@@ -288,13 +287,16 @@ class Campaign:
             (runs, words)
             for batch in table.batches(self._path, ["run", table.WARNINGS])
             for runs, said in _alike(batch["run"], batch[table.WARNINGS])
-            for words in _said(said)
+            for words in _said(said, self._path)
         )
 
 
-def _said(warnings):
-    """Texts of the warnings of a run, which are JSON: sorted list."""
-    return sorted({f"{one['field']}: {one['text']}" for one in json.loads(warnings)})
+def _said(warnings, path):
+    """Texts of the warnings of a run, which are JSON: sorted list. path : of the table, for a complaint"""
+    try:
+        return sorted({f"{one['field']}: {one['text']}" for one in files.from_json(warnings)})
+    except (ValueError, TypeError, KeyError):
+        raise table.TableError(f"{path}: spoilt: {table.WARNINGS} of a run are none") from None
 
 
 def _alike(runs, warnings):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from shefex_nav import files
 from shefex_nav import workers as machine
+from shefex_nav.campaign import MOST_RUNS as MOST_ASKED
 from shefex_nav.campaign import draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.over_time import MOST_RUNS
@@ -84,6 +85,8 @@ def checked(request):
     for name, value, least in numbers:
         if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
             raise BadCampaign(f"{name}: {value!r}; expected a whole number, {least} or more")
+    if request.runs > MOST_ASKED:
+        raise BadCampaign(f"runs: {request.runs}; expected {MOST_ASKED} at most")
     return request._replace(runs=int(request.runs), seed=int(request.seed))
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign.plan import digest
 from shefex_nav.errors import UserError
+from shefex_nav.files import from_json
 
 NAME = "runs.sqlite"
 FILES = (NAME, f"{NAME}-wal", f"{NAME}-shm", f"{NAME}-journal")
@@ -210,7 +211,7 @@ class RunsFile:
     def _unpacked(self, run, packed):
         """Record of what is kept of it."""
         try:
-            return json.loads(zlib.decompress(packed))
+            return from_json(zlib.decompress(packed))
         except (zlib.error, ValueError, TypeError):
             raise self._spoilt(f"the record of run {run} is", run) from None
 

@@ -8,10 +8,10 @@ import json
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from shefex_nav.campaign import MOST_RUNS, runs_file, table, units
 from shefex_nav.campaign import plan as planning
-from shefex_nav.campaign import runs_file, table, units
 from shefex_nav.campaign.runs_file import StoreError
-from shefex_nav.files import finish, put, settle
+from shefex_nav.files import finish, from_json, put, settle
 from shefex_nav.scenario import differences
 
 DIGITS = 6
@@ -251,7 +251,7 @@ def read_head(folder, missing=StoreError):
     if Path(folder).is_file():
         raise StoreError(f"{folder}: is a file; expected the folder of a campaign")
     try:
-        head = json.loads(path.read_text())
+        head = from_json(path.read_text())
     except FileNotFoundError:
         if missing is None:
             return None
@@ -266,6 +266,8 @@ def read_head(folder, missing=StoreError):
         )
     if missing := [name for name in HEAD if name not in head]:
         raise StoreError(f"{path}: is damaged or another program's, {', '.join(missing)} missing")
+    if type(runs := head["runs"]) is not int or not 1 <= runs <= MOST_RUNS:
+        raise StoreError(f"{path}: is damaged: expected 1 to {MOST_RUNS} runs")
     return head
 
 

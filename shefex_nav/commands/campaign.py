@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import show_campaign, warn
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
 from shefex_nav.commands.printing import print_json, say, stdout
@@ -31,7 +32,9 @@ Kept = Annotated[
         help="Runs that are flown again at the end with a log each (several times: all of these).",
     ),
 ]
-Runs = Annotated[int | None, typer.Option(min=1, help="How many runs; with --until-verified at most.")]
+Runs = Annotated[
+    int | None, typer.Option(min=1, max=MOST_RUNS, help="How many runs; with --until-verified at most.")
+]
 UntilVerified = Annotated[
     bool,
     typer.Option(

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands import options
 from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers
 from shefex_nav.commands.output_files import OR_FORCE, check_place
@@ -19,7 +20,9 @@ from shefex_nav.commands.printing import print_json, say, stdout
 
 def characterise(
     scenario: DispersedScenario,
-    runs: Annotated[int, typer.Option(min=6, help="Rendered runs to fly; a part of them judges the fit.")],
+    runs: Annotated[
+        int, typer.Option(min=6, max=MOST_RUNS, help="Rendered runs to fly; a part of them judges the fit.")
+    ],
     out: Annotated[Path, typer.Option(help="File of the statistics (JSON), for star_tracker.model.")],
     seed: RootSeed = 1,
     workers: Workers = None,

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.options import Json, Overrides, RootSeed, Workers
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import print_json, say, stdout
@@ -29,7 +30,7 @@ def compare(
     scenario: Annotated[
         str | None, typer.Option(help="Scenario in which software flies: a YAML file, or a shipped one.")
     ] = None,
-    runs: Annotated[int, typer.Option(min=1, help="How many runs of each are flown.")] = RUNS,
+    runs: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="How many runs of each are flown.")] = RUNS,
     seed: RootSeed = 1,
     workers: Workers = None,
     out: Annotated[

@@ -10,13 +10,15 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import about, warn_of_parts
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
 from shefex_nav.commands.output_files import make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 
 Runs = Annotated[
-    int, typer.Option(min=0, help="Flights with the scenario's dispersions; 0: one as it is told.")
+    int,
+    typer.Option(min=0, max=MOST_RUNS, help="Flights with the scenario's dispersions; 0: one as it is told."),
 ]
 Winds = Annotated[
     list[Path] | None,

@@ -22,7 +22,7 @@ from shefex_nav.commands.export import export
 from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
-from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
+from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup, tell
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
 from shefex_nav.commands.report import report
@@ -106,5 +106,5 @@ def main():
     try:
         app()
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        tell("interrupted")
         sys.exit(130)

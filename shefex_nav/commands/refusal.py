@@ -67,7 +67,7 @@ class PlainGroup(typer.core.TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
+            tell("interrupted")
             raise
 
     def _alone(self, args, more):
@@ -82,17 +82,25 @@ class PlainGroup(typer.core.TyperGroup):
         except refused.NoArgsIsHelpError as error:  # which has printed it
             sys.exit(error.exit_code)
         except refused.ClickException as error:
-            print(line(error), file=sys.stderr)
+            tell(line(error))
             sys.exit(error.exit_code)
         except UserError as error:
-            print(error, file=sys.stderr)
+            tell(error)
             sys.exit(error.exit_code)
         except OSError as error:
             if error.errno not in MACHINE:
                 raise
-            print(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}", file=sys.stderr)
+            tell(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}")
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def tell(words):
+    """Print on stderr; where nothing can be written to it, the exit code has to say it alone."""
+    try:
+        print(words, file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = open(os.devnull, "w")  # Python would try again at its end, and end with another code
 
 
 def _check_letters(args):

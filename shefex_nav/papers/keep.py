@@ -44,7 +44,7 @@ class Store(NamedTuple):
             return None
         try:
             result = files.arrays(path)
-            head = json.loads(str(result.pop(HEAD)))
+            head = files.from_json(str(result.pop(HEAD)))
         except files.UNREADABLE:
             words = "is damaged, or no file of results; move it away to measure it again"
             raise StoreError(f"{path} {words}") from None

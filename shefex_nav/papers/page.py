@@ -3,11 +3,11 @@
 It is made of what `reproduce` leaves in its folder: of each experiment the rows (JSON) and the figure (PNG).
 """
 
-import json
 from pathlib import Path
 
 from shefex_nav import __version__
 from shefex_nav.errors import UserError
+from shefex_nav.files import from_json
 from shefex_nav.papers import registry
 from shefex_nav.papers.table import number
 from shefex_nav.papers.verdict import DIFFERS, Verdict
@@ -47,7 +47,7 @@ def read(folder):
         if not path.exists():
             continue
         try:
-            one = json.loads(path.read_text())
+            one = from_json(path.read_text())
             ours = one["version"] == __version__ and set(one) >= WANTED and all(map(_is_row, one["rows"]))
         except (OSError, ValueError, TypeError, KeyError):
             ours = False

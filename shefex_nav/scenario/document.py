@@ -41,6 +41,7 @@ class Document(NamedTuple):
     values: dict  # path -> Mark of the value
     errors: list  # (Mark, text)
     removed: list  # paths of keys with the value `null`, which are not in the tree
+    repeated: int = 0  # values that are in the tree because aliases repeat others
 
 
 class BadText(Exception):
@@ -51,7 +52,12 @@ def parse(text, file):
     """Document of the YAML `text`, which came from `file`; BadText if it is not YAML."""
     found = _parsed(text, file)
     return Document(
-        _copied(found.tree), dict(found.keys), dict(found.values), list(found.errors), list(found.removed)
+        _copied(found.tree),
+        dict(found.keys),
+        dict(found.values),
+        list(found.errors),
+        list(found.removed),
+        found.repeated,
     )
 
 
@@ -78,8 +84,8 @@ def _parsed(text, file):
     if node.tag != yaml_text.MAP:
         raise BadText(mark, _wrong_tag(node))
     document.keys[()] = document.values[()] = mark
-    _check_aliases(node, file)
-    return document._replace(tree=_build(node, (), file, document, ()))
+    repeated = _repeated(node, file)
+    return document._replace(tree=_build(node, (), file, document, ()), repeated=repeated)
 
 
 def parse_value(text, label):
@@ -172,8 +178,8 @@ def _wrong_tag(node):
     return f"tag {tag} does not fit {kinds.get(node.id) or repr(node.value[:40])}"
 
 
-def _check_aliases(root, file):
-    """BadText where aliases repeat too many values."""
+def _repeated(root, file):
+    """How many values aliases repeat; BadText where they are too many."""
     sizes = {}  # id of a node -> values in it, those of aliases each time
 
     def size(node):
@@ -187,6 +193,7 @@ def _check_aliases(root, file):
         return sizes[id(node)]
 
     size(root)
+    return sizes[id(root)] - len(sizes)
 
 
 def _is_null(node):

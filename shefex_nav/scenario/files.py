@@ -65,7 +65,9 @@ def alike(path):
     try:
         beside = os.listdir(folder or ".")
     except OSError:
-        return f"; there is no folder '{folder}'"
+        is_home = any(part.startswith("~") for part in folder.split(os.sep))
+        more = "; ~ is not read as the home folder here, write it out" if is_home else ""
+        return f"; there is no folder '{folder}'{more}"
     stem, ending = os.path.splitext(name)
     known = dict(map(os.path.splitext, (one for one in beside if one.endswith(ending))))
     found = difflib.get_close_matches(stem, known, n=1, cutoff=ALIKE)

@@ -24,11 +24,12 @@ from shefex_nav.scenario import (
     trajectory,
 )
 from shefex_nav.scenario.document import BadText, Mark, dotted, placed
-from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.files import LARGEST, Unreadable, read_text
 from shefex_nav.scenario.use import USE
 
 MOST, LONGEST = 2 * messages.MOST_TOLD, 4000  # errors, and letters of one: what a person reads
 EXTENDS, ENDINGS = "extends", (".yaml", ".yml")
+DEEPEST = 50  # files that extend each other
 
 
 class ScenarioError(UserError):
@@ -47,7 +48,27 @@ class Texts(dict):
         self.instruments = set()  # paths of those that are instruments
         self.used = {}  # real path of the instrument of each section that has one
         self.dropped = []  # of replaced.Gone
+        self.size = self.repeated = 0  # bytes of all, values that aliases repeat in them
         self.mistakes = {}  # (Mark, text) of what is wrong in them, as keys: each once
+
+    def add(self, path, text, said):
+        """Keep the text of a file, before it is parsed; ScenarioError where all are too large."""
+        self[path] = text
+        self.size += len(text.encode())
+        if self.size > LARGEST:
+            words = (
+                f"is too much: with it the files of the scenario have more than {LARGEST / 1e6:.3g} MB in all"
+            )
+            raise _complaint(path, said, words)
+
+    def repeat(self, path, own, said):
+        """Count what aliases repeat in a document.Document; ScenarioError where it is too much in all."""
+        self.repeated += own.repeated
+        if self.repeated > document.MOST_REPEATED:
+            words = (
+                f"is too much: with it aliases repeat more than {document.MOST_REPEATED} values in all files"
+            )
+            raise _complaint(path, said, words)
 
     def with_mistakes(self, found):
         """(Mark, text) of these and of `found`, which may say of a value what is said of its file already."""
@@ -86,7 +107,7 @@ def file_of(name, beside="", mark=None):
     try:
         return shipped.resolved(os.fspath(name), beside)
     except Unreadable as error:
-        raise _unreadable(os.path.join(beside, name), mark and Named(mark, EXTENDS), error) from None
+        raise _complaint(os.path.join(beside, name), mark and Named(mark, EXTENDS), error) from None
 
 
 def parsed(text, name):
@@ -116,8 +137,13 @@ def extended(path, texts, chain=(), said=None, find=None):
     real = os.path.realpath(path)
     if real in chain:
         raise ScenarioError([said.line(f"'{path}' extends itself in a circle; remove one extends")])
+    if len(chain) >= DEEPEST:
+        raise ScenarioError(
+            [said.line(f"'{path}' is too deep; at most {DEEPEST} files may extend each other")]
+        )
+    texts.add(path, text, said)
     own = parsed(text, path)
-    texts[path] = text
+    texts.repeat(path, own, said)
     folder = os.path.dirname(path)
     expand.relative_to(own.tree, folder)
     plugged.relative_to(own.tree, folder)
@@ -237,19 +263,19 @@ def _instrument(section, name, folder, said, texts):
 
 
 def _read(path, said):
-    """Text of the scenario file at `path`; complaints as of `_unreadable`."""
+    """Text of the scenario file at `path`; complaints as of `_complaint`."""
     # somebody else's scenario may name any file, and messages quote what is in it
     if said is not None and not path.lower().endswith(ENDINGS):
         raise ScenarioError([said.line(f"'{path}' is no scenario file; expected {' or '.join(ENDINGS)}")])
     try:
         return read_text(path, "a scenario file")
     except Unreadable as error:
-        raise _unreadable(path, said, error) from None
+        raise _complaint(path, said, error) from None
 
 
-def _unreadable(path, said, error):
-    """ScenarioError of an Unreadable; `said` : Named, None if the user names the file."""
-    return ScenarioError([said.line(f"'{path}' {error}") if said else f"{path}: {error}"])
+def _complaint(path, said, words):
+    """ScenarioError about a file. said : Named; None: the user names the file"""
+    return ScenarioError([said.line(f"'{path}' {words}") if said else f"{path}: {words}"])
 
 
 def _remove(tree, path):

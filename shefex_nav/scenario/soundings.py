@@ -8,13 +8,13 @@ Atmosphere 1976). They count as heights above the ellipsoid: the geoid, up to 11
 """
 
 import csv
-import json
 import math
 import re
 from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 from shefex_nav.errors import UserError
+from shefex_nav.files import from_json
 from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 
 RADIUS = 6356766.0  # m
@@ -224,7 +224,7 @@ def _number(text):
 def _open_meteo(path, text, epoch):
     """(_Rows, what) of the hour nearest to lift-off."""
     try:
-        answer = json.loads(text)
+        answer = from_json(text)
     except ValueError as error:
         raise SoundingError(f"{path}: begins as JSON and is none: {error}") from None
     hourly, units = (_asked(path, answer, key, dict) for key in ("hourly", "hourly_units"))

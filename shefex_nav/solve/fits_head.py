@@ -9,6 +9,7 @@ import math
 BLOCK = 2880  # bytes
 KINDS = (8, 16, 32, 64, -32, -64)  # BITPIX: bits of a value, negative of floating point
 MOST_AXES = 999
+MOST_HEADS = 1000  # before that of the picture, which has few: astropy reads all of them
 LARGEST = 2**63 - 1
 
 
@@ -25,7 +26,11 @@ def check(file):
 
     size = file.seek(0, 2)
     file.seek(0)
+    heads = 0
     while (at := file.tell()) < size:
+        if heads == MOST_HEADS:
+            raise FitsError(f"has no picture in its first {MOST_HEADS} parts, and more of them")
+        heads += 1
         try:
             head = Header.fromfile(file)
         except EOFError:  # what follows is no head

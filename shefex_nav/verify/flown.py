@@ -80,7 +80,7 @@ def save(path, fixes, head):
 
 def made_by(path):
     """The head of a file of fixes: what made it. Path -> dict"""
-    return json.loads(str(files.arrays(path, ("head",))["head"]))
+    return files.from_json(str(files.arrays(path, ("head",))["head"]))
 
 
 def provenance(paths):
@@ -96,7 +96,7 @@ def load(path, head=None):
     """
     try:
         kept = files.arrays(path)
-        found = json.loads(str(kept["head"]))
+        found = files.from_json(str(kept["head"]))
     except files.UNREADABLE as error:
         raise FlownError(f"{path}: no file of star fixes, or a damaged one; remove it") from error
     kept.setdefault("exposure_s", np.full(len(kept["number"]), np.nan))  # as of older files

@@ -187,3 +187,44 @@ def test_a_table_of_many_values_goes_through_text_and_back(tmp_path):
 def test_what_no_log_can_hold(override, words):
     with pytest.raises(ScenarioError, match=words):
         load("night_sky", [override])
+
+
+def chain(folder, texts):
+    """The first of files each of which extends the next."""
+    for k, text in enumerate(texts):
+        extends = f"extends: c{k + 1}.yaml\n" if k + 1 < len(texts) else ""
+        (folder / f"c{k}.yaml").write_text(extends + text)
+    return folder / "c0.yaml"
+
+
+REPEATED = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\nb: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a]\n" + (
+    f"c: &c [{', '.join(['*b'] * 20)}]\nd: [{', '.join(['*c'] * 12)}]\n"
+)
+CHAINS = {  # which file says it, what is said; each file alone is within the limits
+    "too deep": (["x: 1\n"] * 51, 49, "c50.yaml' is too deep; at most 50 files may extend each other"),
+    "too large": (
+        ["# " + "x" * 800_000 + "\nx: 1\n"] * 3,
+        1,
+        "the files of the scenario have more than 2.1 MB in all",
+    ),
+    "aliases": ([REPEATED] * 3, 1, "aliases repeat more than 50000 values in all files"),
+}
+
+
+@pytest.mark.parametrize("kind", CHAINS)
+def test_a_chain_of_files_is_limited_as_a_whole(kind, tmp_path):
+    texts, last, words = CHAINS[kind]
+    first = chain(tmp_path, texts)
+    with pytest.raises(ScenarioError) as refused:
+        load(first)
+    (message,) = refused.value.messages
+    assert message.startswith(f"{tmp_path / f'c{last}.yaml'}:1:10: extends: ") and words in message
+    with pytest.raises(ScenarioError, match=r"unknown key|are missing"):
+        load(chain(tmp_path, texts[:-1] if kind == "too deep" else texts[:1]))
+
+
+def test_a_tilde_is_said_to_be_no_home_folder(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("extends: ~/x.yaml\n")
+    with pytest.raises(ScenarioError, match="~ is not read as the home folder here, write it out"):
+        load(path)

@@ -63,7 +63,7 @@ class Records:
         try:
             file = files.arrays(self._path(run))
             parts = [kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()]
-            return Flown(run, Collected(*parts), *json.loads(str(file["about"])))
+            return Flown(run, Collected(*parts), *files.from_json(str(file["about"])))
         except files.UNREADABLE:
             return None
 
@@ -88,7 +88,7 @@ class Records:
 def _compare(path, head):
     """Refuse records of something else."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = files.from_json(path.read_text(encoding="utf-8"))
     except ValueError:
         found = None
     if not isinstance(found, dict):

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 from shefex_nav.errors import UserError
-from shefex_nav.files import digest, put, settle
+from shefex_nav.files import digest, from_json, put, settle
 
 HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
 PACKAGE = Path(__file__).parents[2]
@@ -57,7 +57,7 @@ class Store:
                 raise StoreError(
                     f"{self.folder}: holds a study already; --resume goes on with it, or name another"
                 )
-            _compare(json.loads(path.read_text()), head, self.folder)
+            _compare(_head(path), head, self.folder)
             self.done = _read(self.folder / FLIGHTS)
         elif (self.folder / FLIGHTS).exists():
             raise StoreError(f"{self.folder}: there are flights, but no {HEAD} that says of what")
@@ -108,6 +108,17 @@ def _compare(old, new, folder):
         raise StoreError(f"{folder}: is of another study: {words}")
 
 
+def _head(path):
+    """What a folder says that it is of: dict."""
+    try:
+        found = from_json(path.read_text())
+    except ValueError as error:
+        raise StoreError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(found, dict):
+        raise StoreError(f"{path}: is no head of a study")
+    return found
+
+
 def _read(path):
     """Flights that are done: dict key -> record. Half a line at the end is cut off."""
     if not path.exists():
@@ -120,8 +131,8 @@ def _read(path):
     found = {}
     for number, line in enumerate(whole.decode().splitlines(), 1):
         try:
-            record = json.loads(line)
-        except json.JSONDecodeError:
+            record = from_json(line)
+        except ValueError:
             raise StoreError(f"{path}:{number}: is no record of a flight; take the line away") from None
         found[key(record)] = record
     return found

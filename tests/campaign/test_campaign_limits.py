@@ -1,0 +1,45 @@
+"""What of a campaign is refused because it would fill the memory, or is nested without end."""
+
+import json
+
+import pytest
+
+from shefex_nav.campaign import results, running, store, table
+
+HEAD = {name: 1 for name in store.HEAD} | {"format": 2}
+DEEP = 100_000
+HEADS = {
+    "[" * DEEP: "cannot be read: too many lists and objects within each other",
+    '{"a":' * DEEP: "cannot be read: too many lists and objects within each other",
+    "{}": "its format is None",
+    json.dumps(HEAD | {"runs": 10_000_001}): "expected 1 to 10000000 runs",
+    json.dumps(HEAD | {"runs": "x"}): "expected 1 to 10000000 runs",
+    json.dumps(HEAD | {"runs": None}): "expected 1 to 10000000 runs",
+}
+
+
+@pytest.mark.parametrize("content", HEADS, ids=HEADS.values())
+def test_a_damaged_head_is_refused_in_words(content, tmp_path):
+    (tmp_path / "campaign.json").write_text(content)
+    with pytest.raises(store.StoreError) as refused:
+        store.read_head(tmp_path)
+    assert HEADS[content] in str(refused.value)
+
+
+def test_a_head_of_the_most_runs_is_read(tmp_path):
+    (tmp_path / "campaign.json").write_text(json.dumps(HEAD | {"runs": 10_000_000}))
+    assert store.read_head(tmp_path)["runs"] == 10_000_000
+
+
+@pytest.mark.parametrize("warnings", ["[" * DEEP, "junk", "3", '[{"field": "x"}]'])
+def test_warnings_of_a_run_that_are_none_are_refused_in_words(warnings):
+    with pytest.raises(table.TableError, match=r"^results\.parquet: spoilt: "):
+        results._said(warnings, "results.parquet")
+    assert results._said('[{"field": "gps", "text": "late"}]', "results.parquet") == ["gps: late"]
+
+
+def test_more_runs_than_fit_into_memory_are_refused():
+    asked = running.Request(None, 10_000_001, 1, None, None, ())
+    with pytest.raises(running.BadCampaign, match="10000001; expected 10000000 at most"):
+        running.checked(asked)
+    assert running.checked(asked._replace(runs=10_000_000)).runs == 10_000_000
