@@ -4,7 +4,6 @@ The file is read from front to back, chunk by chunk, so that one whose writer wa
 way: reading stops at the first record that is not complete.
 """
 
-import json
 import shlex
 import struct
 import zlib
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import plugins
-from shefex_nav.files import named, opened
+from shefex_nav.files import from_json, named, opened
 from shefex_nav.log import checked, other_solutions, topics, wire
 from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
@@ -136,7 +135,7 @@ def _mission(numbers, raw):
         epoch_utc=raw.metadata["epoch_utc"],
         plugins=_own(raw.metadata, "plugins"),
         software=_own(raw.metadata, "software"),
-        distortion=tuple(json.loads(raw.metadata.get("distortion", "[]"))),
+        distortion=tuple(from_json(raw.metadata.get("distortion", "[]"))),
     )
 
 
@@ -292,7 +291,7 @@ def _unpacked_size(chunk):
 
 def _own(metadata, key):
     """Mission.plugins or Mission.software of the metadata."""
-    return tuple(map(tuple, json.loads(metadata.get(key, "[]"))))
+    return tuple(map(tuple, from_json(metadata.get(key, "[]"))))
 
 
 def _load_plugins(metadata):
