@@ -61,25 +61,31 @@ def check(path, topic, record, given):
     if rule is None:
         return
     are_arrays = not isinstance(given, list)
-    for number, one in enumerate([given] if are_arrays else given, 1):
-        for name in rule.finite + rule.unless_nan:
-            values = _rows(getattr(one, name), are_arrays)
-            bad = _bad(name, values) & rule.where(one)
-            if name in rule.unless_nan:
-                bad &= ~np.isnan(values).all(axis=1)
-            if bad.any():
-                at = number + int(bad.argmax())
-                expected = "a unit quaternion" if name.startswith("q_") else "finite numbers of a mission"
-                raise LogError(f"{path}: {topic}: message {at}: {name}: expected {expected}")
+    where = rule.where(given) if are_arrays else np.array([rule.where(one) for one in given], dtype=bool)
+    for name in rule.finite + rule.unless_nan:
+        values = _of_arrays(getattr(given, name)) if are_arrays else _of_list(given, name)
+        bad = _bad(name, values) & where
+        if name in rule.unless_nan:
+            bad &= ~np.isnan(values).all(axis=1)
+        if bad.any():
+            expected = "a unit quaternion" if name.startswith("q_") else "finite numbers of a mission"
+            words = f"message {bad.argmax() + 1}: {name}: expected {expected}"
+            raise LogError(f"{path}: {topic}: {words}")
     if rule.goes_on and are_arrays:
         _goes_on(path, topic, rule.goes_on, getattr(given, rule.goes_on))
 
 
-def _rows(values, are_several):
-    """Values of one record, or of several one after the other: (N, n)"""
-    array = np.asarray(values, dtype=float)
-    rows = len(array) if are_several else 1
-    return array.reshape(rows, array.size // max(rows, 1))
+def _of_arrays(values):
+    """Values of a field of N records: (N, n)"""
+    return values.reshape(len(values), values.size // max(len(values), 1))
+
+
+def _of_list(given, name):
+    """The same of a list of records; of lists that are not of one length the largest size alone, (N, 1)."""
+    rows = [np.ravel(getattr(one, name)) for one in given]
+    if len({len(row) for row in rows}) > 1:
+        rows = [[np.abs(row).max(initial=0.0)] for row in rows]
+    return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 0)
 
 
 def _bad(name, values):

@@ -7,7 +7,7 @@ import synthetic_run
 from shefex_nav.log import checked
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import LogError
-from shefex_nav.records import Reason
+from shefex_nav.records import GpsRanges, Reason
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=236.0)
 WRONG = (
@@ -63,6 +63,17 @@ def test_times_that_do_not_go_on_are_named(data, kind, name):
     arrays = getattr(data, kind)
     with pytest.raises(LogError, match=rf"message 3: {name}: expected more than in the message before"):
         check(changed(arrays, name, 2, getattr(arrays, name)[1]))
+
+
+def test_lists_of_any_length_are_looked_at(data):
+    nothing, nowhere = np.zeros(0), np.zeros((0, 3))
+    none = GpsRanges(1.0, 1.2, np.zeros(0, int), nothing, nothing, nowhere, nowhere, nothing, nothing)
+    three = none._replace(pseudorange=np.full(3, 2e7), r_es_e=np.full((3, 3), 1e7))
+    check([none, three, three._replace(pseudorange=np.full(2, 2e7))], GpsRanges)
+    for bad in (np.nan, np.inf, 1e16):
+        with pytest.raises(LogError, match="message 2: r_es_e: expected finite numbers"):
+            check([none, three._replace(r_es_e=np.full((3, 3), bad))], GpsRanges)
+    check([], GpsRanges)
 
 
 def test_what_says_itself_that_it_is_none_may_be_nan(data):
