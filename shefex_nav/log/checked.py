@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.fields import UNIT
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import (
     Alignment,
@@ -25,7 +26,6 @@ from shefex_nav.records import (
 )
 
 LARGEST = 1e15  # SI; no position, rate, variance or time of a mission is larger
-UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
 class Rule(NamedTuple):
@@ -68,9 +68,10 @@ def check(path, topic, record, given):
         if name in rule.unless_nan:
             bad &= ~np.isnan(values).all(axis=1)
         if bad.any():
-            expected = "a unit quaternion" if name.startswith("q_") else "finite numbers of a mission"
-            words = f"message {bad.argmax() + 1}: {name}: expected {expected}"
-            raise LogError(f"{path}: {topic}: {words}")
+            k = int(bad.argmax())
+            got = np.array2string(values[k], precision=4, threshold=12)
+            expected = "a unit quaternion" if name.startswith("q_") else f"numbers below {LARGEST:g}"
+            raise LogError(f"{path}: {topic}: message {k + 1}: {name}: got {got}, expected {expected}")
     if rule.goes_on and are_arrays:
         _goes_on(path, topic, rule.goes_on, getattr(given, rule.goes_on))
 
@@ -100,5 +101,6 @@ def _goes_on(path, topic, name, values):
     """LogError unless the values grow."""
     back = ~(np.diff(values) > 0)
     if back.any():
-        number, words = int(back.argmax()) + 2, "expected more than in the message before"
-        raise LogError(f"{path}: {topic}: message {number}: {name}: {words}")
+        k = int(back.argmax()) + 1
+        words = f"got {values[k]:.10g} after {values[k - 1]:.10g}, expected more"
+        raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")

@@ -8,11 +8,11 @@ from contextlib import redirect_stdout
 import numpy as np
 
 from shefex_nav.errors import CodeError, SoftwareError
+from shefex_nav.fields import UNIT
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
 LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
 NO_NUMBERS = str | bytes | None | complex | np.complexfloating
-UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 
 
 def _is_open(number):
@@ -84,7 +84,7 @@ class OwnSoftware:
             array = np.asarray(value)
             if array.dtype.kind in "biuf" or _are_numbers(array):
                 return array.astype(float)
-        except Exception:  # rows of several lengths, numbers of 400 digits, what its own __array__ raises
+        except Exception:  # rows of different lengths, numbers of 400 digits, an error of its own __array__
             pass
         raise self.error(now_s, f"{what} must be numbers, got {value!r}")
 
@@ -98,7 +98,7 @@ class OwnSoftware:
 
 
 def _are_numbers(array):
-    """Whether an array of objects holds nothing that is none, though float() takes it: fractions, say."""
+    """Whether an array of objects holds numbers alone, such as fractions; float() takes text, too."""
     return array.dtype.kind == "O" and not any(isinstance(one, NO_NUMBERS) for one in array.flat)
 
 

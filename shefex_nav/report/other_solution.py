@@ -8,6 +8,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
+from shefex_nav.fields import UNIT
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.log.other_solutions import Other, check_name
 from shefex_nav.log.run_data import stack
@@ -19,7 +20,6 @@ from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 
 FRAMES = "i", "e"
-UNIT = 1e-3  # by which the norm of a quaternion may differ from one
 _SHAPES = {"r": (3,), "v": (3,), "q": (4,), "P": (9, 9)}
 
 

@@ -11,15 +11,15 @@ from shefex_nav.records import GpsRanges, Reason
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=236.0)
 WRONG = (
-    ("truth", "t_s", np.nan, "expected finite"),
-    ("truth", "r_i", np.inf, "expected finite"),
-    ("truth", "f_b", 1e16, "expected finite"),
-    ("truth", "q_ib", 0.0, "expected a unit quaternion"),
-    ("nav", "v_i", np.nan, "expected finite"),
-    ("nav", "q_ib", 0.9, "expected a unit quaternion"),
-    ("imu", "dtheta_b", np.nan, "expected finite"),
-    ("imu", "t_valid_s", 1e300, "expected finite"),
-    ("frames", "exposure_s", np.nan, "expected finite"),
+    ("truth", "t_s", np.nan, r"got \[nan\], expected numbers below 1e\+15"),
+    ("truth", "r_i", np.inf, "got .*inf.*, expected numbers"),
+    ("truth", "f_b", 1e16, r"got .*1.e\+16.*, expected numbers"),
+    ("truth", "q_ib", 0.0, "got .*, expected a unit quaternion"),
+    ("nav", "v_i", np.nan, "got .*nan.*, expected numbers"),
+    ("nav", "q_ib", 0.9, "got .*0.9 0.9.*, expected a unit quaternion"),
+    ("imu", "dtheta_b", np.nan, "got .*nan.*, expected numbers"),
+    ("imu", "t_valid_s", 1e300, r"got .*e\+300.*, expected numbers"),
+    ("frames", "exposure_s", np.nan, "got .*nan.*, expected numbers"),
 )
 
 
@@ -61,7 +61,7 @@ TIMES = ("truth", "t_s"), ("nav", "t_s"), ("covariance", "t_s"), ("frames", "num
 @pytest.mark.parametrize("kind, name", TIMES)
 def test_times_that_do_not_go_on_are_named(data, kind, name):
     arrays = getattr(data, kind)
-    with pytest.raises(LogError, match=rf"message 3: {name}: expected more than in the message before"):
+    with pytest.raises(LogError, match=rf"message 3: {name}: got .* after .*, expected more"):
         check(changed(arrays, name, 2, getattr(arrays, name)[1]))
 
 
@@ -71,7 +71,7 @@ def test_lists_of_any_length_are_looked_at(data):
     three = none._replace(pseudorange=np.full(3, 2e7), r_es_e=np.full((3, 3), 1e7))
     check([none, three, three._replace(pseudorange=np.full(2, 2e7))], GpsRanges)
     for bad in (np.nan, np.inf, 1e16):
-        with pytest.raises(LogError, match="message 2: r_es_e: expected finite numbers"):
+        with pytest.raises(LogError, match=r"message 2: r_es_e: got .*, expected numbers"):
             check([none, three._replace(r_es_e=np.full((3, 3), bad))], GpsRanges)
     check([], GpsRanges)
 
@@ -84,10 +84,10 @@ def test_what_says_itself_that_it_is_none_may_be_nan(data):
     fixes[1] = fixes[1]._replace(r_ea_e=nothing, valid=False)
     check(fixes, type(fixes[0]))
     fixes[1] = fixes[1]._replace(valid=True)
-    with pytest.raises(LogError, match="/topic: message 2: r_ea_e: expected finite numbers"):
+    with pytest.raises(LogError, match=r"/topic: message 2: r_ea_e: got .*, expected numbers"):
         check(fixes, type(fixes[0]))
     solved = next(one for one in data.star_fixes if one.reason == Reason.NONE)
     unsolved = solved._replace(q_ic=np.full(4, np.nan), reason=int(Reason.TOO_FEW_STARS))
     check([solved, unsolved], type(solved))
-    with pytest.raises(LogError, match="message 2: q_ic: expected a unit quaternion"):
+    with pytest.raises(LogError, match=r"message 2: q_ic: got .*, expected a unit quaternion"):
         check([solved, solved._replace(q_ic=2.0 * solved.q_ic)], type(solved))

@@ -344,7 +344,7 @@ class Readings(NamedTuple):
     dt_s: float
     increments: np.ndarray  # (6,)
     share: float  # of the second of the two samples that it is made of
-    missed: np.ndarray  # (6,) by what it is off, if the increments change evenly; all of it: not known
+    missed: np.ndarray  # (6,) error of `increments` by their change so far; all of them if it is not known
 
 
 @kernel

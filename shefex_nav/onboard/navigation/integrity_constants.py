@@ -6,9 +6,9 @@ arm as the motion of another point: z = s c + noise, with the columns
     of position  s = H_r [-v, C_ib],    of velocity  s = H_v [-a - C_ib omega x (omega x l), C_ib (omega x)]
 
 for a fix measured c_1 seconds before the instant that it names, and an arm that is longer by c_2...4; v and a
-are those over the turning Earth. What
-the filter has learnt of it already shows no more. That is its response B to a unit of c, which goes through
-the filter as an error of the state does (separate bias: Friedland, IEEE TAC 14, 1969)::
+are those over the turning Earth. What the filter has learnt of it already shows no more. That is its response
+B to a unit of c, which goes through the filter as an error of the state does (separate bias: Friedland, IEEE
+TAC 14, 1969)::
 
     B <- Phi B,    h = s - H B,    B <- B + K h
 

@@ -10,10 +10,9 @@ last known to be right,
     P_jj <- max(P_jj, P_jj(then) + (x_j - x_j(then))^2),
 
 the certainty that it has gained since and all of the correction, which may be the falsehood; to doubt it a
-second time adds what it has learnt since the first. Adding
-independent noise is honest whatever the ties are; to cut them is not: attitude and mounting, of which the
-stars see the sum, would seem to be known by sqrt(2) better after the next fix. What is added to the mounting
-is added to the attitude with the opposite sign.
+second time adds what it has learnt since the first. Adding independent noise is honest whatever the ties are;
+to cut them is not: attitude and mounting, of which the stars see the sum, would seem to be known by sqrt(2)
+better after the next fix. What is added to the mounting is added to the attitude with the opposite sign.
 
 **Then** is the start of the filter, unless the stars have confirmed the gyros since (`integrity_gyro`): what
 the stars contradict was right at the last comparison that agreed and is `PROVEN_S` old. A GPS receiver is

@@ -5,11 +5,12 @@ C_ib (omega_ib_b x l). That of the noise in the rate is noise of the predicted v
 
     C_ib [l x] Q [l x]^T C_ib^T,    Q the variances of the rate,
 
-with those that `mean_rate` counts for a rate of any duration, and with what may be missed of a gyro that
-cannot be read. The rate is the mean of the time of one sample about the instant, of two samples as a rule; a
-fix that arrives before the second of them has the last sample, half a sample late, and its change besides.
-The velocity of the sensors swings with the vibration besides, of a motor or without. All satellites of a set
-see the same antenna, so their range rates err together.
+which are those of `mean_rate.rate_noise` and what may be missed of a gyro that cannot be read. The rate is a
+mean over the time of one sample, centred on the instant of the fix. As a rule half of it comes from the
+sample before the instant and half from the one after it. Where that one has not been measured yet, the rate
+is that of the last sample, and half of its change counts as noise. Vibration swings the velocity of the
+sensors, with a motor and without. All satellites of a set see the same antenna, so their range rates err
+together.
 
 What is not linear while the attitude is hardly known is in `unknown_attitude.of_arm`.
 """
