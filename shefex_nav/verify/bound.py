@@ -9,11 +9,12 @@ force are inputs that are measured, nothing is assumed of the flight itself.
 What is no state, and why:
 
 - Random walk of the sensors is white noise, as the world makes it.
-- The counts of the sensors carry their remainder on, so the sum of increments is off by a rounding alone.
-  Spin turns what is carried on: (w dt)^2 q^2/12 of white noise per sample.
+- The counts of the sensors carry their remainder on, so the sum of increments is off by a rounding alone:
+  an error of the moment, variance q^2/12, added to what is reported and to what is measured. Spin turns what
+  is carried on: (w dt)^2 q^2/12 of white noise per sample.
 - Vibration above 20 Hz swings the sensors to and fro. Nothing of it stays: its spectrum is zero at the spin
-  rate, too. It is an error of the moment, added to what is reported while a motor burns and to the velocity
-  of a GPS fix, at instants so far apart that it is independent (correlation time 8 ms).
+  rate, too. It is an error of the moment like the one above, at instants so far apart that it is independent
+  (correlation time 8 ms).
 - The gravity model on board has J2 alone. Whoever has the right field has no such error, so the lowest
   bound is that of a known field; for software that may not know it the difference is a process with the
   variance and the correlation time which it has along the flight (`gravity_process`). Both are offered.
@@ -131,13 +132,21 @@ def follow(flight, layout, *, every_s=OUTPUT_S):
 
 
 def swings(flight):
-    """What vibration adds to what is reported: {its level, m/s^2 rms: swing of velocity, of attitude}."""
+    """Errors of the moment: {level of the vibration, m/s^2 rms: sigma of velocity, of attitude}."""
     trajectory, params = flight.trajectory, flight.imu
     dt_s, rms = sample_s(trajectory.t_s), world_imu.vibration_rms(params, trajectory.burning)
-    return {
-        level: (swing(params, level, dt_s), swing(params, params.vibration.angular * level, dt_s))
-        for level in np.unique(rms).tolist()
-    }
+    return {level: momentary(params, level, dt_s) for level in np.unique(rms).tolist()}
+
+
+def momentary(params, rms, dt_s):
+    """Errors of the moment under vibration of a level, 1 sigma of each axis: of velocity, of attitude.
+
+    What vibration swings, and what is left of a count. Arguments as of `swing` -> m/s, rad
+    """
+    levels = rms, params.vibration.angular * rms
+    quanta = params.accelerometer.quantum, params.gyro.quantum
+    swung = [swing(params, level, dt_s) if level > 0.0 else 0.0 for level in levels]
+    return tuple(float(np.hypot(*pair)) for pair in zip(swung, np.array(quanta) / np.sqrt(12.0), strict=True))
 
 
 def reported(flight, levels, k, P):
@@ -155,8 +164,13 @@ def reported(flight, levels, k, P):
 
 
 def swings_at(flight, levels, k):
-    """Swing of velocity and of attitude at sample k, 1 sigma of each axis. levels : of `swings`"""
-    return levels[float(world_imu.vibration_rms(flight.imu, flight.trajectory.burning[k : k + 1])[0])]
+    """Errors of the moment at sample k, 1 sigma of each axis. levels : of `swings`"""
+    return levels[_level(flight, k)]
+
+
+def _level(flight, k):
+    """Vibration at sample k, m/s^2 rms."""
+    return float(world_imu.vibration_rms(flight.imu, flight.trajectory.burning[k : k + 1])[0])
 
 
 def outputs(flight, layout, *, every_s=OUTPUT_S):
@@ -307,7 +321,9 @@ def _stars(flight, layout, dt_s, k, fix):
     H = bound_model.star_rows(
         layout, C_ib, camera.mounting.C_bc, focal_px, fix.detections.xy_px[named] - centre
     )
-    return linear.Update(float(trajectory.t_s[k]), fix.t_available_s, "star_tracker", H, fix.P_c)
+    _, angle = momentary(flight.imu, _level(flight, k), dt_s)
+    R = fix.P_c + angle**2 * np.eye(3)
+    return linear.Update(float(trajectory.t_s[k]), fix.t_available_s, "star_tracker", H, R)
 
 
 def _gps(flight, layout, dt_s, k, fix):
@@ -315,8 +331,7 @@ def _gps(flight, layout, dt_s, k, fix):
     trajectory = flight.trajectory
     t_s = float(trajectory.t_s[k])
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
-    rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
-    row = slice(k, k + 1)
+    rms, row = _level(flight, k), slice(k, k + 1)
     gyro, _ = bound_model.imu_columns(
         layout, trajectory.dtheta_b[row], trajectory.dv_b[row], np.array([rms**2]), dt_s
     )
@@ -342,15 +357,15 @@ def _gps(flight, layout, dt_s, k, fix):
 
 
 def _swing_of_antenna(flight, rms, dt_s):
-    """Variance that vibration puts between strapdown and antenna, m^2/s^2, each axis.
+    """Variance between strapdown and antenna, m^2/s^2, each axis.
 
-    The swing of the velocity, and the rate of one sample, variance S/(2 dt) of a flat density S, times the
-    arm.
+    The velocity's of the moment, and the rate of one sample times the arm: by vibration, variance S/(2 dt) of
+    a flat density S, and by the counts at both of its ends.
     """
     params = flight.imu
     density = (params.vibration.angular * rms) ** 2 / world_imu.bandwidth(params)
-    rate2 = 0.5 * density / dt_s
-    return swing(params, rms, dt_s) ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
+    rate2 = 0.5 * density / dt_s + params.gyro.quantum**2 / 6.0 / dt_s**2
+    return momentary(params, rms, dt_s)[0] ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
 
 
 def sigmas(bound):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import prepare
-from shefex_nav.onboard.navigation import state
+from shefex_nav.onboard.navigation import momentary, state
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL
 from shefex_nav.report.nees import nees as normalised
@@ -24,7 +24,7 @@ NEES_PROBABILITY, NIS_PROBABILITY, CONTAINED_PROBABILITY = 0.999, 0.999, 0.99
 class Extra(NamedTuple):
     """What is reported beyond the covariance that the filter carries, at each epoch."""
 
-    velocity: np.ndarray  # (m,) m/s, swing of the vibration
+    velocity: np.ndarray  # (m,) m/s, errors of the moment
     attitude: np.ndarray  # (m,) rad
     gravity: float  # m/s^2, part of the bias estimate
 
@@ -49,8 +49,9 @@ def of_run(scenario, seed, fixes, *, number=HISTORIES, rng, one_field=False):
     run = flown.filter_run(scenario, seed, fixes, recorder=recorder, world=world)
     order = state.layout(nav_params.states)
     _, P = state.initial(nav_params, order, world.alignment)
-    level, model = recorder.vibration(run.t_s), nav_params.imu
-    extra = Extra(level * model.accel_vibration, level * model.gyro_vibration, model.gravity)
+    of, levels = momentary.of(nav_params), recorder.vibration(run.t_s).tolist()
+    velocity, attitude = np.sqrt([momentary.variances(of, level) for level in levels]).T
+    extra = Extra(velocity, attitude, nav_params.imu.gravity)
     histories = simulate(P, recorder.steps, run.t_s, run.phase, extra, number=number, rng=rng)
     if one_field and order.places["gravity"] is not None:
         what = P, recorder.steps, run.t_s, run.phase, extra, order.places["gravity"]

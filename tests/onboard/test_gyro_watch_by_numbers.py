@@ -14,7 +14,7 @@ from shefex_nav.onboard.navigation import history
 from shefex_nav.onboard.navigation import integrity_gyro as gyro
 from shefex_nav.onboard.navigation.integrity_gyro import CONFORM, UNDECIDED, WRONG
 
-NOISE = np.array([1e-12, 4e-13, 1e-8, 1e-10, 0.0])
+NOISE = np.array([1e-12, 1e-8, 1e-10, 0.0])
 LIMITS = np.array([stats.chi2.isf(p, 3) for p in (1e-9, 0.05, 1e-3, 1e-4)])
 Q_B = rotation.quat_from_rotvec(np.array([0.5, -0.2, 1.0]))
 C_IB = rotation.dcm_from_quat(Q_B)
@@ -37,9 +37,9 @@ def rows_of(times_s, turned_i, path=0.0, push=0.0, path_stars=0.0, sigma=SIGMA, 
 
 
 def test_limits_and_noise_are_those_of_the_unit():
-    model = SimpleNamespace(gyro_random_walk=2e-6, gyro_quantum=6e-7)
+    model = SimpleNamespace(gyro_random_walk=2e-6)
     watch = gyro.GyroWatch(model, 3e-4, 5e-6)
-    np.testing.assert_allclose(watch.noise, [4e-12, 2.0 * (6e-7) ** 2 / 12.0, 9e-8, 2.5e-11, 0.0])
+    np.testing.assert_allclose(watch.noise, [4e-12, 9e-8, 2.5e-11, 0.0])
     np.testing.assert_allclose(watch.limits, LIMITS, rtol=1e-9)
 
 
@@ -47,10 +47,10 @@ def test_limits_and_noise_are_those_of_the_unit():
 def test_the_rotation_between_two_fixes_has_the_variance_of_all_that_turns_it(camera):
     """Fixes at both ends, bias over the time, a random walk, and what grows with angle and with push."""
     noise = NOISE.copy()
-    noise[4] = camera**2
+    noise[3] = camera**2
     rows = rows_of([2.0, 5.0], lambda t: np.zeros(3), path=0.3, push=40.0, path_stars=0.2, bias=2e-6)
     lasting = 1e-8 * 0.3**2 + 1e-10 * 40.0**2 + camera**2 * 0.2**2
-    wanted = 2.0 * SIGMA**2 * np.diag([1.0, 4.0, 9.0]) + (9.0 * 4e-12 + 3e-12 + 4e-13 + lasting) * np.eye(3)
+    wanted = 2.0 * SIGMA**2 * np.diag([1.0, 4.0, 9.0]) + (9.0 * 4e-12 + 3e-12 + lasting) * np.eye(3)
     np.testing.assert_allclose(plain(gyro._covariance)(rows, 0, 1, noise), wanted, rtol=1e-9)
     assert plain(gyro._lasting)(rows, 0, 1, noise) == pytest.approx(lasting)
 
@@ -203,11 +203,11 @@ def test_gyros_recover_when_they_conform():
     assert conclude(one, 2.0, CONFORM) is None
     assert one.trust(2.0) and one.trust(3.0) and not one.trust(3.01) and one.recovered == ["gyro x", "gyro y"]
     one.doubt(0.3)
-    assert one.noise[4] == pytest.approx(0.09) and one.failed == gyro.AXES and not one.trust(2.0)
+    assert one.noise[3] == pytest.approx(0.09) and one.failed == gyro.AXES and not one.trust(2.0)
     one.doubt(0.1)
-    assert one.noise[4] == pytest.approx(0.09)
+    assert one.noise[3] == pytest.approx(0.09)
     one.doubt(5.0)
-    assert one.noise[4] == 1.0
+    assert one.noise[3] == 1.0
 
 
 def test_fixes_too_far_apart_begin_anew_and_late_ones_are_left_out():
@@ -242,6 +242,6 @@ def test_the_camera_that_may_be_turned_explains_a_turn_of_the_vehicle():
             q = rotation.quat_from_rotvec(np.array([angle, 0.0, 0.0]))
             z = np.array([0.0, 2e-3 * angle, 0.0])
             found.append((turned, one.compare(0.1 * k, packed(q), P, z, R, f_b, NONE, turned)))
-        assert one.noise[4] == 0.0
+        assert one.noise[3] == 0.0
     assert any(one for turned, one in found if turned == 0.0)
     assert not any(one for turned, one in found if turned == 0.5)

@@ -12,7 +12,7 @@ from shefex_nav.onboard.navigation.history import Corrections
 from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q
 
 ARCSEC = np.pi / 648000.0
-WALK, QUANTUM = 9e-6, 5e-7  # rad/sqrt(s), rad
+WALK = 9e-6  # rad/sqrt(s)
 G_SENSE = 0.5 * np.pi / 180.0 / 3600.0 / 9.8  # rad/s per m/s^2: 0.5 deg/h/gee
 SIGMA = np.array([1.2, 12.0, 1.1]) * ARCSEC  # of star fixes about the body axes
 R = np.diag(SIGMA**2)
@@ -23,7 +23,7 @@ GAIN = 1.0 - 1.0 / 1.3**2  # of a filter that uses the fixes
 
 
 def watch(relative=2e-4):
-    model = SimpleNamespace(gyro_random_walk=WALK, gyro_quantum=QUANTUM)
+    model = SimpleNamespace(gyro_random_walk=WALK)
     return integrity_gyro.GyroWatch(model, relative, G_SENSE)
 
 

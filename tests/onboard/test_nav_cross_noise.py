@@ -54,7 +54,7 @@ def assumed(roll_rate, across_rate, angle):
 
 @kernel
 def _densities(record, dtheta):
-    along, across, _ = error_model.noise_densities(record[0], 0.0, 1.0, 0.01, dtheta, (0.0, 0.0, 0.0))
+    along, across, _ = error_model.noise_densities(record[0], 0.0, 1.0, 0.01, 0.01, dtheta, (0.0, 0.0, 0.0))
     return along[0], across[0]
 
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from navigation_flight import PARAMS
 from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
 from unpacked import FALLING
@@ -67,9 +68,7 @@ def mean_turn():
 
 NAV = SimpleNamespace(
     layout=layout(()),
-    params=SimpleNamespace(
-        C_bc=C_BC, star_fix_floor=0.0, imu=SimpleNamespace(gyro_random_walk=8e-6, gyro_quantum=5e-7)
-    ),
+    params=PARAMS._replace(C_bc=C_BC, imu=PARAMS.imu._replace(gyro_random_walk=8e-6, gyro_quantum=5e-7)),
 )
 
 

@@ -305,5 +305,6 @@ def test_a_tick_that_is_cut_gathers_as_much_noise():
 
 @kernel
 def gyro_noise(model, dtheta, share=1.0):
-    along, _, _ = error_model.noise_densities(model[0], 1.0, share, 0.01 * share, dtheta, (0.0, 0.0, 0.0))
+    zero = (0.0, 0.0, 0.0)
+    along, _, _ = error_model.noise_densities(model[0], 1.0, share, 0.01, 0.01 * share, dtheta, zero)
     return along[0]

@@ -87,7 +87,7 @@ def test_g_sensitivity_counts_in_the_watch_over_the_gyros_as_block_and_as_noise(
     """Without it, braking in the air would look like a broken gyro to a filter that estimates it."""
     sigma = load(SCENARIO).imu.gyro.g_sensitivity
     for states in ((), ("gyro_g_sensitivity",)):
-        assert integrity_watch.start(nav_params(states)).gyros.noise[3] == sigma**2
+        assert integrity_watch.start(nav_params(states)).gyros.noise[2] == sigma**2
 
 
 def test_missions_that_feel_their_weight_for_minutes_estimate_what_goes_with_it():

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.onboard.navigation import momentary
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
@@ -32,8 +33,7 @@ class Added(NamedTuple):
     """What is reported on top of the covariance of the filter."""
 
     gravity: float  # m/s^2, sigma that the estimate of the accelerometer bias contains
-    accel_vibration: float  # m/s rms, swinging of the sensors while the strongest motor burns
-    gyro_vibration: float  # rad rms, likewise
+    momentary: momentary.Momentary
 
 
 def width(layout):
@@ -44,12 +44,10 @@ def width(layout):
 def reported(nav):
     """Covariance of the errors of the solution, (n, n); not to be changed, it may be that of the filter.
 
-    While a motor burns, the sensors swing with the vibration and the strapdown follows them. Nothing of it
-    stays, so the filter does not count it as an error that grows, but the solution of the moment contains it.
+    Errors of the moment, which the filter does not count, are in it (`momentary`).
     """
-    history, model = nav.history, nav.params.imu
-    vibration = float(history.numbers[history.place(-1), 3])
-    return as_reported(history.P, vibration * model.accel_vibration, vibration * model.gyro_vibration)
+    vibration = float(nav.history.numbers[nav.history.place(-1), 3])
+    return as_reported(nav.history.P, *momentary.variances(momentary.of(nav.params), vibration))
 
 
 def covariance(nav, tick=None):
@@ -65,8 +63,8 @@ def fill(nav, ticks, rows):
 
     fusion.Filter; range of their numbers, as `History` counts them; rows (m, `width`)
     """
-    history, layout, model = nav.history, nav.layout, nav.params.imu
-    added = Added(model.gravity, model.accel_vibration, model.gyro_vibration)
+    history, layout = nav.history, nav.layout
+    added = Added(nav.params.imu.gravity, momentary.of(nav.params))
     _fill(layout.at, layout.nominal, ticks.start, ticks.step, history.arrays, added, rows)
 
 
@@ -90,14 +88,14 @@ def _fields(rows, states):
 
 
 @kernel
-def as_reported(P, accel_swing, gyro_swing):
-    """`reported`: P (n, n) itself, or a copy with the squares of the swings, m/s and rad, on top."""
-    if accel_swing == 0.0 and gyro_swing == 0.0:
+def as_reported(P, velocity2, attitude2):
+    """`reported`: P (n, n) itself, or a copy with variances of the moment, m^2/s^2 and rad^2, on top."""
+    if velocity2 == 0.0 and attitude2 == 0.0:
         return P
     P = P.copy()
     for i in range(3):
-        P[VEL.start + i, VEL.start + i] += accel_swing**2
-        P[ATT.start + i, ATT.start + i] += gyro_swing**2
+        P[VEL.start + i, VEL.start + i] += velocity2
+        P[ATT.start + i, ATT.start + i] += attitude2
     return P
 
 
@@ -110,8 +108,9 @@ def _fill(at, nominal, first, step, memory, added, rows):
     numbers, xs, Ps = memory.numbers, memory.xs, memory.Ps
     for j in range(len(rows)):
         place, row = (first + j * step) % len(numbers), rows[j]
-        vibration, x = numbers[place, 3], xs[place]
-        P = as_reported(Ps[place], vibration * added.accel_vibration, vibration * added.gyro_vibration)
+        x = xs[place]
+        velocity2, attitude2 = momentary.variances(added.momentary, numbers[place, 3])
+        P = as_reported(Ps[place], velocity2, attitude2)
         row[0] = numbers[place, 0]
         for i in range(PVA.stop):
             for k in range(PVA.stop):

@@ -262,7 +262,7 @@ def shake(dv_b):
 
 
 @inner
-def noise_densities(model, vibration, share, duration_s, dtheta, dv):
+def noise_densities(model, vibration, share, sample_s, duration_s, dtheta, dv):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -275,6 +275,7 @@ def noise_densities(model, vibration, share, duration_s, dtheta, dv):
     model : row of a `record`
     vibration : of the ImuWindow
     share : of the tick that is passed through; its angle is as uncertain by vibration as if all of it were
+    sample_s : duration of one sample of the IMU
     duration_s, dtheta, dv : s, rad and m/s as three numbers: passed through in all
 
     Returns
@@ -295,11 +296,16 @@ def noise_densities(model, vibration, share, duration_s, dtheta, dv):
     accel_along = slow * (model.accel_scale**2 * f2 + shaken)
     accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
     cross_along, cross_across = _cross(model, dtheta[0] / duration_s, across_rate)
-    gyro_white = model.gyro_random_walk**2
+    # white: random walk, and quanta, about the roll axis and across it
+    q_along, q_across = _carried_on(sample_s, dtheta[0] / duration_s, across_rate)
+    gyro_along = model.gyro_random_walk**2 + q_along * model.gyro_quantum**2
+    gyro_across = model.gyro_random_walk**2 + q_across * model.gyro_quantum**2
+    accel_along += q_along * model.accel_quantum**2
+    accel_across += q_across * model.accel_quantum**2
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
     left_along, left_across, bias_walk = _left_out(model, rate, across_rate)
-    along = gyro_white + cross_along + slow * gyro, left_along + accel_along
-    across = gyro_white + cross_across + spun * gyro, left_across + accel_across
+    along = gyro_along + cross_along + slow * gyro, left_along + accel_along
+    across = gyro_across + cross_across + spun * gyro, left_across + accel_across
     return along, across, bias_walk
 
 
@@ -317,6 +323,17 @@ def _cross(model, roll_rate, across_rate):
     spun = rolled2 / max(rolled2 + across_rate**2, 1e-30)  # 0: no roll, 1: many turns
     along, across = 1.0 - spun + spun * model.spun_along, 1.0 - spun + spun * model.spun_across
     return turned * along, turned * across
+
+
+@inner(forceinline=True)
+def _carried_on(sample_s, roll_rate, across_rate):
+    """Density of what is left of a quantum, counted in the next sample when the body has turned a little.
+
+    What is left, variance q^2/12 on each axis, is then off by its product with the turn of a sample.
+    -> 1/s about the roll axis and about each of the others, in q^2
+    """
+    per_rate2 = sample_s / 12.0
+    return per_rate2 * across_rate**2, per_rate2 * (roll_rate**2 + 0.5 * across_rate**2)
 
 
 @inner(forceinline=True)

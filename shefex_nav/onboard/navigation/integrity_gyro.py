@@ -120,7 +120,6 @@ class GyroWatch:
         self.noise = np.array(
             [
                 model.gyro_random_walk**2,
-                model.gyro_quantum**2 / 6.0,
                 relative**2,
                 sensed**2,
                 0.0,
@@ -165,9 +164,9 @@ class GyroWatch:
         _remember(self.rows, self.n, A, StarSight(t_s, x, P, z, R, f_b))
         self.n += 1
         noise = self.noise
-        if turned**2 > noise[4]:
+        if turned**2 > noise[3]:
             noise = noise.copy()
-            noise[4] = min(turned, 1.0) ** 2
+            noise[3] = min(turned, 1.0) ** 2
         verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, noise, self.limits)
         return self._conclude(t_s, verdict, rate_b, sigma_b)
 
@@ -194,7 +193,7 @@ class GyroWatch:
 
         relative : error of a turned angle by that of the camera's mounting, if it may be more than was known
         """
-        self.noise[4] = max(self.noise[4], min(relative, 1.0) ** 2)
+        self.noise[3] = max(self.noise[3], min(relative, 1.0) ** 2)
         self.failed = AXES
         self.checked_s = np.nan
         self.forget()
@@ -248,9 +247,9 @@ def _between(rows, f, l):
 def _lasting(rows, f, l, noise):
     """Variance on each axis of D by errors that keep their sign: of turned angles, and of specific force."""
     turned, pushed = rows[l, PATH] - rows[f, PATH], rows[l, PUSH] - rows[f, PUSH]
-    lasting = noise[2] * turned**2 + noise[3] * pushed**2
-    if noise[4] > 0.0:
-        lasting += noise[4] * (rows[l, PATH_STARS] - rows[f, PATH_STARS]) ** 2
+    lasting = noise[1] * turned**2 + noise[2] * pushed**2
+    if noise[3] > 0.0:
+        lasting += noise[3] * (rows[l, PATH_STARS] - rows[f, PATH_STARS]) ** 2
     return lasting
 
 
@@ -258,7 +257,7 @@ def _lasting(rows, f, l, noise):
 def _covariance(rows, f, l, noise):
     """Of D from row f to row l if the gyros are right, (3, 3) rad^2, inertial axes."""
     T_s = rows[l, T] - rows[f, T]
-    white = noise[0] * T_s + noise[1] + _lasting(rows, f, l, noise)
+    white = noise[0] * T_s + _lasting(rows, f, l, noise)
     of_fixes = rows[f, R_I] + rows[l, R_I] + T_s**2 * rows[f, P_BG]
     return of_fixes.reshape(3, 3) + white * np.eye(3)
 
@@ -277,7 +276,7 @@ def _steady(rows, first, middle, last, noise, limits):
         return False
     T_s = rows[last, T] - rows[first, T]
     share = (rows[middle, T] - rows[first, T]) / T_s
-    white = noise[0] * T_s * share * (1.0 - share) + noise[1] + SLACK**2 * (D**2).sum()
+    white = noise[0] * T_s * share * (1.0 - share) + SLACK**2 * (D**2).sum()
     white += _lasting(rows, first, last, noise)
     of_fixes = (1.0 - share) ** 2 * rows[first, R_I] + rows[middle, R_I] + share**2 * rows[last, R_I]
     off = D_middle - share * D
@@ -288,8 +287,8 @@ def _steady(rows, first, middle, last, noise, limits):
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 
-    noise : white rad^2/s, rad^2 of one reading, squares of the relative error of angles, of g-sensitivity, of
-        the angle by which the camera may be turned
+    noise : white rad^2/s, squares of the relative error of angles, of g-sensitivity, of the angle by which
+        the camera may be turned
     limits : chi-square of D, of the middle, of D where it is conform, of each half
     """
     last, verdict, none = n - 1, UNDECIDED, np.zeros(3)

@@ -8,8 +8,8 @@ C_ib (omega_ib_b x l). That of the noise in the rate is noise of the predicted v
 which are those of `mean_rate.rate_noise` and what may be missed of a gyro that cannot be read. The rate is a
 mean over the time of one sample, centred on the instant of the fix. As a rule half of it comes from the
 sample before the instant and half from the one after it. Where that one has not been measured yet, the rate
-is that of the last sample, and half of its change counts as noise. Vibration swings the velocity of the
-sensors, with a motor and without. All satellites of a set see the same antenna, so their range rates err
+is that of the last sample, and half of its change counts as noise. The velocity of the sensors has its errors
+of the moment (`momentary`). All satellites of a set see the same antenna, so their range rates err
 together.
 
 What is not linear while the attitude is hardly known is in `unknown_attitude.of_arm`.
@@ -19,11 +19,11 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, mean_rate, unknown_attitude
+from shefex_nav.onboard.navigation import error_model, mean_rate, momentary, unknown_attitude
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
 
 AT_END = 0.999  # of the range of a gyro, from which a reading counts as its end
-NOTHING, NO_SWING = np.zeros(3), np.zeros(2)
+NOTHING = np.zeros(3)
 
 
 def of_position(nav, now, H):
@@ -39,10 +39,11 @@ def of_velocity(nav, now, H):
     arm, x, sensed, about = nav.params.l_ba_b, now.x, now.sensed_packed, now.about()
     more = _unread(now.imu, nav.watch.params.imu) if now.extra[0].any() else NOTHING
     mean_s = about.dt_s / ((1.0 - about.share) ** 2 + about.share**2)  # over which white noise is as large
-    angle, velocity = NO_SWING if now.vibration else nav.params.swing_at_rest
+    angle = 0.0 if now.vibration else nav.params.swing_at_rest[0]
+    velocity2, _ = momentary.variances(momentary.of(nav.params), now.vibration)
     tick = nav.history.ends_s[now.k], mean_s, now.vibration
     W = _swung(nav.constants.model, x, sensed, tick, more + 2.0 * (angle / mean_s) ** 2, arm)
-    W += velocity**2 * np.eye(3)
+    W += velocity2 * np.eye(3)
     if about.missed.any():
         missed_i = rotation.quat_rotate(x[X_Q], rotation.cross(about.missed[:3] / about.dt_s, arm))
         W += np.outer(missed_i, missed_i)
@@ -72,4 +73,4 @@ def _swung(model, x, sensed, tick, more, arm_b):
     row = model[error_model.valid(model, t_end_s)]
     rate2 = more + mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, mean_s)
     arm_i = rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(arm_b)
-    return arm_i * rate2 @ arm_i.T + (vibration * row.accel_vibration) ** 2 * np.eye(3)
+    return arm_i * rate2 @ arm_i.T

@@ -273,7 +273,7 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_imu(top, at, responses, triads, imu.vibration, imu.drive)
     share = T / length_s
-    along, across, bias_walk = error_model.noise_densities(noise, imu.vibration, share, T, angle, speed)
+    along, across, bias_walk = error_model.noise_densities(noise, imu.vibration, share, h, T, angle, speed)
     error_model.process_noise(top, along, across, imu.extra, C, T, Q)
     return bias_walk, angle, speed
 

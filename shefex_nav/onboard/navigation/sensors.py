@@ -20,6 +20,7 @@ from shefex_nav.onboard.navigation import (
     measure_ranges,
     measure_stars,
     measurements,
+    momentary,
 )
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
@@ -98,13 +99,16 @@ def _rotated_back(q_ic, P_c, bend_c, noise):
 
 
 def _star_attitude(nav, now, fix):
-    params = nav.params
-    return measurements.star_attitude(nav.layout, now.x, fix, params.C_bc, params.star_fix_floor)
+    return measurements.star_attitude(nav.layout, now.x, fix, nav.params.C_bc, _shared_by_stars(nav, now))
 
 
 def _star_vectors(nav, now, fix):
-    params = nav.params
-    return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_fix_floor)
+    return measure_stars.star_vectors(nav.layout, now.state, fix, nav.params.C_bc, _shared_by_stars(nav, now))
+
+
+def _shared_by_stars(nav, now):
+    """What turns all stars of a fix against the predicted attitude of a Moment: rad, each axis."""
+    return float(np.hypot(nav.params.star_fix_floor, momentary.attitude_sigma(nav.params, now.vibration)))
 
 
 def _gps_trial(nav, now, z, R, fix):

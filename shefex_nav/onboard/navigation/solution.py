@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import integrity_protection, protected
+from shefex_nav.onboard.navigation import integrity_protection, momentary, protected
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
     acting,
@@ -54,8 +54,7 @@ class Noise(NamedTuple):
 
     random_walk: float  # rad/sqrt(s), of the gyros
     quantum: float  # rad, of the gyros
-    accel_vibration: float  # m/s rms, swinging of the sensors while the strongest motor burns
-    gyro_vibration: float  # rad rms, likewise
+    momentary: momentary.Momentary
 
 
 class Bounds(NamedTuple):
@@ -91,7 +90,7 @@ def fill(nav, ticks, rows, imu_blind=None):
         they can be trusted is that of now: nothing may have arrived since the first of them.
     """
     model, watch = nav.params.imu, nav.watch
-    noise = Noise(model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration)
+    noise = Noise(model.gyro_random_walk, model.gyro_quantum, momentary.of(nav.params))
     bounds = Bounds(watch.protection.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
     _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
@@ -134,11 +133,10 @@ def _fill(at, first, step, memory, noise, earth, bounds, out):
     axes, known, sigma = np.empty((4, 3)), np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
-        vibration = numbers[place, 3]
-        swings = noise.accel_vibration * vibration, noise.gyro_vibration * vibration
-        P = as_reported(Ps[place], swings[0], swings[1])
+        added = momentary.variances(noise.momentary, numbers[place, 3])
+        P = as_reported(Ps[place], added[0], added[1])
         _derive(at, memory, place, P, noise, earth, out[j], axes)
-        _sigmas(Ps[place], axes, swings, known, sigma)
+        _sigmas(Ps[place], axes, added, known, sigma)
         dt_s, protection = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
         integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, protection)
         out[j, T_S] = numbers[place, 0]
@@ -146,16 +144,15 @@ def _fill(at, first, step, memory, noise, earth, bounds, out):
 
 
 @inner
-def _sigmas(P, axes, swings, known, sigma):
+def _sigmas(P, axes, added, known, sigma):
     """Sigmas of a tick: known (9,) of the filter, sigma (7,) of the solution, in the order of `protected`.
 
-    P : (n, n) of the filter;  axes : of `protected.level_axes`;  swings : m/s, rad, of vibration
+    P : (n, n) of the filter;  axes : of `protected.level_axes`;  added : of `momentary.variances`
     """
     both = protected.variances(P, axes, known)
     protected.worst_sigmas(known, both, sigma)
     for i in range(protected.VELOCITY.start, protected.N_TOLD):
-        swing = swings[0] if i < protected.ATTITUDE.start else swings[1]
-        sigma[i] = np.sqrt(sigma[i] ** 2 + swing * swing)
+        sigma[i] = np.sqrt(sigma[i] ** 2 + (added[0] if i < protected.ATTITUDE.start else added[1]))
     for i in range(protected.N_FOLLOWED):
         known[i] = np.sqrt(known[i])
 

@@ -37,7 +37,8 @@ class Growth:
 
     def update(self, make, flight, layout, k, fix):
         """linear.Update of a fix at sample k, by a function of `bound` that makes it."""
-        key = id(fix), layout.n
+        quanta = flight.imu.gyro.quantum, flight.imu.accelerometer.quantum  # which are noise of a fix
+        key = id(fix), layout.n, *quanta
         if key not in self._updates:
             if len(self._updates) >= MOST_UPDATES:
                 self._updates.clear()

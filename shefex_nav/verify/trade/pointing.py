@@ -50,7 +50,7 @@ def histories(t_s, rng):
 def sizes(q_ib, swings, errors, rng):
     """Size of the errors of position and velocity, and of the largest angle about an axis, of each history.
 
-    q_ib : (4,) truth;  swings : what vibration adds to velocity and attitude, 1 sigma about each axis
+    q_ib : (4,) truth;  swings : errors of the moment of velocity and attitude, 1 sigma about each axis
     errors : (n, N) of `linear.Output`;  rng : of these swings -> (3, N)
     """
     velocity, angle = (one * rng.standard_normal((3, errors.shape[1])) for one in swings)
