@@ -6,7 +6,7 @@ from navigation_flight import DT, EARTH, PARAMS, STATES, alignment, fly
 from scipy.stats import chi2
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import fusion, lever_arm, measurements
+from shefex_nav.onboard.navigation import fusion, lever_arm, measurements, momentary
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -145,7 +145,8 @@ def test_vibration_without_a_motor_swings_them_too():
     angle, velocity = 2e-5, 0.02
     nav, now = filter_of()
     now.vibration = 0.0
-    nav = nav._replace(params=nav.params._replace(swing_at_rest=np.array([angle, velocity])))
+    params = nav.params._replace(swing_at_rest=np.array([angle, velocity]))
+    nav = nav._replace(params=params, momentary=momentary.of(params))
     arm = rotation.dcm_from_quat(now.x[X_Q]) @ rotation.skew(ARM)
     rate2 = 2.0 * (angle / (2.0 * DT)) ** 2  # of the mean of two samples
     found = lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))

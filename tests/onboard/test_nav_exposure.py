@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from unpacked import FALLING
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion, sensors
+from shefex_nav.onboard.navigation import fusion, momentary, sensors
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import X_Q, layout
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -66,10 +66,8 @@ def mean_turn():
     return quad_vec(lambda t: turned(t, tumbling), 0.1 - T / 2, 0.1 + T / 2)[0] / T
 
 
-NAV = SimpleNamespace(
-    layout=layout(()),
-    params=PARAMS._replace(C_bc=C_BC, imu=PARAMS.imu._replace(gyro_random_walk=8e-6, gyro_quantum=5e-7)),
-)
+TOLD = PARAMS._replace(C_bc=C_BC, imu=PARAMS.imu._replace(gyro_random_walk=8e-6, gyro_quantum=5e-7))
+NAV = SimpleNamespace(layout=layout(()), params=TOLD, momentary=momentary.of(TOLD))
 
 
 def fix(exposure_s, stars=NO_STARS):

@@ -28,6 +28,7 @@ from shefex_nav.onboard.navigation import (
     integrity_learnt,
     integrity_watch,
     measurements,
+    momentary,
     prediction,
     unknown_attitude,
 )
@@ -63,6 +64,7 @@ class Filter(NamedTuple):
     earth: frames.EarthRotation
     sensors: dict  # name -> sensor.Sensor, in the order in which measurements of one instant have their turn
     constants: prediction.Constants
+    momentary: momentary.Momentary  # errors of what is reported and measured
     kalman: Any  # of `eskf.engine`, whose type takes seconds to import
     limits: integrity.Limits  # of the gate
     history: History
@@ -100,6 +102,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         earth=earth,
         sensors=known,
         constants=constants,
+        momentary=momentary.of(params),
         kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
         history=History(first, constants.driving),
@@ -195,7 +198,7 @@ def fuse(nav, arrived):
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
-            new = (Measurement(name, fix, Fate.PENDING, grown=nav.noise.of_sensor(name)) for name in names)
+            new = (Measurement(name, fix, Fate.PENDING, grown=nav.noise.sensors.get(name, 1.0)) for name in names)
             queue = [*history.measurements[index], *new]
             history.measurements[index] = tuple(sorted(queue, key=turn))
             earliest = min(earliest, index)

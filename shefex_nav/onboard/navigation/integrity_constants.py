@@ -86,6 +86,7 @@ class Constants:
 
     def __init__(self):
         self.B, self.seen_s = None, np.nan  # (n, 4); s, of the last measurement
+        self.omega_ie_i = None  # (3,) rad/s
         self.sums = Sums(*(np.zeros(shape) for shape in ((4, 4), 4, 3, (3, 3))))
         self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
@@ -99,15 +100,15 @@ class Constants:
         if self.closed:
             return
         if self.B is None:
-            self.B = np.zeros((H.shape[1], 4))
+            self.B, self.omega_ie_i = np.zeros((H.shape[1], 4)), frames.omega_ie_i(nav.earth)
         what = SHOWS.get(name, NOTHING)
         judges = what != NOTHING and fate != Fate.HELD and not nav.watch.imu_blind
         motion = UNREAD
         if what == VELOCITY and nav.params.vibration_period_s <= LONGEST_S:
             ticks = nav.history.oldest, nav.history.number(now.k)
             motion = _read(nav.history.arrays, *ticks, now.t_s - nav.params.vibration_period_s)
-        turns_i, arm_b = frames.omega_ie_i(nav.earth), nav.params.l_ba_b
-        seen = Shown(now.x, now.P, z, H, S, *motion, turns_i, arm_b, now.t_s - self.seen_s)
+        constant = self.omega_ie_i, nav.params.l_ba_b
+        seen = Shown(now.x, now.P, z, H, S, *motion, *constant, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
         self.seen_s = now.t_s
         if judges:

@@ -40,7 +40,7 @@ def of_velocity(nav, now, H):
     more = _unread(now.imu, nav.watch.params.imu) if now.extra[0].any() else NOTHING
     mean_s = about.dt_s / ((1.0 - about.share) ** 2 + about.share**2)  # over which white noise is as large
     angle = 0.0 if now.vibration else nav.params.swing_at_rest[0]
-    velocity2, _ = momentary.variances(momentary.of(nav.params), now.vibration)
+    velocity2, _ = momentary.variances(nav.momentary, now.vibration)
     tick = nav.history.ends_s[now.k], mean_s, now.vibration
     W = _swung(nav.constants.model, x, sensed, tick, more + 2.0 * (angle / mean_s) ** 2, arm)
     W += velocity2 * np.eye(3)

@@ -8,8 +8,6 @@ what is predicted for the instant of a measurement, where it counts as noise of 
 
 from typing import NamedTuple
 
-import numpy as np
-
 from shefex_nav.compiled import kernel
 
 
@@ -35,11 +33,6 @@ def of(params):
         angle**2,
         model.gyro_vibration**2,
     )
-
-
-def attitude_sigma(params, vibration):
-    """Of one instant, each axis, rad. NavParams, level of the vibration -> float"""
-    return float(np.sqrt(variances(of(params), vibration)[1]))
 
 
 @kernel

@@ -4,6 +4,7 @@ GPS and stars stand here; an instrument that adds to them is an Aid (`aiding`). 
 several measurements: `ARRIVALS` says which.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -108,7 +109,8 @@ def _star_vectors(nav, now, fix):
 
 def _shared_by_stars(nav, now):
     """What turns all stars of a fix against the predicted attitude of a Moment: rad, each axis."""
-    return float(np.hypot(nav.params.star_fix_floor, momentary.attitude_sigma(nav.params, now.vibration)))
+    _, attitude2 = momentary.variances(nav.momentary, now.vibration)
+    return math.sqrt(nav.params.star_fix_floor**2 + attitude2)
 
 
 def _gps_trial(nav, now, z, R, fix):

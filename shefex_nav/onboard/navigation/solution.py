@@ -90,7 +90,7 @@ def fill(nav, ticks, rows, imu_blind=None):
         they can be trusted is that of now: nothing may have arrived since the first of them.
     """
     model, watch = nav.params.imu, nav.watch
-    noise = Noise(model.gyro_random_walk, model.gyro_quantum, momentary.of(nav.params))
+    noise = Noise(model.gyro_random_walk, model.gyro_quantum, nav.momentary)
     bounds = Bounds(watch.protection.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
     _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
