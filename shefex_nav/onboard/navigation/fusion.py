@@ -198,7 +198,8 @@ def fuse(nav, arrived):
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
-            new = (Measurement(name, fix, Fate.PENDING, grown=nav.noise.sensors.get(name, 1.0)) for name in names)
+            grown = nav.noise.sensors.get
+            new = (Measurement(name, fix, Fate.PENDING, grown=grown(name, 1.0)) for name in names)
             queue = [*history.measurements[index], *new]
             history.measurements[index] = tuple(sorted(queue, key=turn))
             earliest = min(earliest, index)
