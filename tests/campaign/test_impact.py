@@ -155,6 +155,13 @@ def test_the_centre_lies_within_its_standard_error():
     assert np.mean(squares) == pytest.approx(2.0 * 29.0 / 27.0, abs=3.0 * 2.2 / 10.0)
 
 
+def test_semi_axes_scatter_by_their_standard_error():
+    """200 samples of 30, the longer axis: within 3.5 of the scatter's own standard errors of 5 %."""
+    drawn_axes = [ellipses.ellipse("body", *drawn(30, seed)) for seed in range(200)]
+    scatter = np.std([one.axes[0] for one in drawn_axes]) / TRUE_AXES[0]
+    assert scatter == pytest.approx(drawn_axes[0].axes_error, rel=3.5 * 0.05)
+
+
 def test_an_outline_is_so_many_sigma_from_the_centre():
     one = ellipses.ellipse("body", *drawn(50))
     inverse = np.linalg.inv(np.cov(one.offsets.T))

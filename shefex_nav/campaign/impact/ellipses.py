@@ -28,6 +28,11 @@ class Ellipse(NamedTuple):
     offsets: np.ndarray  # (n, 2) m, of the landings from the centre, north and east
     inside: tuple  # how many of them lie within 1, 2, 3 sigma
 
+    @property
+    def axes_error(self):
+        """Standard error of the semi-axes, relative to them, if the landings are normally distributed."""
+        return 1.0 / math.sqrt(2.0 * (len(self.offsets) - 1))
+
     def outline(self, sigmas, points=120):
         """(points, 2) rad, geodetic latitude and longitude around the ellipse; closed."""
         angle = np.linspace(0.0, 2.0 * np.pi, points)

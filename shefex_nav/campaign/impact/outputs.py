@@ -98,7 +98,8 @@ def _ellipse(one):
     return {
         "body": one.body, "landings": len(one.offsets), "centre": _place(one.latitude, one.longitude),
         "standard_error_m": {"north": one.error[0], "east": one.error[1]},
-        "semi_axes_1_sigma_m": list(one.axes), "azimuth_of_longer_deg": math.degrees(one.azimuth),
+        "semi_axes_1_sigma_m": list(one.axes), "semi_axes_relative_error": one.axes_error,
+        "azimuth_of_longer_deg": math.degrees(one.azimuth),
         "not_normal_at_sigma": ellipsing.odd(one),
         "levels": [
             {"sigma": k, "contains_of_normal": ellipsing.share(k), "landings_inside": n}
@@ -142,6 +143,7 @@ def rows(found):
         north, east = one["standard_error_m"].values()
         error = f"standard error {north:.0f} m north, {east:.0f} m east"
         yield section, "centre", f"{_degrees(one['centre'])}, {error}"
+        yield section, "semi-axes", f"standard error {100 * one['semi_axes_relative_error']:.0f} %"
         for level in one["levels"]:
             k = level["sigma"]
             axes = " by ".join(number(k * axis / 1e3, 3, "km") for axis in one["semi_axes_1_sigma_m"])
