@@ -1,14 +1,16 @@
 """Flights without faults whose instruments are others, told rightly: is any of them called wrong?
 
-uv run python benchmarks/healthy_flights.py [--flights 40] [--first 1] [--jobs 2] [--set KEY=VALUE]
-    [--json FILE]
+uv run python benchmarks/healthy_flights.py [--flights 40] [--first 1] [--jobs 2] [--aids]
+    [--set KEY=VALUE] [--json FILE]
 
 Each flight draws its scenario (default mission by statistics, the same without stars, `rexus_like`, `tight`)
 and, each with a chance of a third to a half, the receiver's noise, rate, latency and antenna, the classes of
 gyros and accelerometers, their calibration and quanta, the vibration and the alignment, over factors of 10
 to 1000. Every fourth is drawn as `precise`: velocities of 2 to 30 mm/s, a lever arm of 0.5 to 2.5 m and gyros
-whose noise over it is as large. Prints each flight with what was told of its sensors, its misleading events
-and its largest errors over their levels. Exit code 1 if a sensor is called wrong or a flight misleads.
+whose noise over it is as large. With --aids the flights have a barometer, a magnetometer or both, drawn over
+factors of 0.1 to 10, and fly the default mission, `rexus_like` or `baro_2d_gps`. Prints each flight with what
+was told of its sensors, its misleading events and its largest errors over their levels. Exit code 1 if a
+sensor is called wrong or a flight misleads.
 
 Sensors that really end (signals lost, an accelerometer at the end of its range) are not counted.
 """
@@ -48,9 +50,19 @@ class Draw:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
 
-def drawn(seed):
+def drawn(seed, aids=False):
     """Scenario and settings of a flight."""
     draw = Draw(seed)
+    if aids:
+        scenario = draw.one_of("shefex2_andoya", "rexus_like", "baro_2d_gps")
+        found = [
+            "navigation.states=automatic",
+            BY_STATISTICS,
+            *aided(draw, scenario),
+            *receiver(draw),
+            *inertial(draw),
+        ]
+        return scenario, found + around(draw, scenario)
     scenario = SCENARIOS[(seed // 4) % 4] if seed % 4 == 0 else draw.one_of(*SCENARIOS)
     found = ["navigation.states=automatic"]
     if scenario != "no_star_tracker":
@@ -111,6 +123,35 @@ def inertial(draw):
     return found
 
 
+def aided(draw, scenario):
+    """Barometer, magnetometer or both."""
+    which = draw.one_of("barometer", "magnetometer", "both")
+    found = []
+    if scenario == "baro_2d_gps" or which != "magnetometer":
+        found += readings(draw, "barometer", draw.one_of("1 Pa", "20 Pa", "100 Pa"))
+        for name, usual, unit in (
+            ("bias", 100.0, "Pa"),
+            ("drift", 20.0, "Pa"),
+            ("noise", 5.0, "Pa"),
+            ("lag", 20.0, "ms"),
+            ("day.pressure", 5.0, "hPa"),
+            ("day.temperature", 5.0, "K"),
+        ):
+            found.append(f"barometer.{name}={usual * draw.between(0.1, 10.0):.4g} {unit}")
+    if which != "barometer":
+        found += readings(draw, "magnetometer", draw.one_of("1 nT", "15 nT", "150 nT"))
+        for name, usual, unit in (("hard_iron", 500.0, "nT"), ("noise", 50.0, "nT"), ("soft_iron", 0.3, "%")):
+            found.append(f"magnetometer.{name}={usual * draw.between(0.1, 10.0):.4g} {unit}")
+        found.append(f"navigation.magnetometer.rows={draw.one_of('field', 'heading')}")
+    return found
+
+
+def readings(draw, name, quantum):
+    """When an instrument reads, and in what steps."""
+    rate, latency = draw.one_of(1, 5, 10, 20, 50), draw.one_of(0.0, 0.01, 0.05, 0.2)
+    return [f"{name}.rate={rate} Hz", f"{name}.latency={latency} s", f"{name}.quantum={quantum}"]
+
+
 def sensor_class(sensor, biases, unit, factor):
     """Biases times a factor; the noise grows less from class to class."""
     found = [f"imu.{sensor}.random_walk={0.03 * factor**0.7:.4g} {unit}"]
@@ -126,7 +167,7 @@ def around(draw, scenario):
     found = []
     if draw.chance(0.4):
         level = draw.between(0.1, 3.0)
-        motors = (7.0,) if scenario == "rexus_like" else (7.0, 3.5)
+        motors = (7.0,) if scenario in ("rexus_like", "baro_2d_gps") else (7.0, 3.5)
         found.append(f"imu.vibration.boost=[{', '.join(f'{level * one:.3g} gee' for one in motors)}]")
     if draw.chance(0.3):
         found.append(f"imu.vibration.coast={0.02 * draw.between(0.1, 20.0):.3g} gee")
@@ -139,11 +180,11 @@ def around(draw, scenario):
     return found
 
 
-def fly(seed, more=()):
+def fly(seed, more=(), aids=False):
     """One flight: a row."""
     import shefex_nav as sn
 
-    scenario, settings = drawn(seed)
+    scenario, settings = drawn(seed, aids)
     run = sn.fly(sn.Scenario.load(scenario, [*settings, *more]), seed=seed)
     summary = run.summary()["navigation"]
     of = [summary["integrity"][name] for name in QUANTITIES]
@@ -177,6 +218,7 @@ def main():
     parser.add_argument("--flights", type=int, default=40)
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--aids", action="store_true", help="with a barometer, a magnetometer or both")
     parser.add_argument("--set", action="append", default=[], help="KEY=VALUE for every flight")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
@@ -184,7 +226,7 @@ def main():
     rows = []
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
         seeds = range(given.first, given.first + given.flights)
-        for row in pool.map(partial(fly, more=given.set), seeds):
+        for row in pool.map(partial(fly, more=given.set, aids=given.aids), seeds):
             rows.append(row)
             print(line(row), flush=True)
     if given.json:

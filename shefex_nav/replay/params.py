@@ -15,7 +15,7 @@ def nav_params(scenario, dt_s):
     integrity = params_filter.integrity_params(scenario, dt_s, coarse_if_silent=True)
     told, late_s = _beforehand(scenario), max(scenario.gnss.latency, aboard.longest_latency(scenario))
     return NavParams(
-        imu=params_filter.imu_model(scenario, told),
+        imu=params_filter.imu_model(scenario, told, **_rounded(scenario.imu, dt_s)),
         sigma_gyro_bias=float(np.hypot(gyro.bias, gyro.in_run_bias)),
         sigma_accel_bias=float(np.hypot(accelerometer.bias, accelerometer.in_run_bias)),
         sigma_blocks=known_sigmas(scenario.navigation.states, told),
@@ -27,6 +27,21 @@ def nav_params(scenario, dt_s):
         motors=np.zeros((0, 2)),
         aids=aboard.aids(scenario),
     )
+
+
+def _rounded(imu, dt_s):
+    """White noise of readings that are rounded one by one, as files are: q^2/12 of each sample adds to it."""
+    return {
+        "gyro_random_walk": _noise(imu.gyro, dt_s),
+        "gyro_quantum": 0.0,
+        "accel_random_walk": _noise(imu.accelerometer, dt_s),
+        "accel_quantum": 0.0,
+    }
+
+
+def _noise(triad, dt_s):
+    """Root of a density."""
+    return float(np.hypot(triad.random_walk, triad.quantum / np.sqrt(12.0 * dt_s)))
 
 
 def _beforehand(scenario):

@@ -11,7 +11,7 @@ What is no state, and why:
 - Random walk of the sensors is white noise, as the world makes it.
 - The counts of the sensors carry their remainder on, so the sum of increments is off by a rounding alone:
   an error of the moment, variance q^2/12, added to what is reported and to what is measured. Spin turns what
-  is carried on: (w dt)^2 q^2/12 of white noise per sample.
+  is carried on: at least (w dt)^2 q^2/12 of white noise per sample.
 - Vibration above 20 Hz swings the sensors to and fro. Nothing of it stays: its spectrum is zero at the spin
   rate, too. It is an error of the moment like the one above, at instants so far apart that it is independent
   (correlation time 8 ms).
@@ -124,14 +124,14 @@ def follow(flight, layout, *, every_s=OUTPUT_S):
     -------
     Bound
     """
-    levels, at, covariances = swings(flight), [], []
+    levels, at, covariances = momentary_levels(flight), [], []
     for k, output in outputs(flight, layout, every_s=every_s):
         at.append(k)
         covariances.append(reported(flight, levels, k, output.P))
     return Bound(flight.trajectory.t_s[at], *(np.array(column) for column in zip(*covariances, strict=True)))
 
 
-def swings(flight):
+def momentary_levels(flight):
     """Errors of the moment: {level of the vibration, m/s^2 rms: sigma of velocity, of attitude}."""
     trajectory, params = flight.trajectory, flight.imu
     dt_s, rms = sample_s(trajectory.t_s), world_imu.vibration_rms(params, trajectory.burning)
@@ -152,10 +152,10 @@ def momentary(params, rms, dt_s):
 def reported(flight, levels, k, P):
     """Covariances of what is reported at sample k, of those of all states: fields of Bound but its time.
 
-    levels : of `swings`;  P : (n, n)
+    levels : of `momentary_levels`;  P : (n, n)
     """
     C_ib = rotation.dcm_from_quat(flight.trajectory.q_ib[k])
-    velocity, angle = swings_at(flight, levels, k)
+    velocity, angle = momentary_at(flight, levels, k)
     return (
         P[POS, POS],
         P[VEL, VEL] + velocity**2 * np.eye(3),
@@ -163,8 +163,8 @@ def reported(flight, levels, k, P):
     )
 
 
-def swings_at(flight, levels, k):
-    """Errors of the moment at sample k, 1 sigma of each axis. levels : of `swings`"""
+def momentary_at(flight, levels, k):
+    """Errors of the moment at sample k, 1 sigma of each axis. levels : of `momentary_levels`"""
     return levels[_level(flight, k)]
 
 
@@ -351,20 +351,20 @@ def _gps(flight, layout, dt_s, k, fix):
     R = np.zeros((m + said, m + said))
     R[:m, :m] = axes @ fix.R_r_e @ axes.T
     if said:
-        R[m:, m:] = fix.R_v_e + _swing_of_antenna(flight, rms, dt_s) * np.eye(3)
+        R[m:, m:] = fix.R_v_e + _antenna_noise(flight, rms, dt_s) * np.eye(3)
     rows = np.vstack([axes @ H[:3], H[3 : 3 + said]])
     return linear.Update(t_s, fix.t_available_s, "gps", rows, R)
 
 
-def _swing_of_antenna(flight, rms, dt_s):
+def _antenna_noise(flight, rms, dt_s):
     """Variance between strapdown and antenna, m^2/s^2, each axis.
 
-    The velocity's of the moment, and the rate of one sample times the arm: by vibration, variance S/(2 dt) of
-    a flat density S, and by the counts at both of its ends.
+    The velocity's of the moment, and the mean rate of two samples (dt each) times the arm: by vibration,
+    variance S/(4 dt) of a flat density S, and by the counts at both of its ends.
     """
     params = flight.imu
     density = (params.vibration.angular * rms) ** 2 / world_imu.bandwidth(params)
-    rate2 = 0.5 * density / dt_s + params.gyro.quantum**2 / 6.0 / dt_s**2
+    rate2 = 0.25 * density / dt_s + params.gyro.quantum**2 / 24.0 / dt_s**2
     return momentary(params, rms, dt_s)[0] ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.onboard.navigation import momentary, state
-from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
+from shefex_nav.onboard.navigation.laws import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL
 from shefex_nav.report.nees import nees as normalised
 from shefex_nav.verify import flown, linear, nees
@@ -49,14 +49,19 @@ def of_run(scenario, seed, fixes, *, number=HISTORIES, rng, one_field=False):
     run = flown.filter_run(scenario, seed, fixes, recorder=recorder, world=world)
     order = state.layout(nav_params.states)
     _, P = state.initial(nav_params, order, world.alignment)
-    of, levels = momentary.of(nav_params), recorder.vibration(run.t_s).tolist()
-    velocity, attitude = np.sqrt([momentary.variances(of, level) for level in levels]).T
-    extra = Extra(velocity, attitude, nav_params.imu.gravity)
+    extra = reported_besides(nav_params, recorder.vibration(run.t_s))
     histories = simulate(P, recorder.steps, run.t_s, run.phase, extra, number=number, rng=rng)
     if one_field and order.places["gravity"] is not None:
         what = P, recorder.steps, run.t_s, run.phase, extra, order.places["gravity"]
         histories = histories._replace(one_field=in_one_field(*what, number=number, rng=rng))
     return run, histories
+
+
+def reported_besides(params, levels):
+    """Extra under some levels of the vibration. NavParams, (m,)"""
+    of = momentary.of(params)
+    velocity, attitude = np.sqrt([momentary.variances(of, level) for level in levels.tolist()]).T
+    return Extra(velocity, attitude, params.imu.gravity)
 
 
 def simulate(P, steps, t_s, phase, extra, *, number=HISTORIES, rng):

@@ -8,6 +8,7 @@ from navigation_flight import MODEL, PARAMS
 
 from shefex_nav.onboard.navigation.at_rest import FIXES, Still
 from shefex_nav.onboard.navigation.strapdown import BEFORE
+from shefex_nav.world.imu import quantise
 
 DT, N = 1.0 / 400.0, 4
 WALK = MODEL.gyro_random_walk, MODEL.accel_random_walk
@@ -54,7 +55,10 @@ def told_at_rest(
         if turn is not None:
             increments[:, :3] += turn(t)[:, None] * DT
         if quantum:
-            increments = quantum * np.round(increments / quantum)
+            for triad in (increments[:, :3], increments[:, 3:]):
+                left = np.ascontiguousarray(triad)
+                quantise(left, quantum)
+                triad[:] = left
         fix = SimpleNamespace(
             t_valid_s=float(second), v_ea_e=np.array([speed, 0.0, 0.0]), R_v_e=0.01 * np.eye(3),
             r_ea_e=np.array([6e6 + speed * second, 0.0, 0.0]), R_r_e=4.0 * np.eye(3),
@@ -88,9 +92,16 @@ def test_the_right_noise_and_less_are_left_alone():
 
 
 def test_rounding_is_no_noise():
-    """Quanta six times the noise of a sample."""
+    """Quanta six times the noise of a sample, whose remainder is carried on."""
     for seed in range(20):
         assert told_at_rest((1.0, 1.0), seed, quantum=1.5e-4)[0][1] == 1.0
+
+
+def test_coarse_counts_do_not_hide_noise():
+    """Of the accelerometers, eight times what was told: found within a factor of two."""
+    found = np.array([told_at_rest((1.0, 8.0), seed, quantum=1.5e-4)[0][1] for seed in range(20)])
+    known = found[found > 1.0]
+    assert len(known) > 17 and np.all((known > 4.0) & (known < 16.0))
 
 
 def test_a_swing_of_the_size_of_the_noise_is_no_noise():

@@ -146,7 +146,7 @@ def test_vibration_without_a_motor_swings_them_too():
     nav, now = filter_of()
     now.vibration = 0.0
     params = nav.params._replace(swing_at_rest=np.array([angle, velocity]))
-    nav = nav._replace(params=params, momentary=momentary.of(params))
+    nav = nav._replace(constants=nav.constants._replace(momentary=momentary.of(params)))
     arm = rotation.dcm_from_quat(now.x[X_Q]) @ rotation.skew(ARM)
     rate2 = 2.0 * (angle / (2.0 * DT)) ** 2  # of the mean of two samples
     found = lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))

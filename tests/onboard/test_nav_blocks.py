@@ -12,6 +12,7 @@ from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import (
     calibration,
     error_model,
+    laws,
     measurements,
     prediction,
 )
@@ -155,7 +156,7 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
         r_i, v_i, q_ib = propagate(start, imu, begin_s, end_s, EARTH)
         clock = start.clock + np.array([start.clock[1] * T, 0.0])
         decayed = start.range_bias * np.exp(-T / CLOCK["range_bias_time_s"])
-        gravity = start.gravity * np.exp(-T / error_model.FIELD_TIME_S)
+        gravity = start.gravity * np.exp(-T / laws.FIELD_TIME_S)
         others = start.others.copy()
         if "own" in order.names:
             others[-OWN.size :] = expm(OWN.F * T) @ others[-OWN.size :]
@@ -209,7 +210,7 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         P = 0.5 * (P + P.T)
         clock = state.clock + np.array([0.01 * state.clock[1], 0.0])
         range_bias = state.range_bias * np.exp(-0.01 / CLOCK["range_bias_time_s"])
-        gravity = state.gravity * np.exp(-0.01 / error_model.FIELD_TIME_S)
+        gravity = state.gravity * np.exp(-0.01 / laws.FIELD_TIME_S)
         state = state._replace(
             r_i=r_i, v_i=v_i, q_ib=x[X_Q], clock=clock, range_bias=range_bias, gravity=gravity
         )
@@ -250,7 +251,7 @@ def test_noise_of_receiver_and_field_grows_as_said():
     np.testing.assert_allclose(P[c, c], expected, rtol=1e-9)
     share = 1.0 - np.exp(-2.0 * T / CLOCK["range_bias_time_s"])
     np.testing.assert_allclose(np.diag(P)[r], CLOCK["range_bias_sigma"] ** 2 * share, rtol=1e-9)
-    share = 1.0 - np.exp(-2.0 * T / error_model.FIELD_TIME_S)
+    share = 1.0 - np.exp(-2.0 * T / laws.FIELD_TIME_S)
     np.testing.assert_allclose(
         np.diag(P)[order.places["gravity"]], CLOCK["gravity_error"] ** 2 * share, rtol=1e-9
     )

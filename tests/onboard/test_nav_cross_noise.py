@@ -9,7 +9,7 @@ from navigation_flight import PARAMS
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model
+from shefex_nav.onboard.navigation import error_model, process_noise
 from shefex_nav.onboard.navigation.blocks import Beforehand
 from shefex_nav.onboard.navigation.state import ImuModel
 from shefex_nav.scenario import params_filter
@@ -54,7 +54,7 @@ def assumed(roll_rate, across_rate, angle):
 
 @kernel
 def _densities(record, dtheta):
-    along, across, _ = error_model.noise_densities(record[0], 0.0, 1.0, 0.01, 0.01, dtheta, (0.0, 0.0, 0.0))
+    along, across, _ = process_noise.densities(record[0], 0.0, 1.0, 0.01, 0.01, dtheta, (0.0, 0.0, 0.0))
     return along[0], across[0]
 
 

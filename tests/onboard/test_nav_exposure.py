@@ -67,7 +67,7 @@ def mean_turn():
 
 
 TOLD = PARAMS._replace(C_bc=C_BC, imu=PARAMS.imu._replace(gyro_random_walk=8e-6, gyro_quantum=5e-7))
-NAV = SimpleNamespace(layout=layout(()), params=TOLD, momentary=momentary.of(TOLD))
+NAV = SimpleNamespace(layout=layout(()), params=TOLD, constants=SimpleNamespace(momentary=momentary.of(TOLD)))
 
 
 def fix(exposure_s, stars=NO_STARS):
@@ -80,7 +80,7 @@ def fix(exposure_s, stars=NO_STARS):
 
 def seen(now, one, arrival="star_tracker"):
     """The fix as the filter takes it."""
-    return sensors.straightened(SimpleNamespace(history=now.history, params=NAV.params), arrival, now.k, one)
+    return sensors.straightened(SimpleNamespace(**NAV.__dict__, history=now.history), arrival, now.k, one)
 
 
 def test_attitudes_are_those_of_the_middle():
@@ -128,7 +128,7 @@ def test_a_turn_is_seen_above_the_noise():
 def test_a_fix_of_its_instant_stays_as_it_is():
     """The star tracker has taken the turn out itself: twice would be as wrong as not at all."""
     now = moment(tumbling)
-    nav = SimpleNamespace(history=now.history, params=NAV.params, sensors=sensors.SENSORS)
+    nav = SimpleNamespace(**NAV.__dict__, history=now.history, sensors=sensors.SENSORS)
     for straight in (True, False):
         one = fix(T)._replace(straight=straight)
         _, taken = fusion._worth_trying(nav, "star_tracker", one, now.k, [])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment import gravity
-from shefex_nav.onboard.navigation import error_model
+from shefex_nav.onboard.navigation import laws
 
 RADIUS_M = 6378e3 + 100e3
 TRACK_M, SPEED = 800e3, 1600.0  # of a ballistic flight of eight minutes
@@ -29,5 +29,5 @@ def test_memory_of_the_gravity_state_is_that_of_the_field_along_a_flight():
     variance = 0.5 * ((first**2).mean() + (last**2).mean())
     change = ((last - first) ** 2).mean()
     tau_s = -TRACK_M / SPEED / np.log(1.0 - 0.5 * change / variance)
-    assert error_model.FIELD_TIME_S == pytest.approx(tau_s, rel=0.1)
+    assert laws.FIELD_TIME_S == pytest.approx(tau_s, rel=0.1)
     assert 10e-6 < np.sqrt(variance) / 9.80665 < 25e-6

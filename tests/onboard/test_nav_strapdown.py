@@ -11,7 +11,7 @@ from unpacked import QUIET, correct, felt, noise_of, propagate, window
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import error_model, prediction, strapdown
+from shefex_nav.onboard.navigation import error_model, prediction, process_noise, strapdown
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL, NavState, layout
 from shefex_nav.records import ImuBlock
 
@@ -218,7 +218,7 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
             assert difference <= tolerance, (rows, columns, difference, tolerance, scale)
 
 
-def process_noise(model, extra=strapdown.NO_EXTRA):
+def noise_of_a_tick(model, extra=strapdown.NO_EXTRA):
     imu = window(BLOCKS[1], window(BLOCKS[0]), 0.0, extra)
     state = MOTION.start()
     constants = prediction.constants(LAYOUT, noise_of(model), EARTH)
@@ -227,7 +227,7 @@ def process_noise(model, extra=strapdown.NO_EXTRA):
 
 def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():
     """After 1 s of unaccelerated flight: angle random walk, velocity random walk."""
-    Q = process_noise(QUIET._replace(gyro_random_walk=2e-5, accel_random_walk=7e-4, gyro_bias_walk=3e-8))
+    Q = noise_of_a_tick(QUIET._replace(gyro_random_walk=2e-5, accel_random_walk=7e-4, gyro_bias_walk=3e-8))
     assert np.allclose(np.diag(Q)[ATT], 2e-5**2 * 0.01, rtol=1e-9)
     assert np.allclose(np.diag(Q)[VEL], 7e-4**2 * 0.01, rtol=1e-3)  # attitude noise under thrust adds to it
     assert np.allclose(np.diag(Q)[BG], 3e-8**2 * 0.01)
@@ -235,7 +235,7 @@ def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():
 
 
 def test_spin_averages_errors_across_the_roll_axis_only():
-    Q = process_noise(QUIET._replace(gyro_g_sensitivity=1e-6))
+    Q = noise_of_a_tick(QUIET._replace(gyro_g_sensitivity=1e-6))
     f = np.linalg.norm(MOTION.f_b(0.015))
     assert Q[ATT, ATT][0, 0] == pytest.approx(2 * 30.0 * (1e-6 * f) ** 2 * 0.01, rel=1e-2)
     assert Q[ATT, ATT][1, 1] < 1e-4 * Q[ATT, ATT][0, 0]
@@ -243,9 +243,9 @@ def test_spin_averages_errors_across_the_roll_axis_only():
 
 def test_noise_that_comes_on_top_acts_along_its_axes():
     """As of an axis at the end of its range, or one that is stuck: densities per body axis."""
-    assert np.allclose(process_noise(QUIET), 0.0)
+    assert np.allclose(noise_of_a_tick(QUIET), 0.0)
     rate, force = np.array([0.5, 0.0, 0.2]) ** 2 * 0.01, np.array([0.0, 10.0, 3.0]) ** 2 * 0.01
-    Q = process_noise(QUIET, np.array([0.75 * rate, force, 0.25 * rate]))  # of either kind
+    Q = noise_of_a_tick(QUIET, np.array([0.75 * rate, force, 0.25 * rate]))  # of either kind
     C_ib = MOTION.C_ib(0.0)  # at the start of the interval
     angle = 0.01 * MOTION.spin / 2.0  # by which the axes have turned on average: all that is left out
     assert np.allclose(Q[ATT, ATT], np.diag(rate) * 0.01, atol=rate.max() * 0.01 * 2.0 * angle)
@@ -306,5 +306,5 @@ def test_a_tick_that_is_cut_gathers_as_much_noise():
 @kernel
 def gyro_noise(model, dtheta, share=1.0):
     zero = (0.0, 0.0, 0.0)
-    along, _, _ = error_model.noise_densities(model[0], 1.0, share, 0.01, 0.01 * share, dtheta, zero)
+    along, _, _ = process_noise.densities(model[0], 1.0, share, 0.01, 0.01 * share, dtheta, zero)
     return along[0]

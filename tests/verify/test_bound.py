@@ -259,6 +259,56 @@ def test_swing_is_what_the_instrument_makes_of_vibration():
     assert bound.swing(params, 30.0, DT) == pytest.approx(scatter, rel=0.05)
 
 
+QUANTA = {"gyro_quantum": 2.4e-5, "accel_quantum": 6e-4}
+
+
+def test_the_moment_has_swing_and_rounding():
+    """Increments of the simulated instrument, counted: 100 s, three axes, seed 7; 5 %."""
+    params = imu_with(QUIET, vibration_boost=(30.0,), vibration_angular=0.0, **QUANTA)
+    params = imu_with(params, gyro_range=np.inf, accel_range=np.inf)
+    n = 40000
+    still = flight(6.0)._replace(
+        t_s=DT * np.arange(n), dtheta_b=np.zeros((n, 3)), dv_b=np.zeros((n, 3)), burning=np.ones(n, np.int8)
+    )
+    dv_b = imu.measure(params, still, np.random.default_rng(7)).dv_b
+    velocity, attitude = bound.momentary(params, 30.0, DT)
+    assert velocity == pytest.approx(np.cumsum(dv_b, axis=0)[1000:].std(), rel=0.05)
+    assert attitude == pytest.approx(QUANTA["gyro_quantum"] / np.sqrt(12.0))
+    assert bound.momentary(params, 0.0, DT)[0] == pytest.approx(QUANTA["accel_quantum"] / np.sqrt(12.0))
+
+
+def test_fixes_have_the_rounding_in_their_noise():
+    """That of the attitude in a star fix; in a velocity that of the IMU, and of the mean rate at the arm."""
+    trajectory, k = flight(6.0), 2000
+    layout = bound_model.sources(QUIET, Camera, 0.0, np.inf)
+    camera = SimpleNamespace(
+        detector=SimpleNamespace(columns=640, rows=480, pixel_size=1e-5),
+        optics=SimpleNamespace(focal_length=0.025),
+        mounting=SimpleNamespace(C_bc=C_BC),
+    )
+    xy_px = np.array([[100.0, 50.0], [500.0, 300.0], [50.0, 400.0]])
+    star = SimpleNamespace(
+        hip=np.array([1, 2, 3]), P_c=1e-10 * np.eye(3), t_available_s=6.0,
+        detections=SimpleNamespace(xy_px=xy_px),
+    )  # fmt: skip
+    fix = GpsFix(
+        t_valid_s=5.0, t_available_s=5.1, valid=True, r_ea_e=np.array([3e6, 1e6, 5.5e6]), v_ea_e=np.zeros(3),
+        R_r_e=np.eye(3), R_v_e=1e-4 * np.eye(3), n_satellites=8, pdop=2.0, reason="",
+    )  # fmt: skip
+    R = {}
+    for name, params in (("none", QUIET), ("counts", imu_with(QUIET, **QUANTA))):
+        one = bound.Flight(trajectory, EARTH, None, [], [], params, camera, ARM)
+        R[name] = bound._stars(one, layout, DT, k, star).R, bound._gps(one, layout, DT, k, fix).R
+    (stars, gps), (least_stars, least_gps) = R["counts"], R["none"]
+    angle2, velocity2 = QUANTA["gyro_quantum"] ** 2 / 12.0, QUANTA["accel_quantum"] ** 2 / 12.0
+    np.testing.assert_allclose(stars - least_stars, angle2 * np.eye(3), rtol=1e-6, atol=1e-18)
+    at_arm = 2.0 * angle2 / (2.0 * DT) ** 2 * 2.0 / 3.0 * ARM @ ARM
+    np.testing.assert_allclose(
+        (gps - least_gps)[3:, 3:], (velocity2 + at_arm) * np.eye(3), rtol=1e-6, atol=1e-12
+    )
+    assert not (gps - least_gps)[:3].any()
+
+
 def filter_alone(trajectory, fixes, params, alignment, every):
     """Variances that the on-board filter reports: (m, 9)."""
     from shefex_nav.onboard.navigation import fusion

@@ -13,7 +13,7 @@ import pytest
 
 from shefex_nav import prepare
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
+from shefex_nav.onboard.navigation.laws import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
 from shefex_nav.scenario import load, params_onboard
 from shefex_nav.verify import bound, bound_model, flown, over_bound

@@ -10,7 +10,7 @@ from shefex_nav.onboard.navigation.fusion import Correction, Interval
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.records import Detections, StarFix, Trajectory
 from shefex_nav.report.nees import nees as normalised
-from shefex_nav.scenario import load
+from shefex_nav.scenario import load, params_onboard
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import consistency, flown, linear, nees
 from shefex_nav.verify.flown import PHASES, Run
@@ -215,6 +215,20 @@ def test_what_is_reported_beyond_the_filter_is_in_the_histories():
         scatter = values.std() / np.sqrt(1000)
         assert values.mean() == pytest.approx(3.0, abs=4.5 * scatter), (block, PHASES[p])
     assert histories.P[50][3, 3] > 4.0
+
+
+def test_what_is_reported_besides_is_that_of_the_filter():
+    """Rounding always, vibration by whether a motor burns."""
+    params = params_onboard.nav_params(prepare.settled(load.load("night_sky")))
+    model = params.imu._replace(
+        gyro_quantum=2e-5, accel_quantum=6e-4, gyro_vibration=1e-5, accel_vibration=0.3, gravity=1e-4
+    )
+    params = params._replace(imu=model, swing_at_rest=np.array([3e-6, 2e-4]))
+    found = consistency.reported_besides(params, np.array([0.0, 0.5]))
+    attitude2, velocity2 = (2e-5) ** 2 / 12.0, (6e-4) ** 2 / 12.0
+    np.testing.assert_allclose(found.velocity**2, [velocity2 + 4e-8, velocity2 + 0.15**2])
+    np.testing.assert_allclose(found.attitude**2, [attitude2 + 9e-12, attitude2 + 25e-12])
+    assert found.gravity == 1e-4
 
 
 def field_of_gravity():

@@ -67,6 +67,19 @@ def test_an_interval_of_pieces_is_that_of_the_bound():
     assert Growth(flight).of(flight, layout).interval(0, 200).Q[6, 6] > 0.0
 
 
+def test_fixes_of_other_quanta_are_other_updates():
+    """Of one flight: quanta are noise of a fix, which is kept for all that have the same."""
+    fix, made, noise = object(), [], {}
+    for quantum in (0.1, 5.0, 0.1):
+        scenario = load.load("night_sky", [*SHORT, f"imu.gyro.quantum={quantum} arcsec"])
+        flight = over_bound.flight_of(scenario, prepare.build_world(scenario, 1), [])
+        growth = noise.setdefault("growth", Growth(flight))
+        layout = bound_model.sources(flight.imu, flight.camera, 1e-4, 500.0)
+        one = growth.of(flight, layout)
+        one.update(lambda given, *_: made.append(given.imu.gyro.quantum), 100, fix)
+    assert np.degrees(made) * 3600.0 == pytest.approx([0.1, 5.0])
+
+
 def test_white_noise_adds_to_the_covariance_with_its_square():
     """Nothing is measured: P is linear in the variance of the noise, P(2w) - P(0) = 4 (P(w) - P(0))."""
     shared = predict.Shared(None, 1)

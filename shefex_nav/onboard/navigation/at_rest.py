@@ -1,13 +1,13 @@
 """The noise of the IMU while the vehicle stands still: readings against what was told of them.
 
 When a GPS fix has arrived, the increments of the last two spans of `SPAN_S` are summed. White noise of
-density N^2 makes N^2 SPAN_S of each, m samples, each rounded to quanta q, add m q^2/12, and the difference d
-of the two knows no bias. A vehicle that shakes at rest swings and comes back: a swing of s rms has a part in
-each end of the two spans, twice in the one between them, 6 s^2 in all::
+density N^2 makes N^2 SPAN_S of each, and the difference d of the two knows no bias. An error of the moment
+(`momentary`: vibration swings and comes back, counts carry their remainder on) of s rms has a part in each
+end of the two spans, twice in the one between them, 6 s^2 in all::
 
-    sum over n fixes of |d|^2 / (2 (N^2 SPAN_S + m q^2/12 + 3 s^2)) ~ chi-square, 3 n degrees of freedom
+    sum over n fixes of |d|^2 / (2 (N^2 SPAN_S + 3 s^2)) ~ chi-square, 3 n degrees of freedom
 
-s is that of the vibration that was told without a motor. The sums of a swing do not grow with their span as
+The vibration is the one that was told without a motor. The sums of a swing do not grow with their span as
 those of noise do: the span is as long as the memory of the filter allows, and what is less than `SHAKEN`
 times the variance that was told is left to a swing that was not. One that turns where it stands, or is moved
 once, does not scatter as noise does (`_is_noise`). Rest is what GPS says: velocities of zero and positions
@@ -20,6 +20,7 @@ from collections import deque
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.onboard.navigation import momentary
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -64,12 +65,10 @@ class Still:
             return None
         found = np.array([one[2] for one in self.fixes][:-1])
         self.fixes.clear()
-        told, samples = params.imu, SPAN_S / history.numbers[history.place(-1), 1]
-        quanta = np.array([told.gyro_quantum, told.accel_quantum])
-        other = samples * quanta**2 / 12.0 + 3.0 * params.swing_at_rest**2
+        told, (velocity2, attitude2) = params.imu, momentary.variances(momentary.of(params), 0.0)
         return (
-            self._factor(found[:, :, :3], told.gyro_random_walk, other[0]),
-            self._factor(found[:, :, 3:], told.accel_random_walk, other[1]),
+            self._factor(found[:, :, :3], told.gyro_random_walk, 3.0 * attitude2),
+            self._factor(found[:, :, 3:], told.accel_random_walk, 3.0 * velocity2),
         )
 
     def _factor(self, sums, walk, other):

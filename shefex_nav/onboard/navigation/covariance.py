@@ -47,7 +47,7 @@ def reported(nav):
     Errors of the moment, which the filter does not count, are in it (`momentary`).
     """
     vibration = float(nav.history.numbers[nav.history.place(-1), 3])
-    return as_reported(nav.history.P, *momentary.variances(nav.momentary, vibration))
+    return as_reported(nav.history.P, *momentary.variances(nav.constants.momentary, vibration))
 
 
 def covariance(nav, tick=None):
@@ -64,7 +64,7 @@ def fill(nav, ticks, rows):
     fusion.Filter; range of their numbers, as `History` counts them; rows (m, `width`)
     """
     history, layout = nav.history, nav.layout
-    added = Added(nav.params.imu.gravity, nav.momentary)
+    added = Added(nav.params.imu.gravity, nav.constants.momentary)
     _fill(layout.at, layout.nominal, ticks.start, ticks.step, history.arrays, added, rows)
 
 

@@ -1,7 +1,7 @@
-"""How errors grow: transition matrix and process noise of one interval of strapdown.
+"""How errors grow: transition matrix of one interval of strapdown. Its noise is in `process_noise`.
 
-In: the parts of samples that the strapdown passes through (`strapdown.cut`). Out: the rows of Phi and the
-blocks of Qd that are not trivial, in the order of a `state.Layout`; `prediction` puts them together.
+In: the parts of samples that the strapdown passes through (`strapdown.cut`). Out: the rows of Phi that are
+not trivial, in the order of a `state.Layout`; `prediction` puts them together.
 
 The attitude error is carried in inertial axes, psi = C_ib dtheta_b, in which it moves only by the errors
 of the gyros, and turned back into body axes at the end. Over a piece of duration T with increments
@@ -30,7 +30,6 @@ from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation.blocks import DURATION, GYROS, SHAKEN, WEIGHTS
 from shefex_nav.onboard.navigation.calibration import DRIVERS
-from shefex_nav.onboard.navigation.laws import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, GRAVITY, POS, VEL
 
 SPARE = 8  # rows of a `record` for noise that is found to be other than told
@@ -259,137 +258,6 @@ def shake(dv_b):
         for i in range(3):
             total += (dv_b[k + 1, i] - dv_b[k, i]) ** 2
     return np.sqrt(total / (6.0 * n)) if n > 0 else 0.0
-
-
-@inner
-def noise_densities(model, vibration, share, sample_s, duration_s, dtheta, dv):
-    """White noise that stands for everything which is not a state.
-
-    An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
-    2 s^2 tau/(1 + (w tau)^2) at the angular frequency w. An error fixed to a body axis across the roll axis
-    is turned by the spin, so its slow effect has the density at the roll rate: spin averages it away. An
-    error along the roll axis keeps its direction and has the density at zero.
-
-    Parameters
-    ----------
-    model : row of a `record`
-    vibration : of the ImuWindow
-    share : of the tick that is passed through; its angle is as uncertain by vibration as if all of it were
-    sample_s : duration of one sample of the IMU
-    duration_s, dtheta, dv : s, rad and m/s as three numbers: passed through in all
-
-    Returns
-    -------
-    along, across : rad^2/s of attitude and m^2/s^3 of velocity, for the roll axis and for the others
-    bias_walk : m^2/s^5 of the accelerometer bias
-    """
-    f2 = t3.dot(dv, dv) / duration_s**2
-    # swinging is no turning: over a tick the angle at either end is off by as much on both axes
-    swung2 = 4.0 * (share * model.gyro_vibration * vibration) ** 2
-    across_rate = np.sqrt(max(dtheta[1] ** 2 + dtheta[2] ** 2 - swung2, 0.0)) / duration_s
-    tau = model.thrust_time_s
-    slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (dtheta[0] / duration_s * tau) ** 2)
-
-    # fixed to the body: errors in proportion to specific force; vibration rectified, by its power
-    gyro = model.gyro_g_sensitivity**2 * f2 + (model.gyro_rectification * vibration**2) ** 2
-    shaken = (model.accel_rectification * vibration**2) ** 2
-    accel_along = slow * (model.accel_scale**2 * f2 + shaken)
-    accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
-    cross_along, cross_across = _cross(model, dtheta[0] / duration_s, across_rate)
-    # white: random walk, and quanta, about the roll axis and across it
-    q_along, q_across = _carried_on(sample_s, dtheta[0] / duration_s, across_rate)
-    gyro_along = model.gyro_random_walk**2 + q_along * model.gyro_quantum**2
-    gyro_across = model.gyro_random_walk**2 + q_across * model.gyro_quantum**2
-    accel_along += q_along * model.accel_quantum**2
-    accel_across += q_across * model.accel_quantum**2
-    rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
-    left_along, left_across, bias_walk = _left_out(model, rate, across_rate)
-    along = gyro_along + cross_along + slow * gyro, left_along + accel_along
-    across = gyro_across + cross_across + spun * gyro, left_across + accel_across
-    return along, across, bias_walk
-
-
-@inner(forceinline=True)
-def _cross(model, roll_rate, across_rate):
-    """What scale factors and misalignments do that are met by rates across the roll axis.
-
-    Turning the roll axis by an angle a leaves an attitude error s a: sigma^2 grows to (s a)^2 at any rate.
-    While the body rolls by more than a radian in the time of such a turn, the axes across share it.
-
-    -> rad^2/s of attitude, about the roll axis and about each of the others
-    """
-    turned = model.gyro_cross**2 * model.manoeuvre_angle * across_rate
-    rolled2 = (roll_rate * model.manoeuvre_angle) ** 2
-    spun = rolled2 / max(rolled2 + across_rate**2, 1e-30)  # 0: no roll, 1: many turns
-    along, across = 1.0 - spun + spun * model.spun_along, 1.0 - spun + spun * model.spun_across
-    return turned * along, turned * across
-
-
-@inner(forceinline=True)
-def _carried_on(sample_s, roll_rate, across_rate):
-    """Density of what is left of a quantum, counted in the next sample when the body has turned a little.
-
-    What is left, variance q^2/12 on each axis, is then off by its product with the turn of a sample.
-    -> 1/s about the roll axis and about each of the others, in q^2
-    """
-    per_rate2 = sample_s / 12.0
-    return per_rate2 * across_rate**2, per_rate2 * (roll_rate**2 + 0.5 * across_rate**2)
-
-
-@inner(forceinline=True)
-def _left_out(model, rate, across_rate):
-    """What white noise of the accelerometers and what the gravity model leaves out do, where it is no state.
-
-    It is slow in inertial axes: while the attitude is held it is taken for accelerometer bias, which walks
-    with the field and with the attitude; while the body turns it is noise. The roll axis may be held while
-    the body turns about it.
-
-    -> m^2/s^3 of velocity, along the roll axis and across it; m^2/s^5 of the accelerometer bias
-    """
-    held = 1.0 / (1.0 + (rate * model.gravity_time_s) ** 2)
-    held_along = 1.0 / (1.0 + (across_rate * model.gravity_time_s) ** 2)
-    density, white = 2.0 * model.gravity**2 * model.gravity_time_s, model.accel_random_walk**2
-    bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
-    return white + (1.0 - held_along) * density, white + (1.0 - held) * density, bias_walk
-
-
-@inner
-def process_noise(top, along, across, extra, C, T, Q):
-    """Qd of position, velocity and attitude by the trapezoidal rule: T/2 (Phi W Phi^T + W), W the densities.
-
-    Parameters
-    ----------
-    top : (9, n) first rows of Phi
-    along, across : of `noise_densities`
-    extra : (3, 3) white noise of more, per body axis: rad^2/s of the attitude by gyros that are not read,
-        m^2/s^3 of the velocity, rad^2/s by the specific force that is not read and turns gyros
-    C : C_ib at the start
-    T : s
-    Q : (9, 9), written
-    """
-    half, a = 0.5 * T, ATT.start
-    w = (
-        along[0] + extra[0, 0] + extra[2, 0],
-        across[0] + extra[0, 1] + extra[2, 1],
-        across[0] + extra[0, 2] + extra[2, 2],
-    )
-    d = along[1] + extra[1, 0], across[1] + extra[1, 1], across[1] + extra[1, 2]
-    for i in range(ATT.stop):
-        x, y, z = half * w[0] * top[i, a], half * w[1] * top[i, a + 1], half * w[2] * top[i, a + 2]
-        for j in range(i + 1):
-            Q[i, j] = Q[j, i] = x * top[j, a] + y * top[j, a + 1] + z * top[j, a + 2]
-    D = (d[0], 0.0, 0.0, 0.0, d[1], 0.0, 0.0, 0.0, d[2])
-    W = t3.product(t3.product(C, D), t3.transposed(C))
-    for i in range(3):
-        for j in range(3):
-            density = W[3 * i + j]
-            Q[POS.start + i, POS.start + j] += (
-                half * T * T * density
-            )  # Phi of velocity: T in position, 1 in velocity
-            Q[POS.start + i, VEL.start + j] += half * T * density
-            Q[VEL.start + i, POS.start + j] += half * T * density
-            Q[VEL.start + i, VEL.start + j] += T * density
-        Q[a + i, a + i] += half * w[i]
 
 
 @inner(forceinline=True)

@@ -64,7 +64,6 @@ class Filter(NamedTuple):
     earth: frames.EarthRotation
     sensors: dict  # name -> sensor.Sensor, in the order in which measurements of one instant have their turn
     constants: prediction.Constants
-    momentary: momentary.Momentary  # errors of what is reported and measured
     kalman: Any  # of `eskf.engine`, whose type takes seconds to import
     limits: integrity.Limits  # of the gate
     history: History
@@ -94,7 +93,8 @@ def start(params, alignment, earth, recorder=None, judged=None):
     """
     order, known = layout(params.states, params.blocks), table(params)
     state, P = initial(params, order, alignment)
-    constants = prediction.constants(order, error_model.record(params), earth, params.blocks)
+    model, errors = error_model.record(params), momentary.of(params)
+    constants = prediction.constants(order, model, earth, params.blocks, errors)
     first = Tick(state.t_s, pack(state), P, None)
     return Filter(
         params=params,
@@ -102,7 +102,6 @@ def start(params, alignment, earth, recorder=None, judged=None):
         earth=earth,
         sensors=known,
         constants=constants,
-        momentary=momentary.of(params),
         kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
         history=History(first, constants.driving),

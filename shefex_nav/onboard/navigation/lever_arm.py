@@ -39,10 +39,9 @@ def of_velocity(nav, now, H):
     arm, x, sensed, about = nav.params.l_ba_b, now.x, now.sensed_packed, now.about()
     more = _unread(now.imu, nav.watch.params.imu) if now.extra[0].any() else NOTHING
     mean_s = about.dt_s / ((1.0 - about.share) ** 2 + about.share**2)  # over which white noise is as large
-    angle = 0.0 if now.vibration else nav.params.swing_at_rest[0]
-    velocity2, _ = momentary.variances(nav.momentary, now.vibration)
+    velocity2, attitude2 = momentary.variances(nav.constants.momentary, now.vibration)
     tick = nav.history.ends_s[now.k], mean_s, now.vibration
-    W = _swung(nav.constants.model, x, sensed, tick, more + 2.0 * (angle / mean_s) ** 2, arm)
+    W = _swung(nav.constants.model, x, sensed, tick, more + 2.0 * attitude2 / mean_s**2, arm)
     W += velocity2 * np.eye(3)
     if about.missed.any():
         missed_i = rotation.quat_rotate(x[X_Q], rotation.cross(about.missed[:3] / about.dt_s, arm))

@@ -13,6 +13,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import momentary
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
     acting,
@@ -79,37 +80,38 @@ def camera_rate(constants, memory, ticks, tick, C_bc, interval_s):
     if len(samples.dt_s) == 0:
         return False, np.full(3, np.nan), np.full((3, 3), np.nan), np.empty((0, 4)), np.nan
     acts, model = acting(tick.x, samples.vibration, samples.drive), constants.model[0]
-    omega_b, f_b, noise = _body_rate(model, samples, acts, begin_s, end_s)
+    _, attitude2 = momentary.variances(constants.momentary, samples.vibration)
+    omega_b, f_b, noise = _body_rate(model, samples, acts, attitude2, begin_s, end_s)
     H, _ = jacobians_packed(constants.at, tick.P.shape[0], tick.x, omega_b, f_b, tick.vibration, tick.drive)
     first = constants.at[MOUNTING]
     if first >= 0:
         H[:, first : first + 3] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)
-    turned, variance = _unsteady(model, samples, acts, omega_b, interval_s)
+    turned, variance = _unsteady(model, samples, acts, attitude2, omega_b, interval_s)
     for k in range(turned.shape[0]):
         turned[k, 1:] = C_bc.T @ turned[k, 1:]
     return True, C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc, turned, variance
 
 
 @inner
-def _body_rate(model, samples, acts, begin_s, end_s):
+def _body_rate(model, samples, acts, attitude2, begin_s, end_s):
     """Mean rate and specific force of an interval, corrected with estimates.
 
     model : of `error_model.record`, what NavParams say;  samples : Samples, which cover it
-    acts : (X,), packed values whose gyro errors are taken out
+    acts : (X,), packed values whose gyro errors are taken out;  attitude2 : of `momentary.variances`
     -> omega_b (3,) rad/s, f_b (3,) m/s^2; variance on each axis of what is no state of the filter, (rad/s)^2
     """
     duration_s, increments = _between(samples, begin_s, end_s)
     free = correct_increments(acts, increments.reshape((1, 6)), duration_s)[0] / duration_s
     omega_b, f_b = free[:3], free[3:]
-    noise = rate_noise(model, omega_b, f_b, samples.vibration, duration_s)
+    noise = rate_noise(model, omega_b, f_b, samples.vibration, duration_s) + 2.0 * attitude2 / duration_s**2
     if samples.doubtful:
         noise += model.saturated_rate**2
     return omega_b, f_b, noise
 
 
 @inner
-def _unsteady(model, samples, acts, omega_b, interval_s):
+def _unsteady(model, samples, acts, attitude2, omega_b, interval_s):
     """How the body turns in an interval besides its mean rate.
 
     -> (m, 4) s from the instant, rad in body axes; variance of the error of its mean over the interval on
@@ -144,8 +146,7 @@ def _unsteady(model, samples, acts, omega_b, interval_s):
     if samples.doubtful:
         return turned[:0], np.nan
     duration_s = end_s - begin_s
-    noise = model.gyro_random_walk**2 * duration_s / 12.0 + model.gyro_quantum**2 / 12.0
-    noise += (samples.vibration * model.gyro_vibration) ** 2
+    noise = model.gyro_random_walk**2 * duration_s / 12.0 + attitude2
     largest = 0.0
     for k in range(m + 2):
         largest = max(largest, turned[k, 1] ** 2 + turned[k, 2] ** 2 + turned[k, 3] ** 2)
@@ -203,13 +204,12 @@ def _between(samples, begin_s, end_s):
 def rate_noise(model, omega_b, f_b, vibration, duration_s):
     """Variance of the mean rate on each axis from what the filter counts as noise, (rad/s)^2.
 
-    `error_model.noise_densities` has the same errors as densities: here those that keep their sign over the
-    interval count in full, and those that swing by the angle they leave between its ends.
+    `process_noise.densities` has the same errors as densities: here those that keep their sign over the
+    interval count in full. Errors of the moment, which are in both of its ends, are not in it.
 
     model : row of `error_model.record`;  omega_b, f_b : (3,) rad/s, m/s^2
     """
     variance = model.gyro_random_walk**2 / duration_s
-    variance += (model.gyro_quantum**2 / 6.0 + 2.0 * (vibration * model.gyro_vibration) ** 2) / duration_s**2
     variance += model.gyro_cross**2 * (omega_b[1] ** 2 + omega_b[2] ** 2)
     variance += model.gyro_g_sensitivity**2 * (f_b @ f_b)
     return variance + (model.gyro_rectification * vibration**2) ** 2

@@ -1,9 +1,9 @@
 """Errors of the moment in velocity and attitude: they come and go, and nothing of them stays.
 
-Vibration swings the sensors to and fro, and the strapdown follows. Of what a sensor counts, a part of a
-quantum waits for the next sample: the sum of its increments is off by what is left, evenly within half a
-quantum. The filter counts neither as an error that grows. What is reported of a moment contains both. So does
-what is predicted for the instant of a measurement, where it counts as noise of the measurement.
+Vibration swings the sensors to and fro, and the strapdown follows. A sensor counts whole quanta and carries
+the remainder into the next sample: the sum of its increments has a rounding error, even within half a
+quantum. The filter counts neither as an error that grows. What is reported of an instant contains both. So
+does what is predicted for the instant of a measurement, where it is noise of the measurement.
 """
 
 from typing import NamedTuple
@@ -12,14 +12,17 @@ from shefex_nav.compiled import kernel
 
 
 class Momentary(NamedTuple):
-    """Variances of each axis, of velocity in m^2/s^2 and of attitude in rad^2."""
+    """Variances on each axis, of velocity in m^2/s^2 and of attitude in rad^2."""
 
-    velocity_left: float  # of what is left of a quantum
-    velocity_at_rest: float  # of vibration while no motor burns
-    velocity_shaken: float  # of vibration while the strongest motor burns
-    attitude_left: float
-    attitude_at_rest: float
-    attitude_shaken: float
+    velocity_rounding: float
+    velocity_coast: float  # vibration while no motor burns, on the pad too
+    velocity_motor: float  # vibration while the strongest motor burns
+    attitude_rounding: float
+    attitude_coast: float
+    attitude_motor: float
+
+
+NONE = Momentary(*[0.0] * len(Momentary._fields))
 
 
 def of(params):
@@ -37,13 +40,12 @@ def of(params):
 
 @kernel
 def variances(momentary, vibration):
-    """Of one instant, of velocity and of attitude: m^2/s^2, rad^2.
+    """Of one instant, on each axis of velocity and of attitude: m^2/s^2, rad^2.
 
     momentary : Momentary;  vibration : relative to that of the strongest motor, 0 if none burns
     """
+    velocity, attitude = momentary.velocity_coast, momentary.attitude_coast
     if vibration > 0.0:
-        velocity, attitude = momentary.velocity_shaken, momentary.attitude_shaken
-        velocity, attitude = velocity * vibration**2, attitude * vibration**2
-    else:
-        velocity, attitude = momentary.velocity_at_rest, momentary.attitude_at_rest
-    return velocity + momentary.velocity_left, attitude + momentary.attitude_left
+        velocity = vibration**2 * momentary.velocity_motor
+        attitude = vibration**2 * momentary.attitude_motor
+    return velocity + momentary.velocity_rounding, attitude + momentary.attitude_rounding

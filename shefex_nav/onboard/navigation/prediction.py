@@ -15,7 +15,14 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import error_model, laws, strapdown, unknown_attitude
+from shefex_nav.onboard.navigation import (
+    error_model,
+    laws,
+    momentary,
+    process_noise,
+    strapdown,
+    unknown_attitude,
+)
 from shefex_nav.onboard.navigation.blocks import WEIGHTS
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
 from shefex_nav.onboard.navigation.laws import SIZES
@@ -46,10 +53,11 @@ class Constants(NamedTuple):
     F: np.ndarray  # (m, m) 1/s, their law; (0, 0): they are constant but for the walks
     driving: int  # m if one of them drives increments, else 0
     earth: frames.EarthRotation
+    momentary: momentary.Momentary
 
 
-def constants(layout, model, earth, blocks=()):
-    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside"""
+def constants(layout, model, earth, blocks=(), errors=momentary.NONE):
+    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside, Momentary"""
     blocks = [block for block in blocks if block.name in layout.names]
     walks = np.concatenate([np.empty(0), *(block.walk**2 for block in blocks)])
     F, k = np.zeros((0, 0)), 0
@@ -60,7 +68,7 @@ def constants(layout, model, earth, blocks=()):
             F[k : k + block.size, k : k + block.size] = block.F
         k += block.size
     driving = len(walks) if any(block.drives is not None for block in blocks) else 0
-    return Constants(layout.at, model, walks, F, driving, earth)
+    return Constants(layout.at, model, walks, F, driving, earth, errors)
 
 
 class Memory(NamedTuple):
@@ -273,8 +281,8 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_imu(top, at, responses, triads, imu.vibration, imu.drive)
     share = T / length_s
-    along, across, bias_walk = error_model.noise_densities(noise, imu.vibration, share, h, T, angle, speed)
-    error_model.process_noise(top, along, across, imu.extra, C, T, Q)
+    along, across, bias_walk = process_noise.densities(noise, imu.vibration, share, h, T, angle, speed)
+    process_noise.of_interval(top, along, across, imu.extra, C, T, Q)
     return bias_walk, angle, speed
 
 

@@ -77,8 +77,10 @@ def straightened(nav, arrival, index, fix):
     if not fix.exposure_s > 0.0:
         return fix
     history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
-    bend_c = C_cb @ history.moment(index, 0.0, fix.t_valid_s).bend(fix.exposure_s)
-    noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
+    now = history.moment(index, 0.0, fix.t_valid_s)
+    bend_c = C_cb @ now.bend(fix.exposure_s)
+    _, attitude2 = momentary.variances(nav.constants.momentary, now.vibration)
+    noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + attitude2
     if not bend_c @ bend_c > BEND_SEEN * noise:
         return fix
     q_ic, P_c, P = _rotated_back(fix.q_ic, fix.P_c, bend_c, noise)
@@ -109,7 +111,7 @@ def _star_vectors(nav, now, fix):
 
 def _shared_by_stars(nav, now):
     """What turns all stars of a fix against the predicted attitude of a Moment: rad, each axis."""
-    _, attitude2 = momentary.variances(nav.momentary, now.vibration)
+    _, attitude2 = momentary.variances(nav.constants.momentary, now.vibration)
     return math.sqrt(nav.params.star_fix_floor**2 + attitude2)
 
 

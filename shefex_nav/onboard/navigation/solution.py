@@ -53,7 +53,6 @@ class Noise(NamedTuple):
     """Errors of the inertial sensors that a sample has and the state has not."""
 
     random_walk: float  # rad/sqrt(s), of the gyros
-    quantum: float  # rad, of the gyros
     momentary: momentary.Momentary
 
 
@@ -89,8 +88,7 @@ def fill(nav, ticks, rows, imu_blind=None):
     imu_blind : as `Watch.imu_blind`, at all of these ticks; None: as it is now. What else decides whether
         they can be trusted is that of now: nothing may have arrived since the first of them.
     """
-    model, watch = nav.params.imu, nav.watch
-    noise = Noise(model.gyro_random_walk, model.gyro_quantum, nav.momentary)
+    watch, noise = nav.watch, Noise(nav.params.imu.gyro_random_walk, nav.constants.momentary)
     bounds = Bounds(watch.protection.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
     _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
@@ -135,7 +133,9 @@ def _fill(at, first, step, memory, noise, earth, bounds, out):
         place = (first + j * step) % len(numbers)
         added = momentary.variances(noise.momentary, numbers[place, 3])
         P = as_reported(Ps[place], added[0], added[1])
-        _derive(at, memory, place, P, noise, earth, out[j], axes)
+        dt_s = numbers[place, 1]  # of a sample, in the rate of which are the errors of both of its ends
+        white = noise.random_walk**2 / dt_s + 2.0 * added[1] / dt_s**2
+        _derive(at, memory, place, P, white, earth, out[j], axes)
         _sigmas(Ps[place], axes, added, known, sigma)
         dt_s, protection = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
         integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, protection)
@@ -158,13 +158,14 @@ def _sigmas(P, axes, added, known, sigma):
 
 
 @inner
-def _derive(at, memory, place, P, noise, earth, out, axes):
+def _derive(at, memory, place, P, white, earth, out, axes):
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
     The angles are those of the velocity against the air, with sigmas of pi at most; the rate is the mean of
     the last sample.
 
     at : of Layout;  memory, place : prediction.Memory and the tick's place in it;  P : (n, n), as reported
+    white : rad^2/s^2, of the rate on each axis
     out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
     t_s, dt_s, vibration = memory.numbers[place, 0], memory.numbers[place, 1], memory.numbers[place, 3]
@@ -176,8 +177,6 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
     sensed = np.array(dtheta + dv) / dt_s
     J_omega, _ = jacobians_packed(at, P.shape[0], x, sensed[:3], sensed[3:], vibration, drive)
-    # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
-    white = (noise.random_walk**2 * dt_s + noise.quantum**2 / 6.0) / dt_s**2
     for k in range(3):
         out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + white)
 

@@ -130,7 +130,7 @@ def unpack(t_s, x):
 class ImuModel(NamedTuple):
     """What the filter assumes of the inertial sensors beyond its states; all are numbers.
 
-    Errors that are no states enter as noise (`error_model.noise_densities` says how). An error whose block is
+    Errors that are no states enter as noise (`process_noise.densities` says how). An error whose block is
     estimated must not be counted here as well: `blocks.left_as_noise` leaves it out.
     """
 

@@ -70,7 +70,7 @@ def widen(P, angle, speed, extra, T, q_ib):
     """Make a covariance after an interval as large as the module's text says, in place.
 
     P : (n, n);  angle, speed : rad, m/s, three numbers each, passed through in the interval, body axes
-    extra : (3, 3) white noise of readings that cannot be trusted, as in `error_model.process_noise`;  T : s
+    extra : (3, 3) white noise of readings that cannot be trusted, as in `process_noise.of_interval`;  T : s
     q_ib : attitude, four numbers
     """
     a = ATT.start

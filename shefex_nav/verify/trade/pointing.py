@@ -47,13 +47,13 @@ def histories(t_s, rng):
     return {"rng": rng, "number": HISTORIES, "between": (float(t_s[0]), float(t_s[-1]))}
 
 
-def sizes(q_ib, swings, errors, rng):
+def sizes(q_ib, momentary, errors, rng):
     """Size of the errors of position and velocity, and of the largest angle about an axis, of each history.
 
-    q_ib : (4,) truth;  swings : errors of the moment of velocity and attitude, 1 sigma about each axis
-    errors : (n, N) of `linear.Output`;  rng : of these swings -> (3, N)
+    q_ib : (4,) truth;  momentary : errors of the moment of velocity and attitude, 1 sigma about each axis
+    errors : (n, N) of `linear.Output`;  rng : of these momentary -> (3, N)
     """
-    velocity, angle = (one * rng.standard_normal((3, errors.shape[1])) for one in swings)
+    velocity, angle = (one * rng.standard_normal((3, errors.shape[1])) for one in momentary)
     attitude_b = dcm_from_quat(q_ib).T @ errors[PSI] + angle
     return np.array(
         [

@@ -251,7 +251,7 @@ def _errors(along, growth, process, wanted, points, seed):
     layout = bound_model.sources(along.imu, along.camera, *process, more)
     look, first = round(LOOK_S / sample_s(trajectory.t_s)), min(wanted)
     looks, starred = {*wanted, *range(look, first, look)}, set(_at_stars(along).tolist())
-    levels, found, in_stars, in_points, widest, largest = bound.swings(along), [], [], [], 0.0, 0.0
+    levels, found, in_stars, in_points, widest, largest = bound.momentary_levels(along), [], [], [], 0.0, 0.0
     rng = np.random.default_rng(seed)
     histories = pointing.histories(trajectory.t_s[sorted(points)], rng)
     at = np.array(sorted(looks | starred | points))
@@ -259,8 +259,8 @@ def _errors(along, growth, process, wanted, points, seed):
         t_s, errors = float(trajectory.t_s[k]), bound.reported(along, levels, k, output.P)
         if k in points:
             in_points.append(Errors(POINTING, t_s, *errors))
-            swings = bound.swings_at(along, levels, k)
-            drawn = pointing.sizes(trajectory.q_ib[k], swings, output.errors, rng)
+            momentary = bound.momentary_at(along, levels, k)
+            drawn = pointing.sizes(trajectory.q_ib[k], momentary, output.errors, rng)
             largest = np.maximum(largest, drawn)
         if k in starred:
             in_stars.append(Errors(STARS, t_s, *errors))
