@@ -14,6 +14,7 @@ from shefex_nav.log.mcap_file import ends_well
 from shefex_nav.log.reader import cut_errors, readable
 
 FULL, THRESHOLDED = "/star_tracker/image_full", "/star_tracker/image"
+TYPES = {"mono8": "u1", "mono16": "<u2"}  # encoding of a picture: type of its grey values
 
 
 class Pixels(NamedTuple):
@@ -63,5 +64,7 @@ def _message(decoders, schema):
 
 
 def _grey_values(image):
-    dtype = np.dtype("u1" if image.encoding == "mono8" else "<u2")
+    if image.encoding not in TYPES:
+        raise ValueError(f"encoding: got {image.encoding!r}, expected {' or '.join(TYPES)}")
+    dtype = np.dtype(TYPES[image.encoding])
     return np.frombuffer(image.data, dtype).reshape(image.height, image.width).astype(dtype.newbyteorder("="))

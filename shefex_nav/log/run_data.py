@@ -108,6 +108,8 @@ def stack(record, rows):
         shape = tuple(max(n, -1 if rows else 0) for n in field.shape)
         if field.shape and rows:
             # lists of any number of rows are no arrays; those of an equal number make one
+            if len(lengths := {len(row[k]) for row in rows}) > 1:
+                raise ValueError(f"{field.name} has {min(lengths)} rows in one, {max(lengths)} in another")
             column = np.concatenate([row[k] for row in rows]).reshape(len(rows), *shape)
             values[field.source] = column.astype(dtype, copy=False)
         else:
