@@ -24,7 +24,7 @@ class CoefficientBase(Block):
     """To what the coefficients count, and those that depend on the Mach number alone."""
 
     area: Quantity("m2", "0.8 m2", "reference area", positive=True)
-    diameter: Quantity("m", "1.01 m", "reference diameter", positive=True)
+    diameter: Quantity("m", "1.01 m", "reference diameter", positive=True, at_most="1 km")
     fin_cant: Quantity(
         "rad", "0.4 deg", "angle of the fins that spins the vehicle up", at_least="-5 deg", at_most="5 deg"
     ) = "0 deg"
@@ -64,7 +64,9 @@ class Coefficients(CoefficientBase):
     normal_slope: column(Number("2.5")) = Field(
         description="normal force over the sine of the angle of attack, per radian"
     )
-    pressure_station: column(Quantity("m", "6.5 m", "")) = Field(description="centre of pressure")
+    pressure_station: column(Quantity("m", "6.5 m", "", at_least="-1 km", at_most="1 km")) = Field(
+        description="centre of pressure"
+    )
     drag: column(Number("2.2", non_negative=True)) | None = Field(
         default=None, description="force against the air velocity, on top of the others"
     )

@@ -6,7 +6,7 @@ from shefex_nav.scenario.document import dotted
 NOT_GIVEN = object()
 
 
-def of_texts(old, new, names):
+def of_texts(old, new, names=("there", "here")):
     """(path, value, value) of each value that differs between two whole texts, or is NOT_GIVEN in one.
 
     names : of the two, for the ScenarioError about one that cannot be read

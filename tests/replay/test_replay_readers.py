@@ -104,6 +104,11 @@ def test_degrees_taken_for_radians_are_noticed(tmp_path):
         read_csv(tmp_path, gnss_columns=GNSS | {"angle_unit": "rad"})
 
 
+def test_a_longitude_of_more_than_a_turn_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"g\.csv:3: lon: a longitude of 1e\+308 is more than a turn"):
+        read_csv(tmp_path, gnss=FIXES[:-7] + "1e308,500\n")
+
+
 def test_numbers_in_quotes(tmp_path):
     """As spreadsheets write them, also beside a text with the separator in it."""
     text = 'note,"t_ms",wx,wy,wz,fx,fy,"fz"\n"a, b","0",1,2,3,0.1,0.2, "-1"\nc,"5",4,5,6,0.3,0.4,"-1.5"\n'
