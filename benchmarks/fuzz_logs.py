@@ -132,7 +132,7 @@ def message_class(schema):
     """Class of the messages of a mcap Schema."""
     from shefex_nav.log import pixels
 
-    return pixels._message({}, schema)
+    return pixels.message_class({}, schema)
 
 
 def _spoil_field(rng, message):

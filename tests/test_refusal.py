@@ -1,5 +1,9 @@
 """What the command line cannot take is one plain line on stderr, exit code 2, and nothing is computed."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from shefex_nav.commands.main import main
@@ -125,3 +129,11 @@ def test_exit_codes_of_commands_stay(monkeypatch, tmp_path, default_scenario):
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize("name, code", [("night_sky", 0), ("nowhere", 2)])
+def test_standard_error_that_cannot_be_written_is_no_error(name, code):
+    command = [sys.executable, "-m", "shefex_nav", "check", name]
+    with open("/dev/full", "w") as full:
+        assert subprocess.run(command, stdout=subprocess.PIPE, stderr=full, check=False).returncode == code

@@ -7,7 +7,7 @@ way: reading stops at the first record that is not complete.
 import shlex
 import struct
 import zlib
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -160,7 +160,7 @@ def _read_file(path):
         except (InvalidMagic, EndOfFile, struct.error) as error:
             raise LogError(f"{path}: not an MCAP file{_other(path)}") from error
         try:
-            for opcode, content in _records(file):
+            for opcode, content in records(file):
                 _take(path, opcode, content, raw)
             if more := path.stat().st_size - file.tell():
                 raise LogError(f"{path}: {_following(file, more)}")
@@ -185,7 +185,7 @@ def _following(file, more):
     return f"the log ends at byte {end}, {more} bytes follow; {what}; {cut}"
 
 
-def _records(file):
+def records(file):
     """(opcode, content) of each record up to the end of the file that its writer closed.
 
     Without the indices of the messages, a sixth of the time of mcap's own reader.
@@ -239,15 +239,10 @@ def _take(path, opcode, content, raw):
     """Take what is wanted of a record."""
     from mcap.data_stream import ReadDataStream
     from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-    from mcap.stream_reader import get_chunk_data_stream
 
     stream = ReadDataStream(BytesIO(content))
     if opcode == _CHUNK:
-        chunk = Chunk.read(stream)
-        if (size := _unpacked_size(chunk)) > min(_LARGEST_CHUNK, _SMALL_CHUNK + _TIMES * len(chunk.data)):
-            raise ValueError(f"a chunk of {len(chunk.data)} bytes claims {size} unpacked")
-        unpacked, length = get_chunk_data_stream(chunk, validate_crc=True)
-        _take_chunk(path, unpacked.read(length), raw)
+        _take_chunk(path, _unpacked(Chunk.read(stream)), raw)
     elif opcode == _SCHEMA:
         schema = Schema.read(stream)
         raw.schemas[schema.id] = schema
@@ -264,6 +259,16 @@ def _take(path, opcode, content, raw):
         record = Attachment.read(stream)
         _check(zlib.crc32(content[: -_CHECKSUM.size]), content, f"of the attachment {record.name}")
         raw.attachments[record.name] = record.data
+
+
+def _unpacked(chunk):
+    """Bytes of the records in a mcap Chunk."""
+    from mcap.stream_reader import get_chunk_data_stream
+
+    if (size := _unpacked_size(chunk)) > min(_LARGEST_CHUNK, _SMALL_CHUNK + _TIMES * len(chunk.data)):
+        raise ValueError(f"a chunk of {len(chunk.data)} bytes claims {size} unpacked")
+    unpacked, length = get_chunk_data_stream(chunk, validate_crc=True)
+    return unpacked.read(length)
 
 
 def _unpacked_size(chunk):
@@ -288,21 +293,59 @@ def _load_plugins(path, metadata):
 def _take_chunk(path, data, raw):
     """Sort the messages of an unpacked chunk by topic; mcap's own loop is ten times slower."""
     lists = _lists(raw)
-    position, skip, end = 0, _RECORD_HEAD.size, len(data)
-    while position < end:
-        opcode, length = _RECORD_HEAD.unpack_from(data, position)
-        start = position + skip
-        position = start + length
+    for opcode, start, end in _parts(data):
         if opcode == _MESSAGE:
             number = _CHANNEL_OF.unpack_from(data, start)[0]
             if number not in lists:
                 raise ValueError(f"a message of channel {number}, which there is not")
             messages = lists[number]
             if messages is not None:
-                messages.append(data[start + _MESSAGE_HEAD.size : position])
+                messages.append(data[start + _MESSAGE_HEAD.size : end])
         elif opcode in (_SCHEMA, _CHANNEL):
-            _take(path, opcode, data[start:position], raw)
+            _take(path, opcode, data[start:end], raw)
             lists = _lists(raw)
+
+
+def _parts(data):
+    """(opcode, begin, end) of each record of an unpacked chunk."""
+    position, skip, end = 0, _RECORD_HEAD.size, len(data)
+    while position < end:
+        opcode, length = _RECORD_HEAD.unpack_from(data, position)
+        start = position + skip
+        position = start + length
+        yield opcode, start, position
+
+
+def messages_of(path, topics):
+    """(mcap Schema or None, topic, log time [ns], bytes) of each message of some topics."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Chunk
+    from mcap.stream_reader import read_magic
+
+    raw = _Raw({}, {}, {}, {}, {})
+    with opened(path) as file, named(path), readable(path, "a message that is drawn"):
+        read_magic(ReadDataStream(file))
+        with suppress(*cut_errors()):
+            for opcode, content in records(file):
+                if opcode in (_SCHEMA, _CHANNEL):
+                    _take(path, opcode, content, raw)
+                elif opcode == _CHUNK:
+                    yield from _chosen(
+                        path, _unpacked(Chunk.read(ReadDataStream(BytesIO(content)))), raw, topics
+                    )
+
+
+def _chosen(path, data, raw, topics):
+    """The same of an unpacked chunk."""
+    for opcode, start, end in _parts(data):
+        if opcode == _MESSAGE:
+            number, _, ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
+            channel = raw.channels[number]
+            if channel.topic in topics:
+                schema = raw.schemas.get(channel.schema_id)
+                yield schema, channel.topic, ns, data[start + _MESSAGE_HEAD.size : end]
+        elif opcode in (_SCHEMA, _CHANNEL):
+            _take(path, opcode, data[start:end], raw)
 
 
 def _lists(raw):

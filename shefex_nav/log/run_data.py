@@ -80,6 +80,12 @@ class RunData(NamedTuple):
         return self.summary.until_s if given else None
 
     @property
+    def reached_s(self):
+        """Mission time of the last truth; without any of the last solution, or of the start."""
+        times = self.last_t_s, *self.nav.t_s[-1:].tolist(), self.mission.start_s
+        return next(t_s for t_s in times if not math.isnan(t_s))
+
+    @property
     def cut_s(self):
         """`RunSummary.until_s` of a log that is made of this one: where it ends if not with the mission."""
         if self.ended_early:
