@@ -103,9 +103,15 @@ def positions(table, names, frame, angle=1.0, height=0.0, valid=None):
     return _ecef_kernel(latitude, longitude, given[:, 2].copy())
 
 
+def _size(vectors):
+    """Norms of (N, 3): (N,); of what is no position and no velocity at all 1e300."""
+    with np.errstate(over="ignore"):
+        return np.minimum(np.linalg.norm(vectors, axis=1), 1e300)
+
+
 def _near_earth(table, names, r_e, valid):
     """Refuse positions that lie deep in the Earth, or beyond the Moon. (N, 3) m, frame e"""
-    radius = np.linalg.norm(r_e, axis=1)
+    radius = _size(r_e)
     bad = np.flatnonzero(valid & ~((radius > DEEP_M) & (radius < FAR_OFF_M)))
     if not len(bad):
         return
@@ -123,7 +129,7 @@ def velocities(table, names, frame, r_e, valid=None):
     valid : as of `positions`
     """
     given = table.stack(names)
-    speed = np.linalg.norm(given, axis=1)
+    speed = _size(given)
     bad = np.flatnonzero(~(speed < FAST) if valid is None else valid & ~(speed < FAST))
     if len(bad):
         words = f"a speed of {speed[bad[0]]:g} m/s is faster than light; check columns and unit"
