@@ -64,9 +64,7 @@ class Coefficients(CoefficientBase):
     normal_slope: column(Number("2.5")) = Field(
         description="normal force over the sine of the angle of attack, per radian"
     )
-    pressure_station: column(Quantity("m", "6.5 m", "", at_least="-1 km", at_most="1 km")) = Field(
-        description="centre of pressure"
-    )
+    pressure_station: column(Quantity("m", "6.5 m", "")) = Field(description="centre of pressure")
     drag: column(Number("2.2", non_negative=True)) | None = Field(
         default=None, description="force against the air velocity, on top of the others"
     )

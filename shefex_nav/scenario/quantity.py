@@ -98,8 +98,7 @@ def _known_words():
 def _unknown_word(text):
     """`; did you mean Hz?`, or nothing, about the first word that is no unit; None if all are.
 
-    astropy compares it with all units, for milliseconds: a file of thousands of such words takes longer than
-    a flight. Compared are those of the same first letter.
+    Compared are units of the same first letter: astropy takes milliseconds a word to compare all of them.
     """
     from astropy.utils.misc import did_you_mean
 
