@@ -17,6 +17,8 @@ REFUSALS = {
     ("campaign", "x.yaml", "--runs", "0"): "--runs 0: must be at least 1",
     ("campaign", "x.yaml", "--runs", "10000001"): "--runs 10000001: must be at most 10000000",
     ("impact", "x.yaml", "--runs", "9" * 21): f"--runs {'9' * 21}: must be at most 10000000",
+    ("verify", "bound", "x.yaml", "--seeds", "100001"): "--seeds 100001: must be at most 100000",
+    ("verify", "consistency", "x.yaml", "--seeds", "9999999"): "--seeds 9999999: must be at most 100000",
     ("campaign", "x.yaml"): "--runs: is missing; see `shefex-nav campaign --help`",
     ("solve", "x.png", "--epoch", "today"): (
         "--epoch: expected UTC in ISO 8601, such as 2012-06-22 or 2012-06-22T19:22:00.5, got 'today'"
