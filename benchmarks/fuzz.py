@@ -1,18 +1,19 @@
 """Spoilt scenarios, logs, pictures, recorded data, answers and commands: is each read, or refused in words?
 
-uv run python benchmarks/fuzz.py [scenarios flights extremes logs pictures data answers commands ...]
+uv run python benchmarks/fuzz.py [scenarios flights extremes logs fields pictures data answers commands ...]
                                  [--first 0] [--cases 1000] [--minutes M] [--whole N] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
 third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
-are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read;
-pictures are solved; recorded data are replayed; a second is flown with what navigation software answers in
-its own process; command lines are carried out. Bad: an exception that is no UserError, more than 10 s of the
-processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what a flight or a
-replay logs or in a warning. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A
-case that does not end ends the study with a traceback; its folder, which is printed at first, then stays,
-with its number. `--first` goes on where another run has ended.
+are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read; fields
+are logs with other values in them, given to a command; pictures are solved; recorded data are replayed; a
+second is flown with what navigation software answers in its own process; command lines are carried out. Bad:
+an exception that is no UserError, more than 10 s of the processor (of a flight a minute), more than 2 GB
+beside what the process had, a NaN in what a flight or a replay logs, in a warning or in what is said of a
+log. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A case that does not end
+ends the study with a traceback; its folder, which is printed at first, then stays, with its number. `--first`
+goes on where another run has ended.
 """
 
 import argparse
@@ -30,6 +31,7 @@ import warnings
 from functools import cache
 from pathlib import Path
 
+import fuzz_logs
 import fuzz_programs
 import mutations
 import numpy as np
@@ -176,12 +178,37 @@ class Logs(Kind):
             pass
 
 
+class Fields(Kind):
+    """Logs whose messages say something else (`fuzz_logs`), given to a command that reads logs."""
+
+    scenarios = "night_sky", "imu_faults", "campaign_sensors"
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.logs = []
+        for name in self.scenarios:
+            fuzz_programs.carry_out(f"run {name} --until 3s --out whole.mcap --force".split(), folder)
+            self.logs.append(fuzz_logs.taken_apart(self.folder / "whole.mcap"))
+
+    def case(self, rng):
+        log = fuzz_logs.spoilt(rng, self.logs[rng.integers(len(self.logs))])
+        fuzz_logs.put_together(self.folder / "case.mcap", log)
+
+    def read(self, rng):
+        words = fuzz_logs.COMMANDS[rng.integers(len(fuzz_logs.COMMANDS))].split()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)  # of NumPy, of what is no number
+            printed = fuzz_programs.carry_out(words, self.folder)
+        if line := fuzz_logs.without_number(printed):
+            raise ValueError(f"`{' '.join(words)}` prints no number: {line}")
+
+
 class Pictures(Kind):
     """A picture with forty stars in five formats."""
 
     def __init__(self, folder):
         super().__init__(folder)
-        self.content = {name: _picture(self.folder / f"whole.{name}") for name in FORMATS}
+        self.content = {name: fuzz_programs.picture(self.folder / f"whole.{name}") for name in FORMATS}
 
     def case(self, rng):
         self.format = FORMATS[rng.integers(len(FORMATS))]
@@ -250,7 +277,7 @@ class Commands(Kind):
     def __init__(self, folder):
         super().__init__(folder)
         fuzz_programs.carry_out("run night_sky --until 3s --out whole.mcap".split(), folder)
-        _picture(self.folder / "picture.png")
+        fuzz_programs.picture(self.folder / "picture.png")
 
     def case(self, rng):
         self.words = fuzz_programs.command_line(rng)
@@ -265,6 +292,7 @@ KINDS = {
     "flights": Flights,
     "extremes": Extremes,
     "logs": Logs,
+    "fields": Fields,
     "pictures": Pictures,
     "data": Data,
     "answers": Answers,
@@ -286,26 +314,6 @@ def _text(tree):
 def _whole(path):
     """Tree of a scenario as a log keeps it, which needs no other file; not to be changed."""
     return document.parse(load.load(str(path)).source, str(path)).tree
-
-
-def _picture(path):
-    """Bytes of a picture that is written to a path, whose suffix says the format."""
-    from astropy.io import fits
-    from PIL import Image
-
-    rng = np.random.default_rng(0)
-    grey = rng.normal(20.0, 2.0, (240, 320))
-    y, x = np.mgrid[:240, :320]
-    for u, v, light in zip(
-        rng.uniform(5, 315, 40), rng.uniform(5, 235, 40), rng.uniform(40, 200, 40), strict=True
-    ):
-        grey += light * np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / 1.2**2)
-    grey = np.clip(grey, 0, 255).astype(np.uint8)
-    if path.suffix == ".fits":
-        fits.writeto(path, grey)
-    else:
-        Image.fromarray(grey).save(path)
-    return path.read_bytes()
 
 
 def tried(kind, number):

@@ -1,4 +1,4 @@
-"""Spoilt answers of navigation software, and spoilt command lines, for `fuzz`."""
+"""Spoilt answers of navigation software, spoilt command lines, and a picture, for `fuzz`."""
 
 import contextlib
 import io
@@ -7,6 +7,7 @@ import shlex
 import sys
 
 import mutations
+import numpy as np
 import typer
 
 from shefex_nav.errors import UserError
@@ -129,18 +130,20 @@ def command_line(rng):
 
 
 def carry_out(words, folder):
-    """Carry out a command in a folder; UserError where it is refused. What it prints is thrown away."""
+    """Carry out a command in a folder: what it prints on stdout; UserError where it is refused."""
     from shefex_nav.commands.main import app
 
     before = os.getcwd()
     os.chdir(folder)
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+        printed, said = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said):
             code = _code(app, words)
     finally:
         os.chdir(before)
     if code:
         raise UserError(said.getvalue())
+    return printed.getvalue()
 
 
 def _code(app, words):
@@ -152,3 +155,23 @@ def _code(app, words):
     except typer.Exit as ended:
         return ended.exit_code
     return 0
+
+
+def picture(path):
+    """Bytes of a picture that is written to a path, whose suffix says the format."""
+    from astropy.io import fits
+    from PIL import Image
+
+    rng = np.random.default_rng(0)
+    grey = rng.normal(20.0, 2.0, (240, 320))
+    y, x = np.mgrid[:240, :320]
+    for u, v, light in zip(
+        rng.uniform(5, 315, 40), rng.uniform(5, 235, 40), rng.uniform(40, 200, 40), strict=True
+    ):
+        grey += light * np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / 1.2**2)
+    grey = np.clip(grey, 0, 255).astype(np.uint8)
+    if path.suffix == ".fits":
+        fits.writeto(path, grey)
+    else:
+        Image.fromarray(grey).save(path)
+    return path.read_bytes()

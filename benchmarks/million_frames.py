@@ -198,11 +198,11 @@ def report(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--keep", type=Path, required=True)
-    parser.add_argument("--frames", type=int, default=100_000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--keep", type=Path, required=True, help="file, a line of JSON a unit")
+    parser.add_argument("--frames", type=int, default=100_000, help="how many")
+    parser.add_argument("--first", type=int, default=0, help="number of the first unit")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--json", action="store_true", help="print what is kept of these units")
     given = parser.parse_args()
     units = range(given.first, given.first + -(-given.frames // FRAMES_A_UNIT))
     code = subprocess.run(

@@ -186,14 +186,14 @@ def soak(given):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--missions", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
+    parser.add_argument("--missions", type=int, default=200, help="how many")
+    parser.add_argument("--seed", type=int, default=1, help="of the first mission")
+    parser.add_argument("--scenarios", nargs="+", default=SCENARIOS, help="flown in turn")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mission after them")
-    parser.add_argument("--keep", type=Path)
-    parser.add_argument("--campaign", metavar="SCENARIO")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--keep", type=Path, help="file for a line of JSON a mission")
+    parser.add_argument("--campaign", metavar="SCENARIO", help="fly them as one campaign of this")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of the campaign")
+    parser.add_argument("--json", action="store_true", help="print one object")
     given = parser.parse_args()
     if given.missions < 2 * WARM:
         parser.error(f"--missions {given.missions}: at least {2 * WARM}, of which {WARM} are not counted")

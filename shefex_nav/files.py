@@ -85,12 +85,22 @@ def from_json(text):
         raise ValueError("too many lists and objects within each other") from None
 
 
+def unpacked(packed, largest):
+    """Bytes of what zlib packed; ValueError, without unpacking it, if they are more than `largest`."""
+    packer = zlib.decompressobj()
+    content = packer.decompress(packed, largest)
+    if not packer.eof:
+        raise ValueError(f"is cut off, or has more than {largest} bytes unpacked")
+    return content
+
+
 def put(path, content):
     """Write bytes or text to a file. Its name is safe on the disk after `settle` of its folder."""
     with whole(path) as half:
         half.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
+LARGEST_ARRAYS = 1 << 30  # bytes unpacked; a thousandth of it, packed, may claim as many
 UNREADABLE = OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile, zlib.error  # of `arrays`
 
 
@@ -104,8 +114,13 @@ def arrays_of(file, names=None):
     """The same of an open file."""
     import numpy as np  # not for `--help`, whose commands load this file
 
-    with np.load(file, allow_pickle=False) as archive:
-        return {name: archive[name] for name in names or archive.files}
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            if sum(entry.file_size for entry in archive.zip.infolist()) > LARGEST_ARRAYS:
+                raise ValueError(f"has more than {LARGEST_ARRAYS >> 30} GiB of arrays")
+            return {name: archive[name] for name in names or archive.files}
+    except MemoryError:  # of the size that an array says it has
+        raise ValueError("has an array larger than the memory") from None
 
 
 def put_arrays(path, content):

@@ -1,5 +1,9 @@
 """What the command line cannot take is one plain line on stderr, exit code 2, and nothing is computed."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from shefex_nav.commands.main import main
@@ -13,6 +17,8 @@ REFUSALS = {
     ("campaign", "x.yaml", "--runs", "0"): "--runs 0: must be at least 1",
     ("campaign", "x.yaml", "--runs", "10000001"): "--runs 10000001: must be at most 10000000",
     ("impact", "x.yaml", "--runs", "9" * 21): f"--runs {'9' * 21}: must be at most 10000000",
+    ("verify", "bound", "x.yaml", "--seeds", "100001"): "--seeds 100001: must be at most 100000",
+    ("verify", "consistency", "x.yaml", "--seeds", "9999999"): "--seeds 9999999: must be at most 100000",
     ("campaign", "x.yaml"): "--runs: is missing; see `shefex-nav campaign --help`",
     ("solve", "x.png", "--epoch", "today"): (
         "--epoch: expected UTC in ISO 8601, such as 2012-06-22 or 2012-06-22T19:22:00.5, got 'today'"
@@ -125,3 +131,11 @@ def test_exit_codes_of_commands_stay(monkeypatch, tmp_path, default_scenario):
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize("name, code", [("night_sky", 0), ("nowhere", 2)])
+def test_standard_error_that_cannot_be_written_is_no_error(name, code):
+    command = [sys.executable, "-m", "shefex_nav", "check", name]
+    with open("/dev/full", "w") as full:
+        assert subprocess.run(command, stdout=subprocess.PIPE, stderr=full, check=False).returncode == code

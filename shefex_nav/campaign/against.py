@@ -23,7 +23,7 @@ def source_of(path):
 
 def lines(scenario, path):
     """What differs, one line a value, with the place in the scenario's own files."""
-    found = differences.of_texts(source_of(path), scenario.source)
+    found = differences.of_texts(source_of(path), scenario.source, (path, scenario.mission.name))
     if not found:
         return [f"{path}: no value differs"]
     count = f"{len(found)} values differ" if found[1:] else "one value differs"

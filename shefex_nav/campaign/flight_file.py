@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 
+from shefex_nav import files
 from shefex_nav.records import Event, Trajectory
 from shefex_nav.world.flight.fly import ControlHistory, Flight
 
@@ -22,8 +23,7 @@ def to_bytes(flight):
 
 def from_bytes(content):
     """Flight of such bytes; ValueError or KeyError if they are something else."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = files.arrays_of(io.BytesIO(content))
     trajectory = Trajectory(*(arrays[f"trajectory.{name}"] for name in Trajectory._fields))
     columns = [arrays[f"event.{name}"].tolist() for name in Event._fields]
     events = tuple(Event(*row) for row in zip(*columns, strict=True))

@@ -16,13 +16,14 @@ from typing import NamedTuple
 
 from shefex_nav.campaign.plan import digest
 from shefex_nav.errors import UserError
-from shefex_nav.files import from_json
+from shefex_nav.files import from_json, unpacked
 
 NAME = "runs.sqlite"
 FILES = (NAME, f"{NAME}-wal", f"{NAME}-shm", f"{NAME}-journal")
 KIND = 0x53484658  # `application_id` of the file
 PAGE = 16384  # bytes; the small table of a million runs has then 2000 pages
 PATIENCE_S = 60.0  # for a lock that another program holds
+LARGEST_RECORD = 8 << 20  # bytes unpacked; one of a mission has 12 000
 LEVEL = 1  # of zlib; 6 takes twice the time for 8 % less
 TABLES = (
     "CREATE TABLE runs (run INTEGER PRIMARY KEY, failed INTEGER, severity REAL, rms_deg REAL)",
@@ -211,7 +212,7 @@ class RunsFile:
     def _unpacked(self, run, packed):
         """Record of what is kept of it."""
         try:
-            return from_json(zlib.decompress(packed))
+            return from_json(unpacked(packed, LARGEST_RECORD))
         except (zlib.error, ValueError, TypeError):
             raise self._spoilt(f"the record of run {run} is", run) from None
 

@@ -34,9 +34,11 @@ class FewerRunsError(StoreError):
         return ". ".join(filter(None, self.args))
 
 
-HEAD = (  # of campaign.json, what readers cannot do without
-    "scenario", "source", "seed", "runs", "sampling", "flight", "rate", "versions", "wall_s",
-)  # fmt: skip
+NUMBER = int, float
+HEAD = {  # of campaign.json, what readers cannot do without: its types
+    "scenario": (str,), "source": (str,), "seed": (int,), "runs": (int,), "sampling": (str,),
+    "flight": (str,), "rate": NUMBER, "versions": (dict,), "wall_s": NUMBER,
+}  # fmt: skip
 OWN = (".lock", "campaign.json", "flight.npz", "results.parquet", *runs_file.FILES)
 HALF_WRITTEN = (  # folder, pattern
     ("", "campaign.json*.part"),
@@ -266,8 +268,12 @@ def read_head(folder, missing=StoreError):
         )
     if missing := [name for name in HEAD if name not in head]:
         raise StoreError(f"{path}: is damaged or another program's, {', '.join(missing)} missing")
-    if type(runs := head["runs"]) is not int or not 1 <= runs <= MOST_RUNS:
-        raise StoreError(f"{path}: is damaged: expected 1 to {MOST_RUNS} runs")
+    if wrong := [name for name, types in HEAD.items() if type(head[name]) not in types]:
+        expected = " or ".join(one.__name__ for one in HEAD[wrong[0]])
+        got = type(head[wrong[0]]).__name__
+        raise StoreError(f"{path}: is damaged: {wrong[0]}: got {got}, expected {expected}")
+    if not 1 <= head["runs"] <= MOST_RUNS:
+        raise StoreError(f"{path}: is damaged: runs: got {head['runs']}, expected 1 to {MOST_RUNS}")
     return head
 
 
@@ -316,7 +322,7 @@ def _compare(old, plan, folder, place):
 
 def _other_scenario(old, plan, folder, place, how):
     """Words about a scenario that is not the one of the folder: the first values that differ."""
-    found = differences.of_texts(old["source"], plan.source)
+    found = differences.of_texts(old["source"], plan.source, (f"{folder}/campaign.json", plan.name))
     what = "the scenario is not the one that was flown here"
     if old["scenario"] != plan.name:
         what = f"this is a campaign of {old['scenario']!r}, not of {plan.name!r}"

@@ -83,7 +83,7 @@ def say_if_cut(log, data):
         first = data.failure.splitlines()[0]
         say(f"{log}: the flight failed, {first}; this is about what there is")
     elif data.ended_early:
-        say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; this is about what there is")
+        say(f"{log}: the run ended early, at T{data.reached_s:+.2f} s; this is about what there is")
     elif data.until_s is not None:
         say(f"{log}: the mission was looked at until T{data.until_s:+.2f} s; this is about what there is")
 

@@ -22,7 +22,7 @@ from shefex_nav.commands.export import export
 from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
-from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup, tell
+from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup, forgiving, tell
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
 from shefex_nav.commands.report import report
@@ -100,6 +100,7 @@ def main():
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by who started this
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+    sys.stderr = forgiving(sys.stderr)
     search_seldom()
     end_quickly()
     without_folders_of_astropy()

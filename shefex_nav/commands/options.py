@@ -14,6 +14,7 @@ DispersedScenario = Annotated[
 Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
 RootSeed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
+MOST_SEEDS = 100_000  # of a study that keeps all of its flights in memory
 FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]
 
 

@@ -9,7 +9,7 @@ import os
 import re
 import sys
 from contextlib import nullcontext
-from io import TextIOWrapper
+from io import BufferedWriter, FileIO, TextIOWrapper
 
 import typer.core
 
@@ -93,6 +93,25 @@ class PlainGroup(typer.core.TyperGroup):
             tell(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}")
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+class _Raw(FileIO):
+    """What cannot be written is lost, without an error."""
+
+    def write(self, data):
+        try:
+            return super().write(data)
+        except OSError:
+            return len(data)
+
+
+def forgiving(stream):
+    """Standard error on which a full disk is no error: results are elsewhere, and the exit code stays."""
+    if stream is not sys.__stderr__ or not isinstance(stream, TextIOWrapper):  # one of a test, a notebook
+        return stream
+    raw = _Raw(stream.fileno(), "w", closefd=False)
+    how = {"encoding": stream.encoding, "errors": stream.errors, "write_through": True}
+    return TextIOWrapper(BufferedWriter(raw), **how, line_buffering=True)
 
 
 def tell(words):

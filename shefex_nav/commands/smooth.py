@@ -36,7 +36,7 @@ def smooth(
         raise rerun.LogError(f"{words}; --set navigation.software=built_in smooths that")
     data = recording.data
     if data.ended_early:
-        say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; it is smoothed up to then")
+        say(f"{log}: the run ended early, at T{data.reached_s:+.2f} s; it is smoothed up to then")
     from shefex_nav import warmup
     from shefex_nav.replay import smooth as smoother
     from shefex_nav.replay import smoothed_log, smoothed_table

@@ -8,14 +8,16 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import FirstSeed, Json, OverwriteOut, Scenario, StudyOverrides
+from shefex_nav.commands.options import MOST_SEEDS, FirstSeed, Json, OverwriteOut, Scenario, StudyOverrides
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 
 
 def bound(
     scenario: Scenario,
-    seeds: Annotated[int, typer.Option(min=1, help="How many runs; a ratio of one run says little.")] = 5,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=MOST_SEEDS, help="How many runs; a ratio of one run says little.")
+    ] = 5,
     first: FirstSeed = 0,
     overrides: StudyOverrides = None,
     out: Annotated[Path | None, typer.Option(help="Draw the curves into a .png or .svg file.")] = None,

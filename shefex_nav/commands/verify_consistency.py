@@ -8,14 +8,24 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import FirstSeed, Json, OverwriteOut, Scenario, StudyOverrides, Workers
+from shefex_nav.commands.options import (
+    MOST_SEEDS,
+    FirstSeed,
+    Json,
+    OverwriteOut,
+    Scenario,
+    StudyOverrides,
+    Workers,
+)
 from shefex_nav.commands.output_files import check_picture, make_folder
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 
 def consistency(
     scenario: Scenario,
-    seeds: Annotated[int, typer.Option(min=2, help="How many runs; intervals get narrower with them.")] = 20,
+    seeds: Annotated[
+        int, typer.Option(min=2, max=MOST_SEEDS, help="How many runs; intervals get narrower with them.")
+    ] = 20,
     first: FirstSeed = 0,
     overrides: StudyOverrides = None,
     workers: Workers = None,

@@ -40,8 +40,12 @@ class SunSensor(Sampled):
         "0", "middle of its field of view, body axes (x to the nose)"
     )
     field_of_view: float = quantity("rad", "60 deg", "half angle", positive=True, at_most="180 deg")
-    alignment: float = quantity("rad", "0.1 deg", "constant rotation about each axis, 1 sigma", positive=True)
-    noise: float = quantity("rad", "0.1 deg", "of one reading, each axis, 1 sigma, white", positive=True)
+    alignment: float = quantity(
+        "rad", "0.1 deg", "constant rotation about each axis, 1 sigma", positive=True, at_most="180 deg"
+    )
+    noise: float = quantity(
+        "rad", "0.1 deg", "of one reading, each axis, 1 sigma, white", positive=True, at_most="180 deg"
+    )
 
 
 class SunReading(NamedTuple):

@@ -1,31 +1,40 @@
 """What a log says, looked at before anything is computed of it: `LogError` names topic, message and field.
 
-A log of ours holds finite numbers where it says that there are some, unit quaternions, and times that go on.
-One that somebody has changed may hold anything; then no figure of it means what it says.
+A log of ours holds finite numbers where it says that there are some, unit quaternions, and times that go on;
+elsewhere NaN, which is no number that is known, but nothing infinite. One that somebody has changed may hold
+anything; then no figure of it means what it says.
 """
 
 from collections.abc import Callable
+from functools import cache
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.fields import UNIT
-from shefex_nav.log.topics import LogError
+from shefex_nav.instruments import TABLE
+from shefex_nav.log.topics import LARGEST, LogError, Mission, Timing, of_record
 from shefex_nav.records import (
     Alignment,
+    CameraCommand,
+    ControlSample,
+    Event,
     Frame,
     FrameTruth,
+    GateResult,
     GpsFix,
     GpsRanges,
     ImuBlock,
     NavCovariance,
+    NavHealth,
     NavSolution,
     Reason,
     StarFix,
     TruthSample,
 )
 
-LARGEST = 1e15  # SI; no position, rate, variance or time of a mission is larger
+INFINITE = 1e30  # of any other number; what is computed of it is a number yet
 
 
 class Rule(NamedTuple):
@@ -38,12 +47,22 @@ class Rule(NamedTuple):
 
 
 MOTION = ("r_i", "v_i", "q_ib")
+EARTH = ("earth.rate", "earth.angle_0", "earth.C_iq", "earth.C_re")
+PLACE = ("start_s", "launch_latitude", "launch_longitude", "launch_height")
+CAMERA = ("camera.focal_length_px", "camera.cx_px", "camera.cy_px", "C_bc")
 RULES = {
+    Mission: Rule((*EARTH, *PLACE, *CAMERA)),
     TruthSample: Rule(("t_s", *MOTION), ("omega_ib_b", "f_b"), "t_s"),
     NavSolution: Rule(("t_s", *MOTION, "r_e", "v_e"), goes_on="t_s"),
     NavCovariance: Rule(("t_s",), goes_on="t_s"),
     ImuBlock: Rule(("t_valid_s", "dt_s", "dtheta_b", "dv_b"), where=lambda one: one.valid),
-    Frame: Rule(("t_valid_s", "exposure_s"), goes_on="number"),
+    Frame: Rule(("t_start_s", "t_valid_s", "t_available_s", "exposure_s", "gain_db"), goes_on="number"),
+    CameraCommand: Rule(("t_s", "exposure_s", "gain_db")),
+    ControlSample: Rule(("t_s", "torque_b", "propellant_kg"), goes_on="t_s"),
+    Event: Rule(("t_s", "altitude_m")),
+    GateResult: Rule(("t_s", "t_valid_s")),
+    NavHealth: Rule(("t_s",)),
+    Timing: Rule(("t_s",)),
     Alignment: Rule((*MOTION, "sigma_r", "sigma_v", "P_theta_b")),
     FrameTruth: Rule(("t_valid_s", "q_ic")),
     GpsFix: Rule(("t_valid_s", "r_ea_e", "R_r_e"), where=lambda one: one.valid),
@@ -57,23 +76,37 @@ def check(path, topic, record, given):
 
     path, topic : for the message;  record : their type;  given : list of them, or one of arrays
     """
-    rule = RULES.get(record)
-    if rule is None:
-        return
-    are_arrays = not isinstance(given, list)
+    rule, are_arrays = RULES.get(record) or _of_reading(record), not isinstance(given, list)
     where = rule.where(given) if are_arrays else np.array([rule.where(one) for one in given], dtype=bool)
-    for name in rule.finite + rule.unless_nan:
-        values = _of_arrays(getattr(given, name)) if are_arrays else _of_list(given, name)
-        bad = _bad(name, values) & where
-        if name in rule.unless_nan:
-            bad &= ~np.isnan(values).all(axis=1)
+    for name in _numbers(record):
+        values = _of_arrays(attrgetter(name)(given)) if are_arrays else _of_list(given, name)
+        if name in rule.finite:
+            bad, expected = _bad(name, values) & where, f"numbers below {LARGEST:g}"
+        elif name in rule.unless_nan:
+            bad = _bad(name, values) & where & ~np.isnan(values).all(axis=1)
+            expected = f"numbers below {LARGEST:g}"
+        else:
+            bad = (np.abs(values) > INFINITE).any(axis=1)
+            expected = f"numbers below {INFINITE:g}, or NaN"
         if bad.any():
             k = int(bad.argmax())
             got = np.array2string(values[k], precision=4, threshold=12)
-            expected = "a unit quaternion" if name.startswith("q_") else f"numbers below {LARGEST:g}"
+            expected = "a unit quaternion" if name.startswith("q_") else expected
             raise LogError(f"{path}: {topic}: message {k + 1}: {name}: got {got}, expected {expected}")
     if rule.goes_on and are_arrays:
         _goes_on(path, topic, rule.goes_on, getattr(given, rule.goes_on))
+
+
+@cache
+def _numbers(record):
+    """Attributes of a record that hold numbers which need not be whole, dotted where nested: tuple."""
+    return tuple(field.source for field in of_record(record).fields if field.kind == "double")
+
+
+def _of_reading(record):
+    """Rule of what an instrument says: its times are some, all else is its own."""
+    is_reading = any(one.record is record for one in TABLE.values())
+    return Rule(("t_valid_s", "t_available_s") if is_reading else ())
 
 
 def _of_arrays(values):
@@ -83,7 +116,10 @@ def _of_arrays(values):
 
 def _of_list(given, name):
     """The same of a list of records; of lists that are not of one length the largest size alone, (N, 1)."""
-    rows = [np.ravel(getattr(one, name)) for one in given]
+    rows = list(map(attrgetter(name), given))
+    if rows and not np.ndim(rows[0]):
+        return np.array(rows, dtype=float)[:, None]
+    rows = [np.ravel(row) for row in rows]
     if len({len(row) for row in rows}) > 1:
         rows = [[np.abs(row).max(initial=0.0)] for row in rows]
     return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 0)

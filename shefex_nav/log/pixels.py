@@ -14,6 +14,7 @@ from shefex_nav.log.mcap_file import ends_well
 from shefex_nav.log.reader import cut_errors, readable
 
 FULL, THRESHOLDED = "/star_tracker/image_full", "/star_tracker/image"
+TYPES = {"mono8": "u1", "mono16": "<u2"}  # encoding of a picture: type of its grey values
 
 
 class Pixels(NamedTuple):
@@ -46,11 +47,11 @@ def between(path, begin_ns=None, end_ns=None):
         messages = reader.iter_messages([FULL, THRESHOLDED], **wanted)
         with readable(path, "a picture"), suppress(*cut_errors()):
             for schema, channel, message in messages:
-                image = _message(decoders, schema).FromString(message.data)
+                image = message_class(decoders, schema).FromString(message.data)
                 yield Pixels(message.log_time, _grey_values(image), channel.topic == FULL)
 
 
-def _message(decoders, schema):
+def message_class(decoders, schema):
     """Message class of a schema of the file, made once."""
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
@@ -62,6 +63,22 @@ def _message(decoders, schema):
     return decoders[schema.id]
 
 
+def wrong(image):
+    """What a decoded picture says that cannot be meant: words, or ''."""
+    if image.encoding not in TYPES:
+        return f"encoding: got {image.encoding!r}, expected {' or '.join(TYPES)}"
+    row = image.width * np.dtype(TYPES[image.encoding]).itemsize
+    if image.step != row:
+        return f"step: got {image.step} bytes a row, expected {row} of {image.width} pixels, {image.encoding}"
+    size = image.height * row
+    if not size or len(image.data) != size:
+        words = f"data: got {len(image.data)} bytes"
+        return f"{words}, expected {size} of {image.width} x {image.height} pixels, {image.encoding}"
+    return ""
+
+
 def _grey_values(image):
-    dtype = np.dtype("u1" if image.encoding == "mono8" else "<u2")
+    if words := wrong(image):
+        raise ValueError(words)
+    dtype = np.dtype(TYPES[image.encoding])
     return np.frombuffer(image.data, dtype).reshape(image.height, image.width).astype(dtype.newbyteorder("="))

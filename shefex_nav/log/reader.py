@@ -7,14 +7,14 @@ way: reading stops at the first record that is not complete.
 import shlex
 import struct
 import zlib
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import plugins
-from shefex_nav.files import from_json, named, opened
-from shefex_nav.log import checked, other_solutions, topics, wire
+from shefex_nav.files import named, opened
+from shefex_nav.log import checked, described, other_solutions, topics, wire
 from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
@@ -48,8 +48,8 @@ def read(path):
     for topic in _stored_topics(path, raw):
         with readable(path, f"a message of {topic.topic}"):
             decoded = wire.codec(topic).decode(raw.messages.pop(topic.topic, []))  # not kept twice
-        if topic.record in steady and isinstance(decoded, list):
-            decoded = stack(topic.record, decoded)
+            if topic.record in steady and isinstance(decoded, list):
+                decoded = stack(topic.record, decoded)
         checked.check(path, topic.topic, topic.record, decoded)
         if topic.record in steady:
             arrays[topic.record] = decoded
@@ -59,7 +59,7 @@ def read(path):
             single[topic.record] = _last(decoded)
     if single[Mission] is None:
         raise LogError(f"{path}: the log ends before its first record")
-    mission = _mission(single[Mission], raw)
+    mission = described.mission(path, single[Mission], raw)
     data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
     with readable(path, "another solution"):
         others = other_solutions.read(raw)
@@ -125,20 +125,6 @@ def _last_value(value):
     return value[-1].item() if value.ndim == 1 else value[-1]
 
 
-def _mission(numbers, raw):
-    """The constants with the texts, which the metadata hold."""
-    return numbers._replace(
-        scenario=raw.metadata["scenario"],
-        scenario_text=raw.attachments.get(topics.ATTACHMENT, b"").decode(errors="replace"),
-        seed=int(raw.metadata["seed"]),
-        version=raw.metadata["version"],
-        epoch_utc=raw.metadata["epoch_utc"],
-        plugins=_own(raw.metadata, "plugins"),
-        software=_own(raw.metadata, "software"),
-        distortion=tuple(from_json(raw.metadata.get("distortion", "[]"))),
-    )
-
-
 def _unreadable(path, error):
     """Why a log cannot be opened."""
     if not path.is_dir():
@@ -174,8 +160,8 @@ def _read_file(path):
         except (InvalidMagic, EndOfFile, struct.error) as error:
             raise LogError(f"{path}: not an MCAP file{_other(path)}") from error
         try:
-            for opcode, content in _records(file):
-                _take(opcode, content, raw)
+            for opcode, content in records(file):
+                _take(path, opcode, content, raw)
             if more := path.stat().st_size - file.tell():
                 raise LogError(f"{path}: {_following(file, more)}")
         except cut_errors():
@@ -199,7 +185,7 @@ def _following(file, more):
     return f"the log ends at byte {end}, {more} bytes follow; {what}; {cut}"
 
 
-def _records(file):
+def records(file):
     """(opcode, content) of each record up to the end of the file that its writer closed.
 
     Without the indices of the messages, a sixth of the time of mcap's own reader.
@@ -249,19 +235,14 @@ def _damage_errors():
     return ZstdError, ValueError, McapError
 
 
-def _take(opcode, content, raw):
+def _take(path, opcode, content, raw):
     """Take what is wanted of a record."""
     from mcap.data_stream import ReadDataStream
     from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-    from mcap.stream_reader import get_chunk_data_stream
 
     stream = ReadDataStream(BytesIO(content))
     if opcode == _CHUNK:
-        chunk = Chunk.read(stream)
-        if (size := _unpacked_size(chunk)) > min(_LARGEST_CHUNK, _SMALL_CHUNK + _TIMES * len(chunk.data)):
-            raise ValueError(f"a chunk of {len(chunk.data)} bytes claims {size} unpacked")
-        unpacked, length = get_chunk_data_stream(chunk, validate_crc=True)
-        _take_chunk(unpacked.read(length), raw)
+        _take_chunk(path, _unpacked(Chunk.read(stream)), raw)
     elif opcode == _SCHEMA:
         schema = Schema.read(stream)
         raw.schemas[schema.id] = schema
@@ -273,11 +254,21 @@ def _take(opcode, content, raw):
         record = Metadata.read(stream)
         if record.name == topics.METADATA:
             raw.metadata.update(record.metadata)
-            _load_plugins(raw.metadata)
+            _load_plugins(path, raw.metadata)
     elif opcode == _ATTACHMENT:
         record = Attachment.read(stream)
         _check(zlib.crc32(content[: -_CHECKSUM.size]), content, f"of the attachment {record.name}")
         raw.attachments[record.name] = record.data
+
+
+def _unpacked(chunk):
+    """Bytes of the records in a mcap Chunk."""
+    from mcap.stream_reader import get_chunk_data_stream
+
+    if (size := _unpacked_size(chunk)) > min(_LARGEST_CHUNK, _SMALL_CHUNK + _TIMES * len(chunk.data)):
+        raise ValueError(f"a chunk of {len(chunk.data)} bytes claims {size} unpacked")
+    unpacked, length = get_chunk_data_stream(chunk, validate_crc=True)
+    return unpacked.read(length)
 
 
 def _unpacked_size(chunk):
@@ -289,39 +280,72 @@ def _unpacked_size(chunk):
     return max(chunk.uncompressed_size, frame_content_size(chunk.data))
 
 
-def _own(metadata, key):
-    """Mission.plugins or Mission.software of the metadata."""
-    return tuple(map(tuple, from_json(metadata.get(key, "[]"))))
-
-
-def _load_plugins(metadata):
+def _load_plugins(path, metadata):
     """Load the plug-ins with which a log was flown, before its messages come.
 
     What one of them has logged is passed over where that cannot be done: a log may be looked at without
     running somebody's code.
     """
-    for _ in plugins.left_out(_own(metadata, "plugins")):
+    for _ in plugins.left_out(described.own(path, metadata, "plugins")):
         pass  # the one who looks is told (`commands.flights`)
 
 
-def _take_chunk(data, raw):
+def _take_chunk(path, data, raw):
     """Sort the messages of an unpacked chunk by topic; mcap's own loop is ten times slower."""
     lists = _lists(raw)
-    position, skip, end = 0, _RECORD_HEAD.size, len(data)
-    while position < end:
-        opcode, length = _RECORD_HEAD.unpack_from(data, position)
-        start = position + skip
-        position = start + length
+    for opcode, start, end in _parts(data):
         if opcode == _MESSAGE:
             number = _CHANNEL_OF.unpack_from(data, start)[0]
             if number not in lists:
                 raise ValueError(f"a message of channel {number}, which there is not")
             messages = lists[number]
             if messages is not None:
-                messages.append(data[start + _MESSAGE_HEAD.size : position])
+                messages.append(data[start + _MESSAGE_HEAD.size : end])
         elif opcode in (_SCHEMA, _CHANNEL):
-            _take(opcode, data[start:position], raw)
+            _take(path, opcode, data[start:end], raw)
             lists = _lists(raw)
+
+
+def _parts(data):
+    """(opcode, begin, end) of each record of an unpacked chunk."""
+    position, skip, end = 0, _RECORD_HEAD.size, len(data)
+    while position < end:
+        opcode, length = _RECORD_HEAD.unpack_from(data, position)
+        start = position + skip
+        position = start + length
+        yield opcode, start, position
+
+
+def messages_of(path, topics):
+    """(mcap Schema or None, topic, log time [ns], bytes) of each message of some topics."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Chunk
+    from mcap.stream_reader import read_magic
+
+    raw = _Raw({}, {}, {}, {}, {})
+    with opened(path) as file, named(path), readable(path, "a message that is drawn"):
+        read_magic(ReadDataStream(file))
+        with suppress(*cut_errors()):
+            for opcode, content in records(file):
+                if opcode in (_SCHEMA, _CHANNEL):
+                    _take(path, opcode, content, raw)
+                elif opcode == _CHUNK:
+                    yield from _chosen(
+                        path, _unpacked(Chunk.read(ReadDataStream(BytesIO(content)))), raw, topics
+                    )
+
+
+def _chosen(path, data, raw, topics):
+    """The same of an unpacked chunk."""
+    for opcode, start, end in _parts(data):
+        if opcode == _MESSAGE:
+            number, _, ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
+            channel = raw.channels[number]
+            if channel.topic in topics:
+                schema = raw.schemas.get(channel.schema_id)
+                yield schema, channel.topic, ns, data[start + _MESSAGE_HEAD.size : end]
+        elif opcode in (_SCHEMA, _CHANNEL):
+            _take(path, opcode, data[start:end], raw)
 
 
 def _lists(raw):

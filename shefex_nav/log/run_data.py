@@ -80,6 +80,12 @@ class RunData(NamedTuple):
         return self.summary.until_s if given else None
 
     @property
+    def reached_s(self):
+        """Mission time of the last truth; without any of the last solution, or of the start."""
+        times = self.last_t_s, *self.nav.t_s[-1:].tolist(), self.mission.start_s
+        return next(t_s for t_s in times if not math.isnan(t_s))
+
+    @property
     def cut_s(self):
         """`RunSummary.until_s` of a log that is made of this one: where it ends if not with the mission."""
         if self.ended_early:
@@ -108,6 +114,8 @@ def stack(record, rows):
         shape = tuple(max(n, -1 if rows else 0) for n in field.shape)
         if field.shape and rows:
             # lists of any number of rows are no arrays; those of an equal number make one
+            if len(lengths := {len(row[k]) for row in rows}) > 1:
+                raise ValueError(f"{field.name} has {min(lengths)} rows in one, {max(lengths)} in another")
             column = np.concatenate([row[k] for row in rows]).reshape(len(rows), *shape)
             values[field.source] = column.astype(dtype, copy=False)
         else:

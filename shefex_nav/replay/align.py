@@ -105,7 +105,7 @@ def _rest(scenario, data):
     span_s = float(imu.t_s[end] - imu.t_s[begin])
     if end - begin < FEWEST_SAMPLES or span_s < 0.9 * settings.duration:
         raise DataError(f"alignment.duration: the data end {span_s:g} s after mission.start")
-    r_a_e, sigma_r = _place(data.fixes, imu.t_s[begin], imu.t_s[end])
+    r_a_e, sigma_r = _place(scenario, data.fixes, imu.t_s[begin], imu.t_s[end])
     if data.fixes[0].horizontal:
         sigma_r = max(sigma_r, scenario.data.gnss.height_error)
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_a_e)
@@ -142,14 +142,14 @@ def alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
     return Alignment(t_s, r_i, v_i, q_ib, sigma_r, sigma_v, C_bn @ P_n @ C_bn.T)
 
 
-def _place(fixes, begin_s, end_s):
+def _place(scenario, fixes, begin_s, end_s):
     """Mean position of the fixes of a time, (3,) m, frame e, and its 1 sigma.
 
     Errors of fixes that follow on each other are taken as one error: the mean is no better than a fix.
     """
     used = [fix for fix in fixes if fix.valid and begin_s <= fix.t_valid_s <= end_s]
     if not used:
-        raise DataError(f"static alignment needs a GNSS fix from {begin_s:g} s to {end_s:g} s; there is none")
+        raise _without_fix(scenario, [fix.t_valid_s for fix in fixes if fix.valid], begin_s, end_s)
     moving = [fix for fix in used if np.isfinite(fix.v_ea_e).all()]
     if moving:
         speed = np.linalg.norm(np.mean([fix.v_ea_e for fix in moving], axis=0))
@@ -159,6 +159,17 @@ def _place(fixes, begin_s, end_s):
             raise DataError(f"static alignment: {words}; set alignment.duration to the time it stands still")
     variance = np.mean([np.max(np.linalg.eigvalsh(fix.R_r_e)) for fix in used])
     return np.mean([fix.r_ea_e for fix in used], axis=0), float(np.sqrt(variance))
+
+
+def _without_fix(scenario, valid_s, begin_s, end_s):
+    """DataError about a time without a fix. valid_s : times of all fixes that are taken"""
+    file = getattr(scenario.data.gnss, "file", scenario.data.gnss)
+    there = f"its fixes are from {min(valid_s):g} s to {max(valid_s):g} s" if valid_s else "it has no fix"
+    words = f"{scenario.alignment.method} alignment needs a GNSS fix from {begin_s:g} s to {end_s:g} s"
+    return DataError(
+        f"{file}: {words} after the first IMU sample; there is none, {there}; "
+        "see mission.start, alignment.duration and gnss.first"
+    )
 
 
 def _check_still(scenario, f_b, omega_b, g):

@@ -18,6 +18,7 @@ from shefex_nav.scenario.data_table import DataError
 
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states
+LONGEST_ARM = 1000.0  # m, of the IMU to the antenna
 NONSENSE = -1  # number of satellites that cannot be
 READING_RATE_TOLERANCE = 0.1  # likewise of an instrument, which need not keep time
 
@@ -78,7 +79,12 @@ def read(scenario, files):
 def _same_lever_arm(scenario, path):
     """A file that states a lever arm must not be contradicted."""
     stated = navego.lever_arm(path)
-    if stated is not None and not np.allclose(stated, scenario.gnss.lever_arm, atol=1e-3):
+    if stated is None:
+        return
+    if stated.shape != (3,) or not (np.abs(stated) <= LONGEST_ARM).all():
+        got = np.array2string(stated, precision=4, threshold=6)
+        raise DataError(f"{path}: field larm: got {got}, expected three lengths of {LONGEST_ARM:g} m at most")
+    if not np.allclose(stated, scenario.gnss.lever_arm, atol=1e-3):
         arm = ", ".join(f"{value:g} m" for value in stated)
         raise DataError(f"{path}: field larm says [{arm}]; write gnss.lever_arm: [{arm}]")
 
@@ -239,6 +245,7 @@ def _chosen(t_s, settings):
 BEYOND = 2.0  # [E] times the range that is told: a sensor that clips gives its range and little more
 TURNS = 3000.0  # [E] rad/s, faster than shells spin (300 turns a second)
 PULLS = 2e6  # [E] m/s^2, beyond what a sensor is shot with (100 000 gee)
+NO_READING = 1e300  # in SI: what is larger is told as this
 COUNTERS = (32, 31, 24, 16)  # bits
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 SPANS = {"week": 604800.0, "day": 86400.0}  # s, after which times of GNSS and of clocks begin anew
@@ -256,7 +263,8 @@ def check_imu(imu, settings, columns):
         (imu.accelerometer, settings.accelerometer.range, "accelerometer", PULLS, ("m/s2", 1.0)),
     ):
         limit = min(BEYOND * told, most)
-        size = np.abs(values) / step_s
+        with np.errstate(over="ignore"):
+            size = np.minimum(np.abs(values) / step_s, NO_READING)
         bad = np.argwhere(~(size <= limit))
         if len(bad):
             row, k = bad[0]

@@ -1,13 +1,13 @@
 """Matlab files -> columns of numbers; a process of its own reads them, which a damaged file may crash."""
 
 import io
-import json
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 
+from shefex_nav.files import from_json
 from shefex_nav.replay.matlab_child import FIELD, KINDS, REFUSED
 from shefex_nav.scenario.data_table import DataError, Table, missing, refuse_infinite
 from shefex_nav.scenario.quantity import quoted
@@ -56,7 +56,7 @@ def _structure(path, names, optional):
     if done.returncode:
         raise DataError(f"{path}: is damaged, or no Matlab file: the program that reads it crashed")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
-        kinds = json.loads(str(archive[KINDS]))
+        kinds = from_json(str(archive[KINDS]))
         fields = {name.removeprefix(FIELD): archive[name] for name in archive.files if name != KINDS}
     if isinstance(kinds, int):
         raise DataError(f"{path}: expected one structure with {', '.join(names)}, found {kinds}")

@@ -83,17 +83,19 @@ def form(key, models):
 class ReplayGnss(Block):
     """What is made of the fixes."""
 
-    lever_arm: Vector("m", "0.3 m", "IMU to antenna, forward, right, down") = ("0 m", "0 m", "0 m")
-    latency: Quantity("s", "0.2 s", "from the instant measured to the fix on board", non_negative=True) = (
-        "0 s"
-    )
+    lever_arm: Vector(
+        "m", "0.3 m", "IMU to antenna, forward, right, down", at_least="-1 km", at_most="1 km"
+    ) = ("0 m", "0 m", "0 m")
+    latency: Quantity(
+        "s", "0.2 s", "from the instant measured to the fix on board", non_negative=True, at_most="10 s"
+    ) = "0 s"
     clock_offset: Quantity(
         "s", "0.35 s", "fixes are stamped so much later than they are, by the clock of the IMU", words=FIND
     ) = "0 s"
     every: Time("1 s", "take one fix in this time only", positive=True) | None = None
     first: Time("0.2 s", "the first of them", non_negative=True) = "0 s"
     fewest_satellites: Count("5", "with which a fix counts, where data.gnss.satellites says", at_least=0) = 4
-    position_noise: Annotated[Vector("m", "5 m", "", positive=True) | None, NED] = None
+    position_noise: Annotated[Vector("m", "5 m", "", positive=True, at_most="10000 km") | None, NED] = None
     velocity_noise: Annotated[Vector("m/s", "0.1 m/s", "", positive=True) | None, NED] = None
 
 
@@ -147,7 +149,7 @@ class ReplayNavigation(Navigation):
     gps: Literal["loose"] = Field(default="loose", description="by its fixes")
     stars: Literal["attitude"] = Field(default="attitude", description="there are no stars in these data")
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1) = 1e-4
-    star_fix_floor: Quantity("rad", "10 arcsec", "", non_negative=True) = "0 arcsec"
+    star_fix_floor: Quantity("rad", "10 arcsec", "", non_negative=True, at_most="180 deg") = "0 arcsec"
     release: Releases = Releases(gps=RELEASE, first_star_fix=RELEASE, star_fix=RELEASE)
     gps_agreement: Quantity("m/s", "10 m/s", "", positive=True) = "10 m/s"
     history: Quantity("s", "0.5 s", "", positive=True, at_most="5 s") = "0.6 s"

@@ -44,7 +44,7 @@ class GnssColumns(Block):
     position_frame: Literal["geodetic", "ecef"] = "geodetic"
     height: Quantity("m", "360 m", "of the start above the ellipsoid, where fixes say none",
                      at_least="-500 m", at_most="9 km") | None = None  # fmt: skip
-    height_error: Quantity("m", "10 m", "of that height, 1 sigma", positive=True) = "10 m"
+    height_error: Quantity("m", "10 m", "of that height, 1 sigma", positive=True, at_most="10000 km") = "10 m"
     angle_unit: Unit("deg", "rad") = Field(default="deg", description="of latitude and longitude")
     velocity: Names | None = Field(default=None, description="columns")
     velocity_frame: Literal["ned", "enu", "ecef"] = "ned"

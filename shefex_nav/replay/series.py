@@ -57,6 +57,7 @@ LOW_M = 1e7  # [E] from the centre of the Earth: what a unit is guessed for flie
 DEEP_M = 6.3e6  # [E] likewise, below any place on the Earth or in it; the pole is at 6.357e6 m
 FAST = 3e8  # m/s, of light
 VAGUE = 1e9  # [E] a sigma that says nothing, m or m/s
+TURN = 2.0 * np.pi + 1e-9  # rad
 LENGTHS = {"km": 1e3, "cm": 1e-2, "mm": 1e-3}  # m
 
 
@@ -88,21 +89,29 @@ def positions(table, names, frame, angle=1.0, height=0.0, valid=None):
     if frame == "ecef":
         _near_earth(table, names, given, valid)
         return given
-    latitude = given[:, 0] * angle
-    bad = np.flatnonzero(valid & (np.abs(latitude) > 0.5 * np.pi))
-    if len(bad):
-        words = f"a latitude of {given[bad[0], 0]:g} is beyond the poles; check column and unit"
-        raise DataError(f"{table.place(bad[0])}: {names[0]}: {words}")
-    bad = np.flatnonzero(valid & ~((given[:, 2] > -SUNK_M) & (given[:, 2] < FAR_OFF_M)))
-    if len(bad):
-        words = f"a height of {given[bad[0], 2]:g} m is nowhere near the Earth; check column and unit"
-        raise DataError(f"{table.place(bad[0])}: {names[-1]}: {words}")
-    return _ecef_kernel(latitude, given[:, 1] * angle, given[:, 2].copy())
+    latitude, longitude = given[:, 0] * angle, given[:, 1] * angle
+    height = (given[:, 2] > -SUNK_M) & (given[:, 2] < FAR_OFF_M)
+    for k, good, what in (
+        (0, np.abs(latitude) <= 0.5 * np.pi, "a latitude of {:g} is beyond the poles"),
+        (1, np.abs(longitude) <= TURN, "a longitude of {:g} is more than a turn"),
+        (2, height, "a height of {:g} m is nowhere near the Earth"),
+    ):
+        bad = np.flatnonzero(valid & ~good)
+        if len(bad):
+            words = f"{what.format(given[bad[0], k])}; check column and unit"
+            raise DataError(f"{table.place(bad[0])}: {names[min(k, len(names) - 1)]}: {words}")
+    return _ecef_kernel(latitude, longitude, given[:, 2].copy())
+
+
+def _size(vectors):
+    """Norms of (N, 3): (N,); of what is no position and no velocity at all 1e300."""
+    with np.errstate(over="ignore"):
+        return np.minimum(np.linalg.norm(vectors, axis=1), 1e300)
 
 
 def _near_earth(table, names, r_e, valid):
     """Refuse positions that lie deep in the Earth, or beyond the Moon. (N, 3) m, frame e"""
-    radius = np.linalg.norm(r_e, axis=1)
+    radius = _size(r_e)
     bad = np.flatnonzero(valid & ~((radius > DEEP_M) & (radius < FAR_OFF_M)))
     if not len(bad):
         return
@@ -120,7 +129,7 @@ def velocities(table, names, frame, r_e, valid=None):
     valid : as of `positions`
     """
     given = table.stack(names)
-    speed = np.linalg.norm(given, axis=1)
+    speed = _size(given)
     bad = np.flatnonzero(~(speed < FAST) if valid is None else valid & ~(speed < FAST))
     if len(bad):
         words = f"a speed of {speed[bad[0]]:g} m/s is faster than light; check columns and unit"

@@ -134,7 +134,7 @@ def _warnings(data, scenario):
     if scenario is None:
         return None
     found = programme.warnings(scenario, programme.of_data(data))
-    return [{"field": ".".join(one.field), "text": one.text} for one in found]
+    return [{"field": dotted(one.field), "text": one.text} for one in found]
 
 
 def _told_otherwise(scenario):

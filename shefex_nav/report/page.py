@@ -139,13 +139,8 @@ def incidents(data):
     found = [*_noticed(data), *_refused(data), *_resets(data), *_doubts(data), *_imu(data), *_stars(data)]
     if data.ended_early:
         why = data.failure.partition("\n")[0] or "the run was cut off"
-        found.append(Incident(_end(data), None, f"the log ends here: {why}"))
+        found.append(Incident(data.reached_s, None, f"the log ends here: {why}"))
     return sorted(found, key=lambda incident: (incident.from_s, incident.what))
-
-
-def _end(data):
-    known = [t for t in (data.last_t_s, *data.nav.t_s[-1:], data.mission.start_s) if np.isfinite(t)]
-    return float(known[0])
 
 
 def _noticed(data):

@@ -22,6 +22,7 @@ from shefex_nav.report.pairing import stretches
 from shefex_nav.report.programme import Warned, of_parts
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.scenario import params, thrust
+from shefex_nav.scenario.document import dotted
 from shefex_nav.world.flight import fly
 
 RATE = 20.0  # Hz, of what is looked at
@@ -220,7 +221,7 @@ def summary(looked):
         "resonances": [
             {"at_s": t, "spin_hz": hz, "within_10_percent_s": stays} for t, hz, stays in resonances(looked)
         ],
-        "warnings": [{"field": ".".join(one.field), "text": one.text} for one in warnings(looked)],
+        "warnings": [{"field": dotted(one.field), "text": one.text} for one in warnings(looked)],
     }
 
 

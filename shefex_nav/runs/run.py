@@ -82,7 +82,7 @@ class Run:
             (self.data.until_s is not None, "looked at until"),
         )
         end = next((words for holds, words in ends if holds), "ended at")
-        end += f" T{self.data.last_t_s:+.1f} s"
+        end += f" T{self.data.reached_s:+.1f} s"
         kept = "log not saved" if self._folder else self.log
         own = "".join(f", {name}" for _, name, _ in mission.software)
         return f"<Run {mission.scenario}, seed {mission.seed}{own}, {end}, {kept}>"

@@ -24,7 +24,7 @@ class CoefficientBase(Block):
     """To what the coefficients count, and those that depend on the Mach number alone."""
 
     area: Quantity("m2", "0.8 m2", "reference area", positive=True)
-    diameter: Quantity("m", "1.01 m", "reference diameter", positive=True)
+    diameter: Quantity("m", "1.01 m", "reference diameter", positive=True, at_most="1 km")
     fin_cant: Quantity(
         "rad", "0.4 deg", "angle of the fins that spins the vehicle up", at_least="-5 deg", at_most="5 deg"
     ) = "0 deg"

@@ -27,9 +27,7 @@ def of_mapping(node, k):
 
 
 def of_list(node, k):
-    """The same of item k of a list."""
-    if not (k and node.flow_style):
-        return None
+    """The same of item k, from 1 on, of a list in brackets."""
     before, item = node.value[k - 1], node.value[k]
     if not isinstance(item.value, str) or item.start_mark.index != before.end_mark.index + 1:
         return None
@@ -38,8 +36,9 @@ def of_list(node, k):
 
 def _joined(before, after, rest):
     """Texts of two plain scalars that are one number."""
-    plain = all(isinstance(one.value, str) and not one.style for one in (before, after))
-    if not plain or not WHOLE.fullmatch(before.value) or not rest.fullmatch(after.value):
+    if before.style or after.style or not isinstance(before.value, str) or not isinstance(after.value, str):
+        return None
+    if not rest.fullmatch(after.value) or not WHOLE.fullmatch(before.value):
         return None
     return f"{before.value},{after.value}", f"{before.value}.{after.value}"
 

@@ -1,14 +1,18 @@
 """Which values two scenarios do not have in common, for people."""
 
-from shefex_nav.scenario import document
+from shefex_nav.scenario import layers
 from shefex_nav.scenario.document import dotted
 
 NOT_GIVEN = object()
 
 
-def of_texts(old, new):
-    """(path, value, value) of each value that differs between two whole texts, or is NOT_GIVEN in one."""
-    before, after = (dict(_values(document.parse(text, "").tree)) for text in (old, new))
+def of_texts(old, new, names=("there", "here")):
+    """(path, value, value) of each value that differs between two whole texts, or is NOT_GIVEN in one.
+
+    names : of the two, for the ScenarioError about one that cannot be read
+    """
+    pairs = zip((old, new), names, strict=True)
+    before, after = (dict(_values(layers.parsed(text, name).tree)) for text, name in pairs)
     paths = [*after, *(path for path in before if path not in after)]
     found = [(path, before.get(path, NOT_GIVEN), after.get(path, NOT_GIVEN)) for path in paths]
     return [one for one in found if one[1] != one[2]]

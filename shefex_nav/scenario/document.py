@@ -84,7 +84,7 @@ def _parsed(text, file):
     if node.tag != yaml_text.MAP:
         raise BadText(mark, _wrong_tag(node))
     document.keys[()] = document.values[()] = mark
-    repeated = _repeated(node, file)
+    repeated = _repeated(node, file) if "*" in text else 0
     return document._replace(tree=_build(node, (), file, document, ()), repeated=repeated)
 
 
@@ -145,19 +145,19 @@ def _mark(node, file):
 def _build(node, path, file, document, parents):
     """Plain value of `node`; its marks and errors go into `document`."""
     document.values[path] = _mark(node, file)
-    if any(node is parent for parent in parents):
-        document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
-        return None
     if not yaml_text.fits(node):
         document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
         return None
     if node.id == "scalar":
         return _scalar(node, path, file, document)
+    if any(node is parent for parent in parents):
+        document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
+        return None
     parents = (*parents, node)
     if node.tag == yaml_text.SEQ:
         for index, item in enumerate(node.value):
             document.keys[(*path, index)] = _mark(item, file)
-            if halves := decimal_comma.of_list(node, index):
+            if index and node.flow_style and (halves := decimal_comma.of_list(node, index)):
                 words = decimal_comma.words(*halves, "values")
                 document.errors.append((_mark(node.value[index - 1], file), f"{dotted(path)}: {words}"))
         return [

@@ -56,7 +56,7 @@ class Accuracy(Block):
     2DRMS/2.8284, RMS/1.4142 (of both) or 1SIGMA itself; likewise the noise of the range rate.
     """
 
-    position: Quantity("m", "1.5 m", "horizontal", positive=True)
+    position: Quantity("m", "1.5 m", "horizontal", positive=True, at_most="10000 km")
     position_is: Literal["CEP", "2DRMS", "RMS", "1SIGMA"]
     velocity: Quantity("m/s", "0.05 m/s", "horizontal", positive=True) | None = None
     velocity_is: Literal["CEP", "2DRMS", "RMS", "1SIGMA"] | None = None

@@ -83,7 +83,9 @@ class Atmosphere(Block):
 class WindTable(Block):
     """Wind over the height above the ellipsoid; constant below the first and above the last height."""
 
-    height: list[Quantity("m", "500 m", "")] = Field(min_length=1, description="increasing")
+    height: list[Quantity("m", "500 m", "", at_least="-10 km", at_most="10000 km")] = Field(
+        min_length=1, description="increasing"
+    )
     speed: list[Quantity("m/s", "12 m/s", "", non_negative=True)] = Field(description="at these heights")
     direction: list[Quantity("rad", "270 deg", "", at_least="-360 deg", at_most="360 deg")] = Field(
         alias="from", description="where it blows from, north over east"

@@ -20,9 +20,9 @@ class Grain(Block):
 
     mass: MassType
     station: Quantity("m", "5 m", "middle of the grain", non_negative=True)
-    length: Quantity("m", "1.1 m", "length", positive=True)
-    outer_radius: Quantity("m", "0.48 m", "outer radius", positive=True)
-    inner_radius: Quantity("m", "0.15 m", "inner radius before ignition", positive=True)
+    length: Quantity("m", "1.1 m", "length", positive=True, at_most="1 km")
+    outer_radius: Quantity("m", "0.48 m", "outer radius", positive=True, at_most="1 km")
+    inner_radius: Quantity("m", "0.15 m", "inner radius before ignition", positive=True, at_most="1 km")
 
 
 class GrainTable(Block):
@@ -76,17 +76,19 @@ class Nozzle(section(parts.Nozzle)):
 class ShapedMotor(Nozzle):
     """Thrust: a rise, a slow decline, a tail-off; their area is propellant mass times exhaust speed."""
 
-    specific_impulse: Quantity("s", "282 s", "in vacuum", positive=True)
-    burn_time: Quantity("s", "68 s", "from ignition to the end of the tail-off", positive=True)
-    rise: Quantity("s", "0.3 s", "thrust from zero to its first level", positive=True)
-    tail_off: Quantity("s", "4 s", "thrust to zero, at the end of the burn", positive=True)
+    specific_impulse: Quantity("s", "282 s", "in vacuum", positive=True, at_most="10000 s")
+    burn_time: Quantity(
+        "s", "68 s", "from ignition to the end of the tail-off", positive=True, at_most="24 h"
+    )
+    rise: Quantity("s", "0.3 s", "thrust from zero to its first level", positive=True, at_most="24 h")
+    tail_off: Quantity("s", "4 s", "thrust to zero, at the end of the burn", positive=True, at_most="24 h")
     level_ratio: Number("0.89", "thrust before the tail-off over thrust after the rise", positive=True)
 
 
 class ThrustTable(Block):
     """Thrust over the time since ignition, a broken line that ends with zero."""
 
-    time: list[Quantity("s", "0.1 s", "", non_negative=True)] = Field(
+    time: list[Quantity("s", "0.1 s", "", non_negative=True, at_most="24 h")] = Field(
         min_length=2, description="since ignition, from 0 s, increasing"
     )
     force: list[Quantity("N", "12 kN", "", non_negative=True)] = Field(description="at these times")
@@ -98,7 +100,13 @@ class MeasuredMotor(Nozzle):
     thrust: ThrustTable
     measured_at: Literal["vacuum", "sea_level"] = Field(default="vacuum", description="of the table")
     specific_impulse: (
-        Quantity("s", "282 s", "in vacuum; without it that which impulse and propellant give", positive=True)
+        Quantity(
+            "s",
+            "282 s",
+            "in vacuum; without it that which impulse and propellant give",
+            positive=True,
+            at_most="10000 s",
+        )
         | None
     ) = None
 
@@ -109,7 +117,13 @@ class MotorFile(Nozzle):
     file: str = Field(min_length=1, description="RASP motor file (.eng) of one motor; relative to this file")
     measured_at: Literal["vacuum", "sea_level"] = Field(default="sea_level", description="of the file")
     specific_impulse: (
-        Quantity("s", "200 s", "in vacuum; without it that which impulse and propellant give", positive=True)
+        Quantity(
+            "s",
+            "200 s",
+            "in vacuum; without it that which impulse and propellant give",
+            positive=True,
+            at_most="10000 s",
+        )
         | None
     ) = None
 

@@ -40,6 +40,8 @@ _DIMENSIONS = {  # astropy's names that an engineer would not use
     "energy/torque/work": "torque or energy",
     "energy density/pressure/stress": "pressure",
 }
+_WORD = re.compile(r"[^\W\d]+")
+_FUNCTIONS = ("sqrt", "mag", "dB", "dex")  # of units, as astropy reads them
 _LEVELS = {"dB": "a level in dB", "mag": "a magnitude"}  # astropy would convert one into the other
 
 
@@ -80,9 +82,38 @@ def _unit(text):
     return unit
 
 
-@lru_cache(1024)  # to look for similar ones takes milliseconds
+@cache
+def _known_words():
+    """Words that are units: {first letter, small: list of them}."""
+    import astropy.units as u
+
+    found = {}
+    with u.add_enabled_units(_own_units()):
+        enabled = u.get_current_unit_registry()
+        for word in (*enabled.registry, *enabled.aliases, *_FUNCTIONS):
+            found.setdefault(word[:1].lower(), []).append(word)
+    return found
+
+
+def _unknown_word(text):
+    """`; did you mean Hz?`, or nothing, about the first word that is no unit; None if all are.
+
+    Compared are units of the same first letter: astropy takes milliseconds a word to compare all of them.
+    """
+    from astropy.utils.misc import did_you_mean
+
+    for word in _WORD.findall(text):
+        alike = _known_words().get(word[:1].lower(), [])
+        if word not in alike and f"{word}-" not in alike:  # e-
+            return _similar_unit(did_you_mean(word, alike))
+    return None
+
+
+@lru_cache(1024)
 def _unit_or_hint(text):
     """The astropy unit written as `text`, or None; and `; did you mean Hz?`, or nothing."""
+    if (hint := _unknown_word(text)) is not None:
+        return None, hint
     try:
         return _unit(text), ""
     except (ValueError, TypeError) as error:

@@ -109,6 +109,8 @@ class Requirements(Block):
         Quantity("", "95 %", "share of the frames in the window that give an attitude, at least",
                  non_negative=True, at_most="100 %") | None
     ) = None  # fmt: skip
-    pointing_error: Quantity("rad", "3 deg", "at most while pointing", positive=True) | None = None
+    pointing_error: (
+        Quantity("rad", "3 deg", "at most while pointing", positive=True, at_most="180 deg") | None
+    ) = None
     cold_gas: Quantity("kg", "8 kg", "used at most", positive=True) | None = None
-    apogee: Quantity("m", "170 km", "height at least", positive=True) | None = None
+    apogee: Quantity("m", "170 km", "height at least", positive=True, at_most="1000000 km") | None = None

@@ -87,9 +87,12 @@ class TrajectoryBase(Block):
 
     file: str = Field(min_length=1, description="relative to this file")
     sha256: Sha256 = None
-    pad: Time("60 s", "it stands at its first place for so long before its first row", non_negative=True) = (
-        "0 s"
-    )
+    pad: Time(
+        "60 s",
+        "it stands at its first place for so long before its first row",
+        non_negative=True,
+        at_most="24 h",
+    ) = "0 s"
     separations: list[Time("65 s", "", non_negative=True)] = Field(
         default=[], description="when stages are left behind: from each on the next of vibration.boost holds"
     )

@@ -49,7 +49,9 @@ class Stage(Block):
 class Vehicle(Block):
     """What flies: payload, stages in the order in which they burn, devices."""
 
-    imu: Vector("m", "-2 m", "IMU from the nose tip, body axes (x to the nose)")
+    imu: Vector(
+        "m", "-2 m", "IMU from the nose tip, body axes (x to the nose)", at_least="-1 km", at_most="1 km"
+    )
     payload: Payload
     stages: dict[Name, Stage] = Field(description="by name, in the order in which they burn; may be {}")
     spin_motors: section(settings.SpinMotors) | None = None

@@ -8,6 +8,7 @@ YAML 1.1: U+0085, U+2028 and U+2029 end a line.
 
 import re
 from contextlib import suppress
+from functools import lru_cache
 
 import yaml
 
@@ -26,6 +27,8 @@ KINDS = (  # of plain words: tag, pattern, how they begin; the first that fits h
 WORDS = {tag: re.compile(pattern) for tag, pattern, _ in KINDS} | {STR: re.compile(".*", re.DOTALL)}
 HOLDERS = {SEQ: "sequence", MAP: "mapping"}  # tag -> kind of node
 DEEPEST = 100  # lists and mappings within each other
+FLAT = DEEPEST // 2  # fewer brackets, and fewer letters before what a line says, go less deep
+INDENTED = re.compile(rf"[-?: \t]{{{FLAT}}}")
 
 
 def _rules():
@@ -41,6 +44,18 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     """Reads words and numbers by KINDS, in C wherever PyYAML was built with it."""
 
     yaml_implicit_resolvers = _rules()
+
+    def resolve(self, kind, value, implicit):
+        """Tag of a node without one. implicit[0] : whether it is a plain word"""
+        is_plain = kind is yaml.ScalarNode and implicit[0]
+        return _tag(value) if is_plain else super().resolve(kind, value, implicit)
+
+
+@lru_cache(4096)  # files of many values have the same ones many times
+def _tag(word):
+    """Tag of a plain word."""
+    rules = Loader.yaml_implicit_resolvers.get(word[:1], ())
+    return next((tag for tag, pattern in rules if pattern.match(word)), STR)
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
@@ -84,6 +99,8 @@ def fits(node):
 
 def _too_deep(text):
     """Where a text goes deeper than DEEPEST, else None: the composer in C would need all of the stack."""
+    if text.count("[") + text.count("{") < FLAT and not INDENTED.search(text):
+        return None  # the events of a text of nothing but values take as long as all else
     depth = 0
     for event in yaml.parse(text, Loader=Loader):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)

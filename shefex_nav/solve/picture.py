@@ -199,7 +199,7 @@ def grey(values, name="image"):
     if values.ndim == 3 and values.shape[2] not in (1, 2, 3, 4):
         raise PictureError(f"{name}: expected 1 to 4 channels, got {values.shape[2]}")
     _check_size(name, values.shape[1], values.shape[0])
-    whole = values.dtype.kind in "ui"
+    given, whole = values, values.dtype.kind in "ui"
     if values.ndim == 3:
         values = _mean_of_colours(values) if values.shape[2] >= 3 else values[:, :, 0]
     with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused
@@ -207,7 +207,9 @@ def grey(values, name="image"):
     with np.errstate(invalid="ignore"):  # infinite values of either sign
         total = values.sum(dtype=np.float64)
     if not whole and not np.isfinite(total):
-        raise PictureError(f"{name}: contains NaN or infinite values")
+        largest = f"values beyond {np.finfo(np.float32).max:.2g}"
+        what = largest if np.isfinite(given).all() else "NaN or infinite values"
+        raise PictureError(f"{name}: contains {what}")
     return values
 
 

@@ -15,7 +15,9 @@ class Mounting(Settings):
 
     boresight: tuple[float, float, float] = number(("0", "1", "0"), "direction of the boresight")
     image_right: tuple[float, float, float] = number(("1", "0", "0"), "direction of image right")
-    error: float = quantity("rad", "0.02 deg", "unknown rotation about each axis, 1 sigma", non_negative=True)
+    error: float = quantity(
+        "rad", "0.02 deg", "unknown rotation about each axis, 1 sigma", non_negative=True, at_most="180 deg"
+    )
 
     @property
     def C_bc(self):
@@ -31,7 +33,9 @@ class Mounting(Settings):
 class Optics(Settings):
     """Lens."""
 
-    focal_length: float = quantity("m", "25 mm", "calibrated, as the flight software knows it", positive=True)
+    focal_length: float = quantity(
+        "m", "25 mm", "calibrated, as the flight software knows it", positive=True, at_most="100 m"
+    )
     focal_length_error: float = quantity(
         "", "0.02 %", "what the calibration left, 1 sigma", non_negative=True
     )
@@ -71,7 +75,7 @@ class Optics(Settings):
         "1.4", "focal length over aperture; in place of the flux", None, at_least=0.5
     )
     aperture: float | None = quantity(
-        "m", "18 mm", "diameter of the pupil, in the place of f_number", None, positive=True
+        "m", "18 mm", "diameter of the pupil, in the place of f_number", None, positive=True, at_most="100 m"
     )
     transmission: float | None = quantity(
         "", "80 %", "of lens, filters and windows, mean over the band", None, positive=True, at_most="100 %"
@@ -83,7 +87,7 @@ class Detector(Settings):
 
     columns: int = count("659", "pixels in a row", at_least=64, at_most=4096)
     rows: int = count("493", "rows", at_least=64, at_most=4096)
-    pixel_size: float = quantity("m", "9.9 um", "square pixels", positive=True)
+    pixel_size: float = quantity("m", "9.9 um", "square pixels", positive=True, at_most="10 mm")
     background: float = quantity(
         "electron/s", "400 electron/s", "dark current and sky, per pixel", non_negative=True
     )
@@ -93,11 +97,18 @@ class Detector(Settings):
     black_level: float = quantity(
         "DN", "8 DN", "grey value without charge", non_negative=True, at_most="30000 DN"
     )
-    readout: float = quantity("s", "10 ms", "end of exposure to picture in memory", non_negative=True)
+    readout: float = quantity(
+        "s", "10 ms", "end of exposure to picture in memory", non_negative=True, at_most="100 s"
+    )
     bits: int = count("8", "of a grey value, which is at most 2^bits - 1", at_least=8, at_most=16)
     shutter: Literal["global", "rolling"] = choice("all rows are exposed at once, or one after the other")
     line_time: float | None = quantity(
-        "s", "60 us", "rolling: from the start of one row to that of the next", None, positive=True
+        "s",
+        "60 us",
+        "rolling: from the start of one row to that of the next",
+        None,
+        positive=True,
+        at_most="1 s",
     )
     quantum_efficiency: float | None = quantity(
         "", "60 %", "at 550 nm, of a pixel as a whole; in place of the flux", None, positive=True,
@@ -179,7 +190,7 @@ class StrayLight(Settings):
     )
     rate_at_exclusion: float = quantity("electron/s", "200 electron/s", "per pixel", non_negative=True)
     tenfold_angle: float = quantity(
-        "rad", "10 deg", "further in, stray light is ten times as bright", positive=True
+        "rad", "10 deg", "further in, stray light is ten times as bright", positive=True, at_most="180 deg"
     )
     direct_rate: float = quantity(
         "electron/s", "1e7 electron/s", "per pixel with the lens lit", positive=True

@@ -132,7 +132,9 @@ class Jump(Fault):
     """The position is off by a constant vector; the ranges are those of an antenna there."""
 
     fault: Literal["jump"] = choice()
-    position: tuple[float, float, float] = quantity("m", "300 m", "north, east, down")
+    position: tuple[float, float, float] = quantity(
+        "m", "300 m", "north, east, down", at_least="-1000000 km", at_most="1000000 km"
+    )
 
     @property
     def words(self):

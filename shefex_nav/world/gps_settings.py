@@ -26,7 +26,9 @@ class Spin(Settings):
 class Antenna(Settings):
     """Where the GPS antenna sits and where it cannot hear."""
 
-    lever_arm: tuple[float, float, float] = quantity("m", "0.3 m", "IMU to antenna in body axes")
+    lever_arm: tuple[float, float, float] = quantity(
+        "m", "0.3 m", "IMU to antenna in body axes", at_least="-1 km", at_most="1 km"
+    )
     blind_nose: float = quantity(
         "rad", "20 deg", "half angle of the deaf cone about the nose", at_least="0 deg", at_most="90 deg"
     )
@@ -42,16 +44,16 @@ class GpsOutage(Settings):
         "event of the flight at which the receiver loses its satellites, such as lift_off, burn_out_1, "
         "separation_1, ignition_2 or the start of a task, <task>_start"
     )
-    shortest: float = quantity("s", "3 s", "shortest duration", non_negative=True)
+    shortest: float = quantity("s", "3 s", "shortest duration", non_negative=True, at_most="24 h")
     longest: float = quantity(
-        "s", "20 s", "longest duration; each run draws one in between", non_negative=True
+        "s", "20 s", "longest duration; each run draws one in between", non_negative=True, at_most="24 h"
     )
 
 
 class Clock(Settings):
     """Oscillator of the receiver; without effect on fixes, which solve for it."""
 
-    bias: float = quantity("s", "1 us", "at the start, 1 sigma", "1 us", non_negative=True)
+    bias: float = quantity("s", "1 us", "at the start, 1 sigma", "1 us", non_negative=True, at_most="10 s")
     drift: float = quantity("", "0.1 ppm", "at the start, 1 sigma", "0.1 ppm", non_negative=True)
     h_0: float = quantity(
         "s", "2e-19 s", "white frequency noise, Allan variance h_0", "2e-19 s", non_negative=True
@@ -79,7 +81,7 @@ class Clock(Settings):
 class SatelliteErrors(Settings):
     """Clock and orbit of each satellite against what it broadcasts."""
 
-    range: float = quantity("m", "1 m", "constant, 1 sigma", "0 m", non_negative=True)
+    range: float = quantity("m", "1 m", "constant, 1 sigma", "0 m", non_negative=True, at_most="10000 km")
     rate: float = quantity("m/s", "1 mm/s", "change of that, 1 sigma", "0 m/s", non_negative=True)
 
 
@@ -108,7 +110,7 @@ class Troposphere(Settings):
 class Multipath(Settings):
     """Error of each range that wanders, first-order Gauss-Markov."""
 
-    range: float = quantity("m", "0.5 m", "1 sigma", non_negative=True)
+    range: float = quantity("m", "0.5 m", "1 sigma", non_negative=True, at_most="10000 km")
     time: float = quantity("s", "30 s", "correlation time", positive=True)
 
 
@@ -141,9 +143,9 @@ class Only(Settings):
 class Reacquisition(Settings):
     """How long a satellite must be in view after an outage or behind Earth or antenna to be tracked again."""
 
-    shortest: float = quantity("s", "1 s", "shortest time", non_negative=True)
+    shortest: float = quantity("s", "1 s", "shortest time", non_negative=True, at_most="24 h")
     longest: float = quantity(
-        "s", "10 s", "longest time; each satellite draws one in between", non_negative=True
+        "s", "10 s", "longest time; each satellite draws one in between", non_negative=True, at_most="24 h"
     )
 
 
@@ -162,11 +164,17 @@ class Gps(Settings):
     clock_offset: float = quantity(
         "s", "5 ms", "fixes are stamped so much later than they are", "0 s", at_least="-1 s", at_most="1 s"
     )
-    range_noise: float = quantity("m", "3 m", "range to one satellite, 1 sigma, white in time", positive=True)
+    range_noise: float = quantity(
+        "m", "3 m", "range to one satellite, 1 sigma, white in time", positive=True, at_most="10000 km"
+    )
     range_rate_noise: float = quantity("m/s", "0.1 m/s", "range rate, 1 sigma", positive=True)
     elevation_mask: float = quantity("rad", "5 deg", "lowest elevation", at_least="-30 deg", at_most="80 deg")
     lowest_ray_height: float = quantity(
-        "m", "50 km", "signals below the mask must pass above this height", non_negative=True
+        "m",
+        "50 km",
+        "signals below the mask must pass above this height",
+        non_negative=True,
+        at_most="1000000 km",
     )
     max_pdop: float = number("10.0", "no fix above it", positive=True)
     highest_speed: float = quantity(
@@ -184,6 +192,7 @@ class Gps(Settings):
         "unlimited",
         positive=True,
         words=UNLIMITED,
+        at_most="1000000 km",
     )
     antenna: Antenna = section()
     spin: Spin = section()

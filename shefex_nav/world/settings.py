@@ -86,6 +86,8 @@ class PadAlignment(Settings):
     """
 
     level: float = quantity("rad", "0.05 deg", "about north and about east", positive=True, at_most="20 deg")
-    azimuth: float = quantity("rad", "0.3 deg", "about the vertical", positive=True, words=NOT_KNOWN)
-    position: float = quantity("m", "1 m", "each axis", positive=True)
+    azimuth: float = quantity(
+        "rad", "0.3 deg", "about the vertical", positive=True, words=NOT_KNOWN, at_most="180 deg"
+    )
+    position: float = quantity("m", "1 m", "each axis", positive=True, at_most="10000 km")
     velocity: float = quantity("m/s", "0.01 m/s", "each axis", positive=True)

@@ -25,7 +25,7 @@ def test_values_with_their_places(tmp_path, default_scenario):
 def test_a_campaign_in_its_folder(tmp_path, default_scenario):
     scenario = load.load(default_scenario)
     flown = {"format": plan.FORMAT, "source": scenario.source.replace("86.43 deg", "80 deg")}
-    head = dict.fromkeys(HEAD) | flown | {"runs": 1}
+    head = {name: types[0]() for name, types in HEAD.items()} | flown | {"runs": 1}
     (tmp_path / "campaign.json").write_text(json.dumps(head), encoding="utf-8")
     assert against.lines(scenario, tmp_path)[1:] == [
         f"{scenario.place(('launch', 'elevation'))}: launch.elevation: 80 deg -> 86.43 deg"

@@ -6,15 +6,15 @@ import pytest
 
 from shefex_nav.campaign import results, running, store, table
 
-HEAD = {name: 1 for name in store.HEAD} | {"format": 2}
+HEAD = {name: types[0]() for name, types in store.HEAD.items()} | {"format": 2}
 DEEP = 100_000
 HEADS = {
     "[" * DEEP: "cannot be read: too many lists and objects within each other",
     '{"a":' * DEEP: "cannot be read: too many lists and objects within each other",
     "{}": "its format is None",
-    json.dumps(HEAD | {"runs": 10_000_001}): "expected 1 to 10000000 runs",
-    json.dumps(HEAD | {"runs": "x"}): "expected 1 to 10000000 runs",
-    json.dumps(HEAD | {"runs": None}): "expected 1 to 10000000 runs",
+    json.dumps(HEAD | {"runs": 10_000_001}): "runs: got 10000001, expected 1 to 10000000",
+    json.dumps(HEAD | {"runs": "x"}): "runs: got str, expected int",
+    json.dumps(HEAD | {"runs": None}): "runs: got NoneType, expected int",
 }
 
 

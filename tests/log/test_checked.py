@@ -1,13 +1,15 @@
 """What a log says that cannot be meant: refused with topic, message and field."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import synthetic_run
 
-from shefex_nav.log import checked
-from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.log import checked, described
+from shefex_nav.log.run_data import RunDataBuilder, stack
 from shefex_nav.log.topics import LogError
-from shefex_nav.records import GpsRanges, Reason
+from shefex_nav.records import GateResult, GpsRanges, Reason, row
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=236.0)
 WRONG = (
@@ -91,3 +93,76 @@ def test_what_says_itself_that_it_is_none_may_be_nan(data):
     check([solved, unsolved], type(solved))
     with pytest.raises(LogError, match=r"message 2: q_ic: got .*, expected a unit quaternion"):
         check([solved, solved._replace(q_ic=2.0 * solved.q_ic)], type(solved))
+
+
+def test_no_number_of_any_record_is_infinite(data):
+    """Of those that may be NaN too: a protection level, the limit of a gate, the covariance of a state."""
+    for bad in (np.inf, -np.inf, 1e300):
+        for kind, name in (("nav", "protection_attitude"), ("covariance", "P")):
+            with pytest.raises(
+                LogError, match=rf"message 3: {name}: got .*, expected numbers below 1e\+30, or"
+            ):
+                check(changed(getattr(data, kind), name, 2, bad))
+        gate = GateResult(1.0, 1.0, 0, 3, 2.0, 7.8, True, False, np.ones(3))
+        check([gate, gate._replace(limit=np.nan)], GateResult)
+        with pytest.raises(
+            LogError, match=r"message 2: limit: got .*, expected numbers below 1e\+30, or NaN"
+        ):
+            check([gate, gate._replace(limit=bad)], GateResult)
+        with pytest.raises(
+            LogError, match=r"message 1: camera\.cx_px: got .*, expected numbers below 1e\+15"
+        ):
+            mission = synthetic_run.mission()
+            check([mission._replace(camera=mission.camera._replace(cx_px=bad))], type(mission))
+
+
+def test_lists_that_should_be_of_one_length_are_named(data):
+    rows = [row(data.covariance, k) for k in range(3)]
+    rows = [
+        one._replace(estimates=np.zeros(n), sigmas=np.zeros(2))
+        for one, n in zip(rows, (2, 2, 3), strict=True)
+    ]
+    with pytest.raises(ValueError, match=r"^estimates has 2 rows in one, 3 in another$"):
+        stack(type(rows[0]), rows)
+
+
+TEXTS = {"scenario": "a", "seed": "1", "version": "0.1.0", "epoch_utc": "2012-06-22T19:18:00"}
+WRONG_TEXTS = (
+    ("seed", "-1", "got '-1', expected a whole number of 30 digits at most"),
+    ("seed", "9" * 31, "expected a whole number of 30 digits at most"),
+    ("epoch_utc", "yesterday", "got 'yesterday', expected an instant of 1973 to 2100"),
+    ("epoch_utc", "0001-01-01", "got '0001-01-01', expected an instant of 1973 to 2100"),
+    ("plugins", "[[1]]", r"got '\[\[1\]\]', expected a list of lists of 2 texts"),
+    ("software", "{", r"got '\{', expected a list of lists of 3 texts"),
+    ("distortion", "[1, 2]", r"got '\[1, 2\]', expected a list of 5 numbers"),
+    ("distortion", "[1, 2, 3, 4, NaN]", "expected a list of 5 numbers"),
+)
+
+
+def described_mission(metadata, attachments):
+    raw = SimpleNamespace(metadata=metadata, attachments=attachments)
+    return described.mission("a.mcap", synthetic_run.mission(), raw)
+
+
+def test_texts_of_the_metadata_are_those_of_the_mission():
+    lists = {"plugins": '[["a.py", "00"]]', "distortion": "[0, 0.1, 0, 0, 0]"}
+    found = described_mission(TEXTS | lists, {"scenario.yaml": b"mission: {}"})
+    assert (found.seed, found.scenario_text) == (1, "mission: {}")
+    assert (
+        found.plugins == (("a.py", "00"),) and found.distortion == (0, 0.1, 0, 0, 0) and found.software == ()
+    )
+
+
+@pytest.mark.parametrize("key, text, words", WRONG_TEXTS)
+def test_texts_of_the_metadata_that_cannot_be_meant_are_named(key, text, words):
+    with pytest.raises(LogError, match=rf"^a\.mcap: metadata 'shefex_nav': {key}: .*{words}"):
+        described_mission(TEXTS | {key: text}, {"scenario.yaml": b""})
+
+
+@pytest.mark.parametrize("key", TEXTS)
+def test_a_text_that_is_missing_is_named(key):
+    less = {other: text for other, text in TEXTS.items() if other != key}
+    with pytest.raises(LogError, match=f"{key} is missing"):
+        described_mission(less, {"scenario.yaml": b""})
+    with pytest.raises(LogError, match=r"no attachment scenario\.yaml"):
+        described_mission(TEXTS, {})

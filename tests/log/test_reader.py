@@ -228,3 +228,12 @@ def test_a_log_that_lacks_what_has_no_default_is_refused(tmp_path):
     foreign(path, {"format": topics.FORMAT, "version": "0.0.1"}, wire.schema_bytes(shorter))
     with pytest.raises(LogError, match="other fields"):
         reader.read(path)
+
+
+def test_how_far_a_log_goes_is_known_without_truth(run):
+    _, data = run
+    assert data.reached_s == data.last_t_s
+    without = data._replace(last_t_s=np.nan)
+    assert without.reached_s == data.nav.t_s[-1]
+    nothing = without._replace(nav=data.nav._replace(t_s=data.nav.t_s[:0]))
+    assert nothing.reached_s == data.mission.start_s

@@ -115,7 +115,11 @@ REFUSED = {
     "upside down": (STILL, ["data.axes=[x, -y, -z]"], "the specific force points down"),
     "wrong unit": (STILL, ["data.imu.accelerometer_unit=gee"], "the mean specific force is 96.18 m/s2"),
     "too long": (STILL, ["alignment.duration=20 s"], "the data end 5 s after mission.start"),
-    "no fix": (STILL, ["gnss.first=4.2 s"], "needs a GNSS fix from 0 s to 4 s; there is none"),
+    "no fix": (
+        STILL,
+        ["gnss.first=4.2 s"],
+        "needs a GNSS fix from 0 s to 4 s after the first IMU sample; there is none, its ",
+    ),
 }
 
 

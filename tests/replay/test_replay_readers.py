@@ -1,11 +1,13 @@
 """Files of others: what is in them comes out in SI, in our frames; what is wrong is named with its line."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import csv_folder, kf_gins, matlab_file, navego, schema_data, series
+from shefex_nav.replay import csv_folder, dataset, kf_gins, matlab_file, navego, schema_data, series
 from shefex_nav.scenario.data_table import DataError
 
 IMU = "t_ms,wx,wy,wz,fx,fy,fz\n# a comment\n0,1,2,3,0.1,0.2,-1\n\n5,4,5,6,0.3,0.4,-1.5\n"
@@ -102,6 +104,11 @@ def test_what_is_wrong_in_a_csv_is_named_with_its_line(kind, tmp_path):
 def test_degrees_taken_for_radians_are_noticed(tmp_path):
     with pytest.raises(DataError, match=r"g\.csv:2: lat: a latitude of 48 is beyond the poles"):
         read_csv(tmp_path, gnss_columns=GNSS | {"angle_unit": "rad"})
+
+
+def test_a_longitude_of_more_than_a_turn_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"g\.csv:3: lon: a longitude of 1e\+308 is more than a turn"):
+        read_csv(tmp_path, gnss=FIXES[:-7] + "1e308,500\n")
 
 
 def test_numbers_in_quotes(tmp_path):
@@ -304,6 +311,24 @@ def test_navego_without_a_field(tmp_path):
     savemat(files["imu"], {"imu": {"t": np.arange(3.0), "wb": np.ones((3, 3)), "fbs": np.ones((3, 3))}})
     with pytest.raises(DataError, match=r"imu\.mat: field 'fb' is missing; did you mean 'fbs'\?"):
         navego.read(None, files)
+
+
+@pytest.mark.parametrize("arm", [[1.0, 2.0], [0.1, 0.0, 1e308], [np.nan, 0.0, 0.0]])
+def test_a_lever_arm_that_is_none_is_refused(arm, tmp_path):
+    files = navego_files(tmp_path, gnss={"larm": np.array(arm)})
+    with pytest.raises(
+        DataError, match=r"gnss\.mat: field larm: got .*, expected three lengths of 1000 m at most"
+    ):
+        dataset._same_lever_arm(None, files["gnss"])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("frame", ["ned", "ecef"])
+def test_a_speed_of_1e308_is_refused_without_a_warning(frame):
+    given = np.array([[1.0, 2.0, 3.0], [1e308, 1e308, 0.0]])
+    rows = SimpleNamespace(stack=lambda names: given, place=lambda row: f"g.csv:{row + 2}")
+    with pytest.raises(DataError, match=r"^g\.csv:3: a, b, c: a speed of 1e\+300 m/s is faster than light"):
+        series.velocities(rows, ("a", "b", "c"), frame, np.full((2, 3), 6.4e6))
 
 
 def test_navego_with_fields_that_differ_in_length(tmp_path):

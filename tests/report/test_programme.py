@@ -337,3 +337,11 @@ def test_simulated_seconds_say_from_when(data):
     assert start_s == pytest.approx(-10.0, abs=0.01) and math.isfinite(summary["simulated_s"])
     shown = dict(dict(table.rows(summary))["run"])["simulated"]
     assert shown.startswith(f"{summary['simulated_s']:.1f} s, from T-10.0 s to T+")
+
+
+def test_a_warning_about_an_item_of_a_list_names_it(monkeypatch):
+    warned = metrics.programme.Warned(("vehicle", "pressure_station", 10), "far off")
+    monkeypatch.setattr(metrics.programme, "of_data", lambda data: None)
+    monkeypatch.setattr(metrics.programme, "warnings", lambda scenario, flown: [warned])
+    found = metrics._warnings(None, object())
+    assert found == [{"field": "vehicle.pressure_station.10", "text": "far off"}]

@@ -344,6 +344,9 @@ def test_taking_away_in_a_file_what_its_base_does_not_give(tmp_path):
     [
         (["programme.damping.from=0 s"], "0 s must be later than the first ignition, 0 s"),
         (["vehicle.yo_yo.at=200 s"], "200 s is before the burn-out of S44, 217.2 s"),
+        (["gps.antenna.lever_arm=[1e9 m, 0 m, 0 m]"], "must be at most 1 km, got '1e9 m'"),
+        (["pad_alignment.azimuth=1e5 deg"], "must be at most 180 deg, got '1e5 deg'"),
+        (["star_camera.detector.readout=1e6 s"], "must be at most 100 s, got '1e6 s'"),
         (["vehicle.payload.station=2600 m"], "2600 m is behind the last nozzle exit, 12.6 m"),
         (
             ["vehicle.stages.S44.aerodynamics.roll_damping=[" + ", ".join(["0.15"] * 11) + "]"],

@@ -112,3 +112,29 @@ def test_a_hundred_levels_are_read():
     for _ in range(98):
         (value,) = value
     assert value == []
+
+
+def test_words_are_resolved_as_by_the_rules():
+    """The quick way of `Loader` against that of PyYAML itself, also of words in quotes."""
+    words = (
+        "1 -1 0x1f 1e-6 .5 .inf .nan ~ null true off 12:30:00 2012-06-22 a 1_0 0o7 + - = << x: 'y'".split()
+    )
+    for word in (*words, ""):
+        resolver = yaml_text.yaml.resolver.BaseResolver()
+        resolver.yaml_implicit_resolvers = yaml_text.Loader.yaml_implicit_resolvers
+        for implicit in ((True, False), (False, True)):
+            plain = resolver.resolve(yaml_text.yaml.ScalarNode, word, implicit)
+            loader = yaml_text.Loader("")
+            assert loader.resolve(yaml_text.yaml.ScalarNode, word, implicit) == plain, word
+
+
+@pytest.mark.parametrize("text", ["[" * 120, "{a: " * 120, "- " * 120, "? " * 120, "a: [" + "[{b: " * 60])
+def test_what_goes_too_deep_is_refused_in_words(text):
+    with pytest.raises(yaml_text.yaml.YAMLError):
+        yaml_text.compose(text)
+
+
+def test_lists_in_lines_that_are_indented_less_and_less_far_go_too_deep():
+    text = "\n".join(f"{' ' * k}a{k}:" for k in range(120))
+    with pytest.raises(yaml_text.yaml.YAMLError, match="more than 100 lists and mappings"):
+        yaml_text.compose(text)

@@ -79,6 +79,14 @@ def test_infinite_values_of_either_sign_are_refused(colour):
         picture.grey(values if colour else values[:, :, 0])
 
 
+@pytest.mark.filterwarnings("error")
+def test_values_that_no_pixel_holds_are_not_called_infinite():
+    values = np.ones((70, 80))
+    values[3, 4] = 1e307
+    with pytest.raises(PictureError, match=r"^image: contains values beyond 3\.4e\+38$"):
+        picture.grey(values)
+
+
 def test_date_of_the_picture(tmp_path):
     exif = Image.Exif()
     exif.get_ifd(picture.EXIF_BLOCK)[picture.EXIF_TAKEN] = "2019:07:29 20:47:26"

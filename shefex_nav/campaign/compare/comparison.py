@@ -144,7 +144,7 @@ def _met(a, b, seeds):
 
 def _different(a, b):
     """Values that the two scenarios do not have in common, but for software of a user's own."""
-    found = differences.of_texts(a.source, b.source)
+    found = differences.of_texts(a.source, b.source, (a.label, b.label))
     return tuple(one for one in found if one[0][:2] not in software.PATHS)
 
 

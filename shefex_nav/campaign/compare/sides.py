@@ -120,7 +120,7 @@ def _of_data(path, data, letter, label):
     judged = tuple(configured.judged(data, summary))
     seed, notes = data.mission.seed, []
     if data.ended_early and not data.failure:
-        notes.append(f"{letter}: the log ends early, at T{data.last_t_s:+.1f} s")
+        notes.append(f"{letter}: the log ends early, at T{data.reached_s:+.1f} s")
     if data.until_s is not None:
         notes.append(f"{letter}: was looked at until T{data.until_s:+.1f} s")
     flown = Flown(seed, None, data.failure.partition("\n")[0], _figures_of(summary), judged, {})

@@ -17,25 +17,34 @@ class SensorOverrides(Settings):
         "rad/sqrt(s)", "0.02 deg/sqrt(h)", "angular random walk", None, positive=True
     )
     gyro_scale_factor_roll: float | None = quantity("", "30 ppm", "initial uncertainty", None, positive=True)
-    gyro_misalignment: float | None = quantity("rad", "0.1 mrad", "initial uncertainty", None, positive=True)
+    gyro_misalignment: float | None = quantity(
+        "rad", "0.1 mrad", "initial uncertainty", None, positive=True, at_most="180 deg"
+    )
     accelerometer_bias: float | None = quantity(
         "m/s2", "0.3 mgee", "initial uncertainty", None, positive=True
     )
     accelerometer_random_walk: float | None = quantity(
         "m/s(3/2)", "0.03 m/s/sqrt(h)", "velocity random walk", None, positive=True
     )
-    camera_mounting: float | None = quantity("rad", "0.02 deg", "initial uncertainty", None, positive=True)
+    camera_mounting: float | None = quantity(
+        "rad", "0.02 deg", "initial uncertainty", None, positive=True, at_most="180 deg"
+    )
     lever_arm: tuple[float, float, float] | None = quantity(
-        "m", "0.3 m", "IMU to GPS antenna in body axes", None
+        "m", "0.3 m", "IMU to GPS antenna in body axes", None, at_least="-1 km", at_most="1 km"
     )
     lever_arm_error: float = quantity(
-        "m", "2 cm", "of the lever arm, each axis, if estimated", "2 cm", positive=True
+        "m", "2 cm", "of the lever arm, each axis, if estimated", "2 cm", positive=True, at_most="1 km"
     )
     gps_latency_error: float = quantity(
-        "s", "1 ms", "fixes are older than they say by so much", "1 ms", positive=True
+        "s", "1 ms", "fixes are older than they say by so much", "1 ms", positive=True, at_most="100 s"
     )
     clock_bias: float = quantity(
-        "m", "300 km", "of the GPS receiver, unknown at the start", "300 km", positive=True
+        "m",
+        "300 km",
+        "of the GPS receiver, unknown at the start",
+        "300 km",
+        positive=True,
+        at_most="1000000 km",
     )
     clock_drift: float = quantity("m/s", "300 m/s", "unknown at the start: 1 ppm", "300 m/s", positive=True)
     clock_white_frequency: float | None = quantity(
@@ -44,7 +53,9 @@ class SensorOverrides(Settings):
     clock_random_walk: float | None = quantity(
         "m/s(3/2)", "0.2 m/s/sqrt(s)", "of its frequency", None, positive=True
     )
-    range_bias: float | None = quantity("m", "3 m", "error of a range that lasts", None, positive=True)
+    range_bias: float | None = quantity(
+        "m", "3 m", "error of a range that lasts", None, positive=True, at_most="10000 km"
+    )
     range_bias_time: float = quantity("s", "300 s", "correlation time of it", "300 s", positive=True)
 
 
@@ -52,7 +63,9 @@ class Release(Settings):
     """When a sensor that contradicts the filter is believed after all."""
 
     rejections: int = count("3", "one after the other, that agree with each other", at_least=2)
-    duration: float = quantity("s", "2 s", "from the first to the last of them", non_negative=True)
+    duration: float = quantity(
+        "s", "2 s", "from the first to the last of them", non_negative=True, at_most="24 h"
+    )
 
 
 class Releases(Settings):
@@ -67,7 +80,12 @@ class Integrity(Settings):
     """How faults of the sensors are noticed; how wrong the solution may be, `requirements` say."""
 
     wrong_star_fix: float = quantity(
-        "rad", "0.5 deg", "smallest error that makes a star fix wrong", "0.5 deg", positive=True
+        "rad",
+        "0.5 deg",
+        "smallest error that makes a star fix wrong",
+        "0.5 deg",
+        positive=True,
+        at_most="180 deg",
     )
     gps_jump: Release = section(
         "when a GPS position that contradicts the filter while its velocity does not is believed",
@@ -96,7 +114,7 @@ class Navigation(Settings):
     )
     gate_probability: float = number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1)
     star_fix_floor: float = quantity(
-        "rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True
+        "rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True, at_most="180 deg"
     )
     release: Releases = section("")
     gps_agreement: float = quantity(

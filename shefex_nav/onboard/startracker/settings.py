@@ -10,10 +10,10 @@ MIN_VERIFIED = 4  # stars of an attitude that is found without a prediction
 class ExposureControl(Settings):
     """Exposure and gain of the star camera, commanded frame by frame."""
 
-    start: float = quantity("s", "40 ms", "exposure of the first frame", positive=True)
-    shortest: float = quantity("s", "2 ms", "lower limit", positive=True)
-    longest: float = quantity("s", "50 ms", "upper limit", positive=True)
-    step: float = quantity("s", "2 ms", "change from frame to frame", positive=True)
+    start: float = quantity("s", "40 ms", "exposure of the first frame", positive=True, at_most="100 s")
+    shortest: float = quantity("s", "2 ms", "lower limit", positive=True, at_most="100 s")
+    longest: float = quantity("s", "50 ms", "upper limit", positive=True, at_most="100 s")
+    step: float = quantity("s", "2 ms", "change from frame to frame", positive=True, at_most="100 s")
     gain: float = quantity("dB", "24 dB", "of the amplifier, constant", at_least="0 dB", at_most="60 dB")
     brightest_mean: float = quantity(
         "DN", "100 DN", "a frame with a higher mean is saturated", positive=True, at_most="65535 DN"

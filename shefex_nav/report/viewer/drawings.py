@@ -3,8 +3,9 @@
 import numpy as np
 
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.log import drawn
 from shefex_nav.log.drawings import POSE_TICKS
-from shefex_nav.log.topics import epoch_ns, log_time_ns
+from shefex_nav.log.topics import LogError, epoch_ns, log_time_ns
 from shefex_nav.report.viewer import pictures
 from shefex_nav.report.viewer.sender import TIMELINE, UTC
 
@@ -20,11 +21,15 @@ def send(stream, log_path, data, grey=None):
     import rerun as rr
     from rerun.chunk import McapReader
 
+    drawn.check(log_path)
     grey = grey_values(log_path, data) if grey is None else grey
     epoch = epoch_ns(data.mission.epoch_utc)
     start = int(log_time_ns(epoch, data.mission.start_s))
     source = McapReader(log_path, recover=True, include_topic_regex=[_DRAWN])
-    rr.send_chunks(source.stream().map(lambda chunk: _timed(chunk, epoch, start, grey)), recording=stream)
+    try:
+        rr.send_chunks(source.stream().map(lambda chunk: _timed(chunk, epoch, start, grey)), recording=stream)
+    except RuntimeError as error:  # about topics that are not drawn, too
+        raise LogError(f"{log_path}: the viewer cannot read it: {error}") from None
 
 
 def kept_pictures(log_path):

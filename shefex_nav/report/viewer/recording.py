@@ -105,7 +105,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     from shefex_nav.report.viewer import pages
 
     runs = [read(log) for log in logs] if runs is None else runs
-    _check_space(logs, runs, Path(rrd_path).parent)
+    _check_space(logs, runs, Path(rrd_path))
     first, others = runs[0], names(runs)[1:]
     stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
     shown = scene(first)
@@ -127,15 +127,15 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     stream.disconnect()
 
 
-def _check_space(logs, runs, folder):
+def _check_space(logs, runs, path):
     """OSError where a recording would not fit: rerun waits without end for a disk that is full."""
     times = [TIMES_THE_LOG if len(one.frames.number) else TIMES_WITHOUT_PICTURES for one in runs]
     needed = sum(factor * os.path.getsize(log) for factor, log in zip(times, logs, strict=True))
-    free = shutil.disk_usage(folder).free
+    free = shutil.disk_usage(path.parent).free
     if free < needed:
         words = f"{os.strerror(errno.ENOSPC)}: {free / 1e6:.3g} MB are free, "
         words += f"a recording may need {needed / 1e6:.3g} MB"
-        raise OSError(errno.ENOSPC, words, str(folder))
+        raise OSError(errno.ENOSPC, words, str(path))
 
 
 def _identifier(data):

@@ -21,7 +21,12 @@ class Payload(RigidPart):
     """What is left when every stage is gone, and in what the whole vehicle is not symmetric."""
 
     centre_of_mass_offset: tuple[float, float] = quantity(
-        "m", "1 mm", ("of the vehicle off the roll axis in body y", "in body z"), ("0 m", "0 m")
+        "m",
+        "1 mm",
+        ("of the vehicle off the roll axis in body y", "in body z"),
+        ("0 m", "0 m"),
+        at_least="-1 km",
+        at_most="1 km",
     )
     principal_axis_tilt: tuple[float, float] = quantity(
         "rad",
@@ -49,7 +54,7 @@ class Nozzle(Settings):
     """What every motor has: a nozzle, and what is not perfect about its thrust."""
 
     exit_area: float = quantity("m2", "0.45 m2", "nozzle exit", positive=True)
-    exit_station: float = quantity("m", "12.6 m", "nozzle exit", positive=True)
+    exit_station: float = quantity("m", "12.6 m", "nozzle exit", positive=True, at_most="1 km")
     misalignment: tuple[float, float] = quantity(
         "rad",
         "0.1 deg",
@@ -59,5 +64,10 @@ class Nozzle(Settings):
         at_most="45 deg",
     )
     offset: tuple[float, float] = quantity(
-        "m", "2 mm", ("thrust line off the roll axis in body y, at the exit", "in body z"), ("0 mm", "0 mm")
+        "m",
+        "2 mm",
+        ("thrust line off the roll axis in body y, at the exit", "in body z"),
+        ("0 mm", "0 mm"),
+        at_least="-1 km",
+        at_most="1 km",
     )

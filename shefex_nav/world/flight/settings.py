@@ -23,7 +23,9 @@ class Launch(Settings):
     roll: float = quantity(
         "rad", "0 deg", "about the roll axis; 0: body y is horizontal, to the right along the azimuth"
     )
-    rail_length: float = quantity("m", "12 m", "travel until the vehicle is free", positive=True)
+    rail_length: float = quantity(
+        "m", "12 m", "travel until the vehicle is free", positive=True, at_most="1 km"
+    )
 
 
 class Ground(Settings):
@@ -51,7 +53,9 @@ class Ground(Settings):
 class Orbit(Settings):
     """Osculating elements at the start; the roll axis then points along the velocity, body z down."""
 
-    perigee_height: float = quantity("m", "500 km", "above the equatorial radius", at_least="80 km")
+    perigee_height: float = quantity(
+        "m", "500 km", "above the equatorial radius", at_least="80 km", at_most="1000000 km"
+    )
     apogee_height: float = quantity("m", "520 km", "above the equatorial radius", at_most="100000 km")
     inclination: float = quantity("rad", "97.4 deg", "to the equator", at_least="0 deg", at_most="180 deg")
     node: float = quantity(
@@ -65,7 +69,7 @@ class SpinMotors(Settings):
     """Small motors that turn the vehicle about its roll axis."""
 
     at: float = quantity("s", "384 s", "ignition")
-    duration: float = quantity("s", "2 s", "how long they burn", positive=True)
+    duration: float = quantity("s", "2 s", "how long they burn", positive=True, at_most="24 h")
     torque: float = quantity("N m", "200 N m", "about the roll axis; positive: positive roll rate")
 
 
@@ -76,14 +80,18 @@ class YoYo(Settings):
     mass: float = quantity(
         "kg", "2 kg", "both masses together, not part of the payload's mass", positive=True
     )
-    cord_length: float = quantity("m", "5 m", "of each", positive=True)
-    radius: float = quantity("m", "0.5 m", "of the vehicle where they are wound up", positive=True)
+    cord_length: float = quantity("m", "5 m", "of each", positive=True, at_most="1 km")
+    radius: float = quantity(
+        "m", "0.5 m", "of the vehicle where they are wound up", positive=True, at_most="1 km"
+    )
 
 
 class AttitudeReference(Settings):
     """Errors of the attitude by which the cold-gas system steers; the filter does not steer. 1 sigma."""
 
-    misalignment: float = quantity("rad", "0.2 deg", "about each axis, constant", non_negative=True)
+    misalignment: float = quantity(
+        "rad", "0.2 deg", "about each axis, constant", non_negative=True, at_most="180 deg"
+    )
     drift: float = quantity("rad/s", "10 deg/h", "about each axis", non_negative=True)
     roll_scale_factor: float = quantity("", "100 ppm", "of the roll rate", non_negative=True)
 
@@ -95,9 +103,9 @@ class ColdGas(Settings):
         "N m", "60 N m", "of an open pair, about x, y, z", positive=True
     )
     arm: tuple[float, float, float] = quantity(
-        "m", "2 m", "torque over thrust of a pair, about x, y, z", positive=True
+        "m", "2 m", "torque over thrust of a pair, about x, y, z", positive=True, at_most="1 km"
     )
-    specific_impulse: float = quantity("s", "68 s", "of the gas", positive=True)
+    specific_impulse: float = quantity("s", "68 s", "of the gas", positive=True, at_most="10000 s")
     propellant: float = quantity(
         "kg", "8 kg", "gas in the tank, part of the payload's mass, which stays as it is", positive=True
     )
@@ -105,7 +113,7 @@ class ColdGas(Settings):
         "s", "20 ms", "of the controller; the shortest opening", at_least="2.5 ms", at_most="1 s"
     )
     dead_band_angle: tuple[float, float, float] = quantity(
-        "rad", "0.2 deg", "errors that are left alone, about x, y, z", non_negative=True
+        "rad", "0.2 deg", "errors that are left alone, about x, y, z", non_negative=True, at_most="180 deg"
     )
     dead_band_rate: tuple[float, float, float] = quantity(
         "rad/s", "0.1 deg/s", "rates that are left alone", non_negative=True
@@ -117,10 +125,12 @@ class ColdGas(Settings):
 class Parachute(Settings):
     """A parachute; opens on the way down through a height, or at a time."""
 
-    height: float | None = quantity("m", "5 km", "above the ellipsoid, on the way down", None, positive=True)
+    height: float | None = quantity(
+        "m", "5 km", "above the ellipsoid, on the way down", None, positive=True, at_most="1000000 km"
+    )
     at: float | None = quantity("s", "300 s", "when it opens, if not by its height", None)
     drag_area: float = quantity("m2", "12 m2", "drag coefficient times area when it is full", positive=True)
-    inflation: float = quantity("s", "2 s", "time in which it fills", positive=True)
+    inflation: float = quantity("s", "2 s", "time in which it fills", positive=True, at_most="24 h")
     station: float = quantity("m", "1.5 m", "where its lines are fixed", non_negative=True)
 
     @property

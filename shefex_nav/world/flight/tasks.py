@@ -100,7 +100,9 @@ class TurnWithOrbit(Task):
     """
 
     task: Literal["turn_with_orbit"] = choice()
-    ramp: float = quantity("s", "5 s", "in which the rate fades in and out", "5 s", positive=True)
+    ramp: float = quantity(
+        "s", "5 s", "in which the rate fades in and out", "5 s", positive=True, at_most="24 h"
+    )
 
 
 class Dwell(Task):
@@ -111,9 +113,11 @@ class Dwell(Task):
     cross_rate: float = quantity(
         "rad/s", "0.2 deg/s", "across it; its axis turns", "0 deg/s", non_negative=True
     )
-    cross_period: float | None = quantity("s", "40 s", "of that turning", None, positive=True)
+    cross_period: float | None = quantity("s", "40 s", "of that turning", None, positive=True, at_most="24 h")
     cross_phase: float = quantity("rad", "0 deg", "of that turning at the start", "0 deg")
-    ramp: float | None = quantity("s", "5 s", "in which the rates fade in and out", None, positive=True)
+    ramp: float | None = quantity(
+        "s", "5 s", "in which the rates fade in and out", None, positive=True, at_most="24 h"
+    )
 
     @property
     def moves(self):
