@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple, get_type_hints
 import numpy as np
 
 EQUAL = -2
+LARGEST = 1e15  # SI; no position, rate, variance or time of a mission is larger
 UNIT = 1e-3  # by which the norm of a quaternion that is given may differ from one
 _KINDS = {bool: "bool", int: "sfixed32", str: "string", bytes: "bytes"}  # of what is no number
 

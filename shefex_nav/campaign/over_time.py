@@ -21,7 +21,7 @@ FRAME = {"attitude": "b", "velocity": "i", "position": "i"}
 AXES = "xyz"
 SIGMAS = 3.0
 DOF = 3  # of a block
-MOST_RUNS = 2000  # whose series are read; the first ones, which are as random as any
+MOST_SERIES = 2000  # whose series are read; the first ones, which are as random as any
 BYTES_OF_EPOCH = 250  # of one run in memory: errors, sigmas, NEES, NIS of ten sensors
 MOST_BYTES = 1.5e9  # of all of them
 SIGNIFICANT = 0.05
@@ -84,7 +84,7 @@ class Verdict(NamedTuple):
         return not self.certain or abs(self.value - 1.0) <= self.practical
 
 
-def read(campaign, most=MOST_RUNS, most_bytes=MOST_BYTES):
+def read(campaign, most=MOST_SERIES, most_bytes=MOST_BYTES):
     """Series of the succeeded runs of a campaign; None if there is none.
 
     Of the first `most`, and of no more than fit into `most_bytes`. Runs whose file is not there, or cannot be

@@ -296,7 +296,7 @@ def _said(warnings, path):
     try:
         return sorted({f"{one['field']}: {one['text']}" for one in files.from_json(warnings)})
     except (ValueError, TypeError, KeyError):
-        raise table.TableError(f"{path}: spoilt: {table.WARNINGS} of a run are none") from None
+        raise table.TableError(f"{path}: spoilt: {table.WARNINGS} of a run is no list of warnings") from None
 
 
 def _alike(runs, warnings):

@@ -8,16 +8,15 @@ from typing import NamedTuple
 
 from shefex_nav import files
 from shefex_nav import workers as machine
-from shefex_nav.campaign import MOST_RUNS as MOST_ASKED
-from shefex_nav.campaign import draws, engine, flight, progress, repeating
+from shefex_nav.campaign import MOST_RUNS, draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
-from shefex_nav.campaign.over_time import MOST_RUNS
+from shefex_nav.campaign.over_time import MOST_SERIES
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
 GIVE_UP = 2  # sessions in which a run killed its worker in every attempt: then it has failed
-CHECKED = MOST_RUNS  # the first runs, whose series a report reads: a session looks whether all is whole
+CHECKED = MOST_SERIES  # the first runs, whose series a report reads: a session looks whether all is whole
 BOOK_S = 10.0  # between two entries of the time taken, which a session that is killed would else not leave
 
 
@@ -85,8 +84,8 @@ def checked(request):
     for name, value, least in numbers:
         if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
             raise BadCampaign(f"{name}: {value!r}; expected a whole number, {least} or more")
-    if request.runs > MOST_ASKED:
-        raise BadCampaign(f"runs: {request.runs}; expected {MOST_ASKED} at most")
+    if request.runs > MOST_RUNS:
+        raise BadCampaign(f"runs: {request.runs}; expected {MOST_RUNS} at most")
     return request._replace(runs=int(request.runs), seed=int(request.seed))
 
 

@@ -1,7 +1,7 @@
 """What a log says, looked at before anything is computed of it: `LogError` names topic, message and field.
 
-A log of ours holds finite numbers where it says that there are some, unit quaternions, and times that go on;
-elsewhere NaN, which is no number that is known, but nothing infinite. One that somebody has changed may hold
+A log of ours holds finite numbers where it says that there are some, unit quaternions, and times that
+increase; elsewhere NaN for what is not known, but nothing infinite. One that somebody has changed may hold
 anything; then no figure of it means what it says.
 """
 
@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.fields import UNIT
+from shefex_nav.fields import LARGEST, UNIT
 from shefex_nav.instruments import TABLE
-from shefex_nav.log.topics import LARGEST, LogError, Mission, Timing, of_record
+from shefex_nav.log.topics import LogError, Mission, Timing, of_record
 from shefex_nav.records import (
     Alignment,
     CameraCommand,
@@ -42,7 +42,7 @@ class Rule(NamedTuple):
 
     finite: tuple[str, ...]  # fields
     unless_nan: tuple[str, ...] = ()  # likewise, or NaN: not known, as of truth that others have measured
-    goes_on: str = ""  # field that grows from record to record
+    increases: str = ""  # field that does from record to record
     where: Callable = lambda record: True  # record of arrays, or one -> where there are such numbers
 
 
@@ -53,12 +53,12 @@ CAMERA = ("camera.focal_length_px", "camera.cx_px", "camera.cy_px", "C_bc")
 RULES = {
     Mission: Rule((*EARTH, *PLACE, *CAMERA)),
     TruthSample: Rule(("t_s", *MOTION), ("omega_ib_b", "f_b"), "t_s"),
-    NavSolution: Rule(("t_s", *MOTION, "r_e", "v_e"), goes_on="t_s"),
-    NavCovariance: Rule(("t_s",), goes_on="t_s"),
+    NavSolution: Rule(("t_s", *MOTION, "r_e", "v_e"), increases="t_s"),
+    NavCovariance: Rule(("t_s",), increases="t_s"),
     ImuBlock: Rule(("t_valid_s", "dt_s", "dtheta_b", "dv_b"), where=lambda one: one.valid),
-    Frame: Rule(("t_start_s", "t_valid_s", "t_available_s", "exposure_s", "gain_db"), goes_on="number"),
+    Frame: Rule(("t_start_s", "t_valid_s", "t_available_s", "exposure_s", "gain_db"), increases="number"),
     CameraCommand: Rule(("t_s", "exposure_s", "gain_db")),
-    ControlSample: Rule(("t_s", "torque_b", "propellant_kg"), goes_on="t_s"),
+    ControlSample: Rule(("t_s", "torque_b", "propellant_kg"), increases="t_s"),
     Event: Rule(("t_s", "altitude_m")),
     GateResult: Rule(("t_s", "t_valid_s")),
     NavHealth: Rule(("t_s",)),
@@ -72,7 +72,7 @@ RULES = {
 
 
 def check(path, topic, record, given):
-    """LogError unless the records of a topic can be meant.
+    """LogError if a record of a topic is impossible.
 
     path, topic : for the message;  record : their type;  given : list of them, or one of arrays
     """
@@ -93,8 +93,8 @@ def check(path, topic, record, given):
             got = np.array2string(values[k], precision=4, threshold=12)
             expected = "a unit quaternion" if name.startswith("q_") else expected
             raise LogError(f"{path}: {topic}: message {k + 1}: {name}: got {got}, expected {expected}")
-    if rule.goes_on and are_arrays:
-        _goes_on(path, topic, rule.goes_on, getattr(given, rule.goes_on))
+    if rule.increases and are_arrays:
+        _increases(path, topic, rule.increases, getattr(given, rule.increases))
 
 
 @cache
@@ -126,17 +126,17 @@ def _of_list(given, name):
 
 
 def _bad(name, values):
-    """Rows that cannot be meant: (N, n) -> (N,) bool"""
+    """Impossible rows: (N, n) -> (N,) bool"""
     bad = ~(np.abs(values) < LARGEST).all(axis=1)
     if name.startswith("q_"):
         bad |= ~(np.abs(np.linalg.norm(np.where(bad[:, None], 0.0, values), axis=1) - 1.0) < UNIT)
     return bad
 
 
-def _goes_on(path, topic, name, values):
-    """LogError unless the values grow."""
+def _increases(path, topic, name, values):
+    """LogError unless the values increase."""
     back = ~(np.diff(values) > 0)
     if back.any():
         k = int(back.argmax()) + 1
-        words = f"got {values[k]:.10g} after {values[k - 1]:.10g}, expected more"
+        words = f"got {values[k]:.10g} after {values[k - 1]:.10g}, expected a larger number"
         raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")

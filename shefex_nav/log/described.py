@@ -2,6 +2,7 @@
 
 from datetime import datetime
 
+from shefex_nav.fields import LARGEST
 from shefex_nav.files import from_json
 from shefex_nav.log import topics
 from shefex_nav.log.topics import LogError
@@ -54,7 +55,7 @@ def _distortion(path, metadata):
     """Mission.distortion of the metadata."""
     found = _json(metadata, "distortion")
     are_numbers = isinstance(found, list) and all(type(one) in (int, float) for one in found)
-    if not are_numbers or len(found) not in LENSES or not all(abs(one) < topics.LARGEST for one in found):
+    if not are_numbers or len(found) not in LENSES or not all(abs(one) < LARGEST for one in found):
         raise _unexpected(path, metadata, "distortion", f"a list of {LENSES[1]} numbers")
     return tuple(found)
 
@@ -79,7 +80,7 @@ def _is_instant(text):
 
 
 def _unexpected(path, metadata, key, expected):
-    """LogError of a text that cannot be meant."""
+    """LogError of an impossible text."""
     got = repr(metadata[key])
     got = got if len(got) <= 60 else f"{got[:57]}..."
     return LogError(f"{path}: metadata '{topics.METADATA}': {key}: got {got}, expected {expected}")

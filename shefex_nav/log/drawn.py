@@ -5,9 +5,10 @@ A viewer may wait without end for a message that it cannot decode.
 
 from collections.abc import Sequence
 
+from shefex_nav.fields import LARGEST
 from shefex_nav.log import pixels
 from shefex_nav.log.reader import messages_of, readable
-from shefex_nav.log.topics import LARGEST, LogError
+from shefex_nav.log.topics import LogError
 
 KINDS = {  # topic: schema of its messages
     "/tf": "foxglove.FrameTransforms",

@@ -64,7 +64,7 @@ def message_class(decoders, schema):
 
 
 def wrong(image):
-    """What a decoded picture says that cannot be meant: words, or ''."""
+    """What is impossible in a decoded picture: words, or ''."""
     if image.encoding not in TYPES:
         return f"encoding: got {image.encoding!r}, expected {' or '.join(TYPES)}"
     row = image.width * np.dtype(TYPES[image.encoding]).itemsize

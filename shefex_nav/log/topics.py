@@ -55,7 +55,6 @@ from shefex_nav.records import (
 FORMAT = "3"  # of this table; a reader refuses others
 METADATA = "shefex_nav"  # name of the metadata record
 ATTACHMENT = "scenario.yaml"
-LARGEST = 1e15  # SI; no position, rate, variance or time of a mission is larger
 FAILED = "software_failed"  # name of the Event that ends the log of a flight whose software failed
 
 

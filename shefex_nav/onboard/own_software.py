@@ -8,7 +8,7 @@ from contextlib import redirect_stdout
 import numpy as np
 
 from shefex_nav.errors import CodeError, SoftwareError
-from shefex_nav.fields import UNIT
+from shefex_nav.fields import LARGEST, UNIT
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
 LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
@@ -71,11 +71,13 @@ class OwnSoftware:
         return SoftwareError(f"{self._name}, T{now_s:+.2f} s: {words}", cause)
 
     def numbers(self, now_s, what, value, *shape):
-        """Array of finite numbers of a shape; SoftwareError."""
+        """Array of finite numbers of a shape, none larger than a log may hold; SoftwareError."""
         array = self.real(now_s, what, value)
         if array.shape != shape or not np.isfinite(array).all():
             got = f"shape {array.shape}" if array.shape != shape else "NaN or infinity"
             raise self.error(now_s, f"{what} must be finite, shape {shape}, got {got}")
+        if array.size and (largest := np.abs(array).max()) >= LARGEST:
+            raise self.error(now_s, f"{what} must be below {LARGEST:g}, got {largest:.4g}")
         return array
 
     def real(self, now_s, what, value):

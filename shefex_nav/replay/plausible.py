@@ -58,7 +58,7 @@ class _Track(NamedTuple):
 
 
 def check(scenario, data):
-    """list of Oddity of a ReplayScenario and its Dataset; DataError where they cannot be meant."""
+    """list of Oddity of a ReplayScenario and its Dataset; DataError where they are impossible."""
     found, files = [], scenario.data
     fixes = [fix for fix in data.fixes if fix.valid]
     if fixes and np.isfinite(fixes[0].v_ea_e).all():

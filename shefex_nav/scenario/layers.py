@@ -138,9 +138,7 @@ def extended(path, texts, chain=(), said=None, find=None):
     if real in chain:
         raise ScenarioError([said.line(f"'{path}' extends itself in a circle; remove one extends")])
     if len(chain) >= DEEPEST:
-        raise ScenarioError(
-            [said.line(f"'{path}' is too deep; at most {DEEPEST} files may extend each other")]
-        )
+        raise ScenarioError([said.line(f"'{path}': a chain of `extends` has {DEEPEST} files at most")])
     texts.add(path, text, said)
     own = parsed(text, path)
     texts.repeat(path, own, said)

@@ -29,7 +29,7 @@ def check(file):
     heads = 0
     while (at := file.tell()) < size:
         if heads == MOST_HEADS:
-            raise FitsError(f"has no picture in its first {MOST_HEADS} parts, and more of them")
+            raise FitsError(f"has no picture in its first {MOST_HEADS} parts; later ones are not read")
         heads += 1
         try:
             head = Header.fromfile(file)

@@ -1,6 +1,6 @@
 """What the rows of a trajectory get wrong: units, frames, steps, and too few of them.
 
-What cannot be meant is refused, with the unit or frame that would fit. What is only odd is warned of.
+What is impossible is refused, with the unit or frame that would fit. What is only odd is warned of.
 """
 
 from typing import NamedTuple
@@ -34,7 +34,7 @@ class Oddity(NamedTuple):
 
 
 def refuse(rows, earth):
-    """DataError where positions or velocities cannot be meant."""
+    """DataError where positions or velocities are impossible."""
     C_ie = frames.dcms_ie(earth, rows.t_s)
     r_e = placing.rotated(C_ie.transpose(0, 2, 1), rows.r_i)
     radius, speed = np.linalg.norm(r_e, axis=1), np.linalg.norm(rows.v_i, axis=1)

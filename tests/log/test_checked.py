@@ -1,4 +1,4 @@
-"""What a log says that cannot be meant: refused with topic, message and field."""
+"""Impossible records of a log: refused with topic, message and field."""
 
 from types import SimpleNamespace
 
@@ -63,7 +63,7 @@ TIMES = ("truth", "t_s"), ("nav", "t_s"), ("covariance", "t_s"), ("frames", "num
 @pytest.mark.parametrize("kind, name", TIMES)
 def test_times_that_do_not_go_on_are_named(data, kind, name):
     arrays = getattr(data, kind)
-    with pytest.raises(LogError, match=rf"message 3: {name}: got .* after .*, expected more"):
+    with pytest.raises(LogError, match=rf"message 3: {name}: got .* after .*, expected a larger number"):
         check(changed(arrays, name, 2, getattr(arrays, name)[1]))
 
 

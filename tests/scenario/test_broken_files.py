@@ -201,7 +201,7 @@ REPEATED = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\nb: &b [*a, *a, *a, *a, *a, *a, *a
     f"c: &c [{', '.join(['*b'] * 20)}]\nd: [{', '.join(['*c'] * 12)}]\n"
 )
 CHAINS = {  # which file says it, what is said; each file alone is within the limits
-    "too deep": (["x: 1\n"] * 51, 49, "c50.yaml' is too deep; at most 50 files may extend each other"),
+    "too deep": (["x: 1\n"] * 51, 49, "c50.yaml': a chain of `extends` has 50 files at most"),
     "too large": (
         ["# " + "x" * 800_000 + "\nx: 1\n"] * 3,
         1,

@@ -105,6 +105,10 @@ WRONG = (
     ("if self.ticks == 50: return [7]", r"gave int; it may give Estimate, NavSolution"),
     ("if self.ticks == 50: self.r = self.r[:2]", r"r_i of its Estimate must be finite, shape \(3,\)"),
     ("if self.ticks == 50: self.v = self.v * float('nan')", r"v_i of its Estimate must be finite"),
+    (
+        "if self.ticks == 50: self.v = 0.0 * self.v + 1e15",
+        r"v_i of its Estimate must be below 1e\+15, got 1e\+15",
+    ),
     ("if self.ticks == 50: self.q = 2.0 * self.q", r"must be a unit quaternion, its norm is 2"),
     (f"{NAV_SOLUTION}(v_i=[nan, 0, 0])]", r"v_i of its NavSolution must be finite, shape \(3,\)"),
     (f"{NAV_SOLUTION}(heading=inf)]", r"heading of its NavSolution must be finite"),
