@@ -27,7 +27,7 @@ import numpy as np
 
 SCENARIOS = "shefex2_andoya", "no_star_tracker", "rexus_like", "tight"
 BY_STATISTICS = "star_tracker.frames=statistical"
-REAL = "no fix", "no ranges", "at the end of its range", "not used:"  # reasons that are true of a healthy flight
+REAL = "no fix", "no ranges", "at the end of its range", "not used:"  # true of a healthy flight, too
 QUANTITIES = "position", "velocity", "attitude"
 GYRO = "bias=0.5 deg/h", "in_run_bias=0.1 deg/h"
 ACCELEROMETER = "bias=0.5 mgee", "in_run_bias=50 ugee"
