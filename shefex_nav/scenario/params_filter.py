@@ -33,7 +33,7 @@ def memory_s(history_s, latency_s, period_s):
     return max(history_s, latency_s + min(period_s, LONGEST_S) + SPAN_S)
 
 
-def integrity_params(scenario, dt_s, coarse_if_silent):
+def integrity_params(scenario, dt_s, coarse_if_silent, shaken=(0.0, 0.0)):
     """IntegrityParams.
 
     Parameters
@@ -43,6 +43,7 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     coarse_if_silent : readings of which the scenario does not say how coarse they are may be of any
         coarseness, as those of files that others have rounded: an axis may repeat itself then, and each
         sample is rounded by itself, where a unit carries what is left over on to the next
+    shaken : rad, m/s rms, what vibration without a motor does to a sample
     """
     from shefex_nav.onboard.navigation import integrity_imu, integrity_readings, integrity_watch
 
@@ -57,8 +58,13 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
         )
         for triad in triads
     ]
+    again = [
+        integrity_readings.evidence(np.hypot(triad.random_walk * np.sqrt(dt_s), swing), triad.quantum)
+        for triad, swing in zip(triads, shaken, strict=True)
+    ]
     return integrity_watch.IntegrityParams(
         imu=integrity_imu.ImuRules(
+            again=np.array(again),
             repeats=np.array(repeats),
             range=np.array([triad.range for triad in triads]),
             wrong=np.array([navigation.saturated_rate, navigation.saturated_acceleration]),

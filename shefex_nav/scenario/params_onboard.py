@@ -92,7 +92,8 @@ def nav_params(scenario):
     of_gps, scenario = _gps_told(scenario), as_told(scenario)
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
+    shaken = _shaken(scenario.imu.vibration)
+    integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, False, shaken)
     white, walk = params.clock(scenario).densities
     told, period_s = _beforehand(scenario), 1.0 / scenario.imu.vibration.lowest_frequency
     return NavParams(
@@ -236,6 +237,16 @@ def _shake_threshold(vibration):
     level2 = weakest * max(vibration.coast, 0.01 * weakest)
     width = vibration.highest_frequency - vibration.lowest_frequency
     return float(np.sqrt(0.5 * level2 / width / IMU_HZ))
+
+
+def _shaken(vibration):
+    """What vibration without a motor does to a sample of gyros and accelerometers: rad, m/s rms.
+
+    Acceleration of flat density S has the variance S dt/2 in the increment of dt.
+    """
+    width = vibration.highest_frequency - vibration.lowest_frequency
+    velocity = float(np.sqrt(0.5 * vibration.coast**2 / width / IMU_HZ))
+    return vibration.angular * velocity, velocity
 
 
 def _swings(vibration, level):

@@ -7,6 +7,7 @@ from shefex_nav.onboard.navigation import integrity_imu as watch_imu
 from shefex_nav.onboard.navigation import integrity_readings
 from shefex_nav.onboard.navigation.integrity_readings import GOOD, REPEATED, SATURATED, SILENT, STUCK
 from shefex_nav.records import ImuBlock
+from shefex_nav.world.imu import quantise
 
 DT, N = 1.0 / 400.0, 4
 SIGMA, QUANTUM = np.array([4.4e-7, 2.5e-5]), np.array([4.85e-7, 5e-5])  # of the default mission's IMU
@@ -251,3 +252,28 @@ def test_a_long_fault_does_not_allow_longer_ones():
     _, _, states, _ = run(samples)
     seen = [int(np.flatnonzero(states[first // N :, 0])[0]) for first in (800, 2800)]
     assert max(seen) * N <= RULES.repeats[0] + 2 * N
+
+
+def test_the_same_block_is_no_fault_where_counts_are_coarse():
+    """At rest, quanta far above the noise: blocks are the same time and again, and none is called a fault.
+
+    One that is sent again for a second is: after as many blocks as such a unit does not give in 1e9.
+    """
+    rng, quantum = np.random.default_rng(12), np.array([20.0, 3.0]) * SIGMA
+    again = np.array([integrity_readings.evidence(*pair) for pair in zip(SIGMA, quantum, strict=True)])
+    repeats = [integrity_readings.repeats(*pair, carried=True) for pair in zip(SIGMA, quantum, strict=True)]
+    rules = RULES._replace(again=again, repeats=np.array(repeats))
+    samples = np.repeat(SIGMA, 3) * rng.standard_normal((40000, 6))
+    for triad in (slice(0, 3), slice(3, 6)):
+        counts = np.ascontiguousarray(samples[:, triad])
+        quantise(counts, quantum[triad.start // 3])
+        samples[:, triad] = counts
+    alike = sum(np.array_equal(samples[k : k + N], samples[k + N : k + 2 * N]) for k in range(0, 39990, N))
+    assert alike > 5
+    _, _, states, _ = run(samples, rules=rules)
+    assert not (states == REPEATED).any()
+    samples[20000:20400] = np.tile(samples[19996:20000], (100, 1))
+    _, _, states, _ = run(samples, rules=rules)
+    most = int(np.ceil(np.log(1e9) / (3.0 * N * again.sum())))
+    first = int((states[:, 0] == REPEATED).argmax())
+    assert 1 < first + 1 - 20000 // N <= most and (states[first : 20400 // N] == REPEATED).all()

@@ -66,6 +66,7 @@ class ImuRules(NamedTuple):
     wrong: np.ndarray  # (2,) rad/s, m/s^2, sigma of the error of a reading that means nothing
     change: np.ndarray  # (2,) rad/s^2, m/s^3, how fast the truth runs away from a reading that is held
     missed: np.ndarray  # (2,) rad/s, m/s^2, sigma of what a reading at the end of the range leaves out
+    again: np.ndarray = np.full(2, inf)  # `integrity_readings.evidence` of a reading
 
 
 NO_RULES = ImuRules(
@@ -92,11 +93,12 @@ AXIS = rows(
 class ImuWatch(NamedTuple):
     """Memory of the watch, changed in place."""
 
-    rules: np.ndarray  # (5, 2) the ImuRules
+    rules: np.ndarray  # (6, 2) the ImuRules
     last: np.ndarray  # (n, 6) the block before, as it was read; NaN at the start
     axes: np.ndarray  # (6,) of AXIS, gyros first
     forces: np.ndarray  # (3,) of `integrity_force.FORCE`, of the accelerometers
     sensed: float  # rad/s per m/s^2, sigma of the g-sensitivity of the gyros
+    alike: np.ndarray  # (2,) of `integrity_readings.of_block`
 
     @property
     def state(self):
@@ -110,7 +112,8 @@ def start(rules, n, sensed=0.0):
     axes["run"] = 1.0
     for name in ("mean_rate", "before", "since_s", "seen_s", "fixed_s"):
         axes[name] = np.nan
-    return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes, np.zeros(3, dtype=FORCE), sensed)
+    forces = np.zeros(3, dtype=FORCE)
+    return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes, forces, sensed, np.zeros(2))
 
 
 def screen(watch, block, readings, densities):
@@ -137,7 +140,7 @@ def fixed(watch, sensor, t_valid_s, now_s):
 
     watch : ImuWatch;  sensor : 0 the gyros, 1 the accelerometers;  now_s : of the last block
     """
-    _, _, wrong, change, missed = watch.rules
+    _, _, wrong, change, missed, _ = watch.rules
     for axis in watch.axes[3 * sensor : 3 * sensor + 3]:
         if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
             axis["fixed_s"], age_s, sigma = t_valid_s, max(now_s - t_valid_s, 0.0), wrong[sensor]
@@ -213,9 +216,10 @@ def screen_packed(watch, block, readings, densities):
     """`screen`, compiled. -> int, bit k: the state of axis k has changed"""
     rules, last, axes, t_end_s, dt_s = watch.rules, watch.last, watch.axes, block.t_valid_s, block.dt_s
     n, changed, u2 = block.dtheta_b.shape[0], 0, 0.0
-    whole, anywhere = of_block(block, readings, rules, last), _anywhere(readings, rules, dt_s)
+    whole, anywhere = of_block(block, readings, rules, last, watch.alike), _anywhere(readings, rules, dt_s)
     for k in range(6):
-        axis, code, age_s, end = axes[k], whole, n * dt_s, rules[1, k // 3] * dt_s
+        axis, code, end = axes[k], whole, rules[1, k // 3] * dt_s
+        age_s = max(watch.alike[0], 1.0) * n * dt_s
         # if the unit does not say which axis is at the end of its range, it may be any
         at_end = at_range(readings, k, end) or (block.saturated and not anywhere)
         if whole == GOOD:

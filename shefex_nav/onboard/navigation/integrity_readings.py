@@ -17,6 +17,7 @@ AGAIN = 2.0  # [E] times the longest run of a triad that ended by itself
 BY_ITSELF = 4.0  # [E] times the limit: a longer run was a fault; so was one of more than NATURAL_S
 NATURAL_S = 1.0  # [E]
 ONCE = 1e-9  # probability, per reading, of calling a healthy axis stuck
+ALIKE = -log(ONCE)
 GOOD, STUCK, SATURATED, SILENT, REPEATED = range(5)
 
 
@@ -44,15 +45,35 @@ def repeats(sigma, quantum, carried=False):
     return float(max(FEWEST_REPEATS, most))
 
 
+def evidence(sigma, quantum):
+    """What a reading that equals the one before says for a unit that repeats itself: -log of its chance.
+
+    Two noisy readings, sigma each, are rounded to one count with erf(q/(4 sigma)) at most, whatever the rate.
+    """
+    if sigma <= 0.0:
+        return 0.0
+    p = erf(quantum / (4.0 * sigma))
+    return -log(p) if p > 0.0 else inf
+
+
 @inner(forceinline=True)
-def of_block(block, readings, rules, last):
-    """What a whole block is: GOOD, SILENT or REPEATED; its readings are put side by side."""
+def of_block(block, readings, rules, last, alike):
+    """What a whole block is: GOOD, SILENT or REPEATED; its readings are put side by side.
+
+    alike : (2,) how many blocks in a row have been the same as the one before, and what they say for a unit
+        that repeats itself (`evidence`)
+    """
     for m in range(readings.shape[0]):
         for i in range(3):
             readings[m, i], readings[m, 3 + i] = block.dtheta_b[m, i], block.dv_b[m, i]
     if not block.valid or not np.isfinite(readings).all():
         return SILENT
-    return REPEATED if np.isfinite(rules[0, 0] + rules[0, 1]) and _same(readings, last) else GOOD
+    if not (np.isfinite(rules[0, 0] + rules[0, 1]) and _same(readings, last)):
+        alike[:] = 0.0
+        return GOOD
+    alike[0] += 1.0
+    alike[1] += 3.0 * readings.shape[0] * (rules[5, 0] + rules[5, 1])
+    return REPEATED if alike[1] >= ALIKE else GOOD
 
 
 @inner(forceinline=True)
