@@ -216,8 +216,8 @@ def _shown(value):
 def main():
     """Fly and print. -> exit code"""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenario", nargs="?", default=str(SCENARIOS / "campaign.yaml"))
-    parser.add_argument("--one-flight", default=str(SCENARIOS / "campaign_sensors.yaml"), metavar="SCENARIO")
+    parser.add_argument("scenario", nargs="?", default=str(SCENARIOS / "shefex2_dispersed.yaml"))
+    parser.add_argument("--one-flight", default=str(SCENARIOS / "shefex2_dispersed_sensors.yaml"), metavar="SCENARIO")
     parser.add_argument("--runs", type=int, default=30, help="rendered, with one worker and again with two")
     parser.add_argument("--statistical", type=int, default=200, help="runs with statistical frames")
     parser.add_argument("--set", action="append", default=[], dest="overrides")

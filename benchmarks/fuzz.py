@@ -181,7 +181,7 @@ class Logs(Kind):
 class Fields(Kind):
     """Logs whose messages say something else (`fuzz_logs`), given to a command that reads logs."""
 
-    scenarios = "night_sky", "imu_faults", "campaign_sensors"
+    scenarios = "night_sky", "imu_faults", "shefex2_dispersed_sensors"
 
     def __init__(self, folder):
         super().__init__(folder)

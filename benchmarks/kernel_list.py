@@ -49,7 +49,7 @@ def jobs(folder):
         cut = ["--until", MOST_S[path.stem]] if path.stem in MOST_S else []
         out = ["--out", f"{folder}/{path.stem}.mcap"]
         found.append(["run", path, *out, *cut])
-        if path.stem not in ("campaign", "campaign_sensors"):
+        if path.stem not in ("shefex2_dispersed", "shefex2_dispersed_sensors"):
             out = ["--out", f"{folder}/{path.stem}-s.mcap"]
             found.append(["run", path, *out, "--set", "star_tracker.frames=statistical", *cut])
     default = ROOT / "scenarios" / "shefex2_andoya.yaml"
@@ -57,7 +57,7 @@ def jobs(folder):
         lost = ["--set", "star_tracker.identification.tracking=false"]
         out = ["--out", f"{folder}/{method}.mcap", "--until", "250s"]
         found.append(["run", default, *out, *lost, "--set", f"star_tracker.identification.method={method}"])
-    campaign = ROOT / "scenarios" / "campaign.yaml"
+    campaign = ROOT / "scenarios" / "shefex2_dispersed.yaml"
     found.append(["campaign", campaign, "--runs", 2, "--out", f"{folder}/campaign"])
     found.append(["replay", log])
     found.append(["replay", ROOT / "scenarios" / "replay" / "csv_example.yaml"])

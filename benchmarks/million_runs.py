@@ -241,7 +241,7 @@ def kept_within(found):
 def main():
     """Measure and print. -> exit code"""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenario", nargs="?", default=str(SCENARIOS / "campaign.yaml"))
+    parser.add_argument("scenario", nargs="?", default=str(SCENARIOS / "shefex2_dispersed.yaml"))
     parser.add_argument("--runs", type=int, default=100_000, help="a multiple of 200, if multiplied")
     parser.add_argument("--times", type=int, default=10)
     parser.add_argument("--folder", type=Path, help="made, and left; else one that is deleted")

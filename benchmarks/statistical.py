@@ -1,7 +1,7 @@
 """A star tracker by statistics against one that searches rendered pictures: does a mission notice?
 
-uv run shefex-nav campaign scenarios/campaign.yaml --runs 300 --seed 1 --out RENDERED
-uv run shefex-nav campaign scenarios/campaign.yaml --runs 1000 --seed 1 --out STATISTICAL \\
+uv run shefex-nav campaign scenarios/shefex2_dispersed.yaml --runs 300 --seed 1 --out RENDERED
+uv run shefex-nav campaign scenarios/shefex2_dispersed.yaml --runs 1000 --seed 1 --out STATISTICAL \\
     --set star_tracker.frames=statistical
 uv run python benchmarks/statistical.py RENDERED STATISTICAL [--json]
 

@@ -25,7 +25,7 @@ for one in shipped.listed():
     assert one.file.startswith(sys.argv[1]), one
     if one.command == "run":
         print(shefex_nav.Scenario.load(one.name).mission.name)
-shefex_nav.Scenario.load("campaign", ["star_tracker.frames=statistical"])
+shefex_nav.Scenario.load("shefex2_dispersed", ["star_tracker.frames=statistical"])
 replays.load("csv_example")
 """
 

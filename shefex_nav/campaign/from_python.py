@@ -1,7 +1,7 @@
 """Campaigns from Python, as `shefex-nav campaign` flies them.
 
     if __name__ == "__main__":
-        campaign = sn.fly_campaign(sn.Scenario.load("campaign"), 300, folder="my_campaign")
+        campaign = sn.fly_campaign(sn.Scenario.load("shefex2_dispersed"), 300, folder="my_campaign")
         campaign.table()  # rich; a notebook shows it
         campaign.plot.errors()
 

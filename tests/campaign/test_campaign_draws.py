@@ -161,10 +161,10 @@ def test_a_latin_hypercube_knows_a_mean_better():
 
 
 def test_instruments_are_drawn_alike_with_one_flight_and_with_many():
-    """Run k of `campaign_sensors` sees its flight with the instruments of run k of `campaign`."""
+    """Run k of `shefex2_dispersed_sensors` sees its flight with the instruments of run k of `shefex2_dispersed`."""
     (plan, alone), (of_all, every) = (
         running.prepared(load.load(SCENARIOS / f"{name}.yaml"), 3, 1)
-        for name in ("campaign_sensors", "campaign")
+        for name in ("shefex2_dispersed_sensors", "shefex2_dispersed")
     )
     assert plan.shared and not of_all.shared
     for run in range(3):

@@ -21,7 +21,7 @@ from shefex_nav.campaign.running import prepared
 from shefex_nav.commands.main import app
 from shefex_nav.scenario.load import load
 
-CAMPAIGN = Path(__file__).parents[2] / "scenarios" / "campaign.yaml"
+CAMPAIGN = Path(__file__).parents[2] / "scenarios" / "shefex2_dispersed.yaml"
 RENDERED = ["star_tracker.frames=rendered", "star_tracker.model=null"]
 RUNS = 4
 

@@ -17,7 +17,7 @@ from shefex_nav.scenario import laws
 from shefex_nav.scenario.load import Pattern, load
 from shefex_nav.scenario.star_statistics import settings
 
-CAMPAIGN = Path(__file__).parents[2] / "scenarios" / "campaign.yaml"
+CAMPAIGN = Path(__file__).parents[2] / "scenarios" / "shefex2_dispersed.yaml"
 RENDERED = ["star_tracker.frames=rendered", "star_tracker.model=null"]
 
 
@@ -123,9 +123,9 @@ def test_records_of_something_else_are_refused(planned, tmp_path):
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
-        ("campaign", ["--runs", "5"], "must be at least 6"),
-        ("campaign", ["--runs", "6", "--set", "star_tracker.enabled=false"], "star_tracker.enabled is false"),
-        ("campaign", ["--runs", "6", "--records", "nowhere/runs"], "there is no folder nowhere"),
+        ("shefex2_dispersed", ["--runs", "5"], "must be at least 6"),
+        ("shefex2_dispersed", ["--runs", "6", "--set", "star_tracker.enabled=false"], "star_tracker.enabled is false"),
+        ("shefex2_dispersed", ["--runs", "6", "--records", "nowhere/runs"], "there is no folder nowhere"),
         ("shefex2_aps_rolling", ["--runs", "6"], "are of a global shutter"),
     ],
 )

@@ -70,7 +70,7 @@ def with_runs(result, flown, failed=(), winds=("calm",)):
 def test_a_wind_beside_dispersions_of_wind_is_refused(command, no_flight, tmp_path):
     """The shipped campaign draws the wind; the message was 'must be at most 360 deg, got 440'."""
     (tmp_path / "day.csv").write_text(WIND)
-    code, said = command("campaign", "--runs", 2, "--wind", tmp_path / "day.csv")
+    code, said = command("shefex2_dispersed", "--runs", 2, "--wind", tmp_path / "day.csv")
     told = " ".join(said.err.split())
     assert code == 2 and "dispersions.wind.speed, dispersions.wind.from" in told and "--wind" in told
 

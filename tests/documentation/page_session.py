@@ -29,7 +29,7 @@ BRIEF = {  # frames within the seconds that are flown
 }
 CAMPAIGN = """# two seconds on the ground in place of the real one
 extends: night_sky.yaml
-mission: {name: campaign, time_limit: 2 s}
+mission: {name: shefex2_dispersed, time_limit: 2 s}
 star_tracker: {enabled: false, off: 2 s}
 dispersions:
   ground.latitude: {uniform: [-1 deg, 1 deg]}
@@ -50,7 +50,7 @@ class Session:
         shutil.copytree(ROOT / "scenarios", folder / "scenarios")
         for name, changes in BRIEF.items():
             _replace(folder / name, changes)
-        (folder / "scenarios" / "campaign.yaml").write_text(CAMPAIGN)
+        (folder / "scenarios" / "shefex2_dispersed.yaml").write_text(CAMPAIGN)
         monkeypatch.chdir(folder)
         monkeypatch.setattr(shipped, "folder", lambda: str(folder / "scenarios"))
         monkeypatch.setattr(engine, "ProcessLane", HereLane)

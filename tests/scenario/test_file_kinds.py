@@ -33,7 +33,7 @@ def test_a_replay_scenario_has_its_own_command(tmp_path):
     assert f"`shefex-nav replay {mine}` runs" in the_message(mine)
 
 
-@pytest.mark.parametrize("name", ["orbit", "night_sky", "tight", "campaign"])
+@pytest.mark.parametrize("name", ["orbit", "night_sky", "tight", "shefex2_dispersed"])
 def test_a_flight_is_nothing_to_replay(name):
     path = SCENARIOS / f"{name}.yaml"
     with pytest.raises(ScenarioError) as refused:

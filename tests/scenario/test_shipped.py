@@ -172,7 +172,7 @@ def test_one_is_printed_as_it_is(empty, shefex_nav):
 
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_a_copy_needs_nothing_else(name, empty, monkeypatch):
-    given = ["star_tracker.frames=statistical"] if name == "campaign" else []
+    given = ["star_tracker.frames=statistical"] if name == "shefex2_dispersed" else []
     before = load.load(name, given).model_dump()
     paths = shipped.with_what_it_names(shipped.files()[name])
     for path in paths:

@@ -29,7 +29,7 @@ def with_model(folder, change, digest=star_statistics.digest):
 def test_shipped_model_is_of_the_default_scenario_and_its_campaign():
     found = content()
     assert found["digest"] == star_statistics.digest(found)
-    for name in ("shefex2_andoya.yaml", "campaign.yaml"):
+    for name in ("shefex2_andoya.yaml", "shefex2_dispersed.yaml"):
         scenario = load(DEFAULT.with_name(name), [STATISTICAL])  # refused with any other setting
         assert set(found["settings"]) == set(star_statistics.settings(scenario))
     assert all(test["good"] for test in found["tests"]) and len(found["tests"]) >= 15
