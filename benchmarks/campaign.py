@@ -217,7 +217,8 @@ def main():
     """Fly and print. -> exit code"""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenario", nargs="?", default=str(SCENARIOS / "shefex2_dispersed.yaml"))
-    parser.add_argument("--one-flight", default=str(SCENARIOS / "shefex2_dispersed_sensors.yaml"), metavar="SCENARIO")
+    one_flight = str(SCENARIOS / "shefex2_dispersed_sensors.yaml")
+    parser.add_argument("--one-flight", default=one_flight, metavar="SCENARIO")
     parser.add_argument("--runs", type=int, default=30, help="rendered, with one worker and again with two")
     parser.add_argument("--statistical", type=int, default=200, help="runs with statistical frames")
     parser.add_argument("--set", action="append", default=[], dest="overrides")

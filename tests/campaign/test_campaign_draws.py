@@ -161,7 +161,7 @@ def test_a_latin_hypercube_knows_a_mean_better():
 
 
 def test_instruments_are_drawn_alike_with_one_flight_and_with_many():
-    """Run k of `shefex2_dispersed_sensors` sees its flight with the instruments of run k of `shefex2_dispersed`."""
+    """Run k of the one with one flight has the instruments of run k of the one that extends it."""
     (plan, alone), (of_all, every) = (
         running.prepared(load.load(SCENARIOS / f"{name}.yaml"), 3, 1)
         for name in ("shefex2_dispersed_sensors", "shefex2_dispersed")

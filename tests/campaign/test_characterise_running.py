@@ -124,7 +124,11 @@ def test_records_of_something_else_are_refused(planned, tmp_path):
     ("name", "arguments", "words"),
     [
         ("shefex2_dispersed", ["--runs", "5"], "must be at least 6"),
-        ("shefex2_dispersed", ["--runs", "6", "--set", "star_tracker.enabled=false"], "star_tracker.enabled is false"),
+        (
+            "shefex2_dispersed",
+            ["--runs", "6", "--set", "star_tracker.enabled=false"],
+            "star_tracker.enabled is false",
+        ),
         ("shefex2_dispersed", ["--runs", "6", "--records", "nowhere/runs"], "there is no folder nowhere"),
         ("shefex2_aps_rolling", ["--runs", "6"], "are of a global shutter"),
     ],

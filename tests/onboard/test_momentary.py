@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from navigation_flight import C_BC, DT, EARTH, P_STAR_C, PARAMS, STATES, alignment, fly
+from unpacked import QUIET, noise_of, window
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
@@ -12,12 +13,13 @@ from shefex_nav.onboard.navigation import (
     fusion,
     lever_arm,
     momentary,
+    prediction,
     process_noise,
     sensors,
     solution,
 )
-from shefex_nav.onboard.navigation.state import ATT, VEL
-from shefex_nav.records import Reason, StarFix, StarVectors
+from shefex_nav.onboard.navigation.state import ATT, VEL, layout
+from shefex_nav.records import ImuBlock, Reason, StarFix, StarVectors
 from shefex_nav.world import imu
 
 QUANTUM, COUNT = 2.4e-5, 6e-4  # rad, m/s
@@ -39,7 +41,8 @@ def quiet(**of_imu):
 
 @kernel
 def _densities(record, sample_s, dtheta, dv):
-    along, across, _ = process_noise.densities(record[0], 0.0, 1.0, sample_s, 0.01, dtheta, dv)
+    sensed = np.hypot(dtheta[1], dtheta[2]) / 0.01, np.hypot(dv[1], dv[2]) / 0.01
+    along, across, _ = process_noise.densities(record[0], 0.0, 1.0, sample_s, 0.01, dtheta, dv, sensed)
     return np.array(along + across)
 
 
@@ -200,3 +203,17 @@ def test_they_are_noise_of_a_gps_velocity():
     nav = nav._replace(params=nav.params._replace(l_ba_b=np.zeros(3)))
     R = lever_arm.of_velocity(nav, now_of(nav), np.eye(3, nav.layout.n, VEL.start))
     np.testing.assert_allclose(R, (COUNT**2 / 12.0 + COAST[1] ** 2) * np.eye(3), rtol=1e-9, atol=1e-15)
+
+
+def test_what_sensors_read_mixes_remainders_also_if_it_is_an_error_of_theirs():
+    """A bias across the spin, estimated and taken out, of several quanta a sample."""
+    bias, model = np.array([0.0, 0.05, 0.0]), QUIET._replace(gyro_quantum=QUANTUM, gyro_random_walk=1e-5)
+    constants, Q = prediction.constants(layout(), noise_of(model), EARTH), {}
+    for name, read in (("clean", np.zeros(3)), ("biased", bias)):
+        increments = np.tile((SPIN + read) * DT, (4, 1))
+        imu = window(ImuBlock(0.01, 0.01, DT, increments, np.zeros((4, 3)), False))
+        state = STATES[0]._replace(gyro_bias=read)
+        Q[name] = np.diag(prediction.growth(constants, layout(), state, imu, 0.0, 0.01).Q)[ATT]
+    fresh = (12.0 * QUANTUM) ** 2 / 12.0 * DT + model.gyro_random_walk**2
+    assert Q["biased"][1:].mean() == pytest.approx(0.01 * fresh, rel=1e-3)
+    assert Q["clean"][1:].mean() > 1.5 * Q["biased"][1:].mean()

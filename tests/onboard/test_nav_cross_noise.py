@@ -54,7 +54,8 @@ def assumed(roll_rate, across_rate, angle):
 
 @kernel
 def _densities(record, dtheta):
-    along, across, _ = process_noise.densities(record[0], 0.0, 1.0, 0.01, 0.01, dtheta, (0.0, 0.0, 0.0))
+    zero = (0.0, 0.0, 0.0)
+    along, across, _ = process_noise.densities(record[0], 0.0, 1.0, 0.01, 0.01, dtheta, zero, zero[:2])
     return along[0], across[0]
 
 

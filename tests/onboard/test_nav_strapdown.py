@@ -306,5 +306,5 @@ def test_a_tick_that_is_cut_gathers_as_much_noise():
 @kernel
 def gyro_noise(model, dtheta, share=1.0):
     zero = (0.0, 0.0, 0.0)
-    along, _, _ = process_noise.densities(model[0], 1.0, share, 0.01, 0.01 * share, dtheta, zero)
+    along, _, _ = process_noise.densities(model[0], 1.0, share, 0.01, 0.01 * share, dtheta, zero, zero[:2])
     return along[0]

@@ -281,9 +281,25 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_imu(top, at, responses, triads, imu.vibration, imu.drive)
     share = T / length_s
-    along, across, bias_walk = process_noise.densities(noise, imu.vibration, share, h, T, angle, speed)
+    sensed = _across(imu.increments, h)
+    along, across, bias_walk = process_noise.densities(
+        noise, imu.vibration, share, h, T, angle, speed, sensed
+    )
     process_noise.of_interval(top, along, across, imu.extra, C, T, Q)
     return bias_walk, angle, speed
+
+
+@inner(forceinline=True)
+def _across(increments, sample_s):
+    """Mean of what gyros and accelerometers of a window read across the roll axis: rad/s, m/s^2."""
+    sums, n = np.zeros(4), increments.shape[0] - BEFORE
+    for k in range(BEFORE, increments.shape[0]):
+        sums[0] += increments[k, 1]
+        sums[1] += increments[k, 2]
+        sums[2] += increments[k, 4]
+        sums[3] += increments[k, 5]
+    span_s = n * sample_s
+    return np.sqrt(sums[0] ** 2 + sums[1] ** 2) / span_s, np.sqrt(sums[2] ** 2 + sums[3] ** 2) / span_s
 
 
 @inner

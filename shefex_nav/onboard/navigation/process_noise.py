@@ -15,7 +15,7 @@ from shefex_nav.onboard.navigation.state import ATT, POS, VEL
 
 
 @inner
-def densities(model, vibration, share, sample_s, duration_s, dtheta, dv):
+def densities(model, vibration, share, sample_s, duration_s, dtheta, dv, sensed):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -30,6 +30,7 @@ def densities(model, vibration, share, sample_s, duration_s, dtheta, dv):
     share : of the tick that is passed through; its angle is as uncertain by vibration as if all of it were
     sample_s : duration of one sample of the IMU
     duration_s, dtheta, dv : s, rad and m/s as three numbers: passed through in all
+    sensed : rad/s, m/s^2, what gyros and accelerometers read across the roll axis, as they are
 
     Returns
     -------
@@ -49,11 +50,13 @@ def densities(model, vibration, share, sample_s, duration_s, dtheta, dv):
     accel_along = slow * (model.accel_scale**2 * f2 + shaken)
     accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
     cross_along, cross_across = _cross(model, dtheta[0] / duration_s, across_rate)
-    rates, push = (dtheta[0] / duration_s, across_rate), np.sqrt(dv[1] ** 2 + dv[2] ** 2) / duration_s
+    rates = dtheta[0] / duration_s, across_rate
     gyro_along, gyro_across = _rounding(
-        model.gyro_quantum, model.gyro_random_walk, across_rate, sample_s, rates
+        model.gyro_quantum, model.gyro_random_walk, sensed[0], sample_s, rates
     )
-    force_along, force_across = _rounding(model.accel_quantum, model.accel_random_walk, push, sample_s, rates)
+    force_along, force_across = _rounding(
+        model.accel_quantum, model.accel_random_walk, sensed[1], sample_s, rates
+    )
     gyro_white = model.gyro_random_walk**2
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
     left_along, left_across, bias_walk = _left_out(model, rate, across_rate)
@@ -86,7 +89,7 @@ def _rounding(quantum, walk, sensed, sample_s, rates):
     """Density of remainders of whole counts, variance q^2/12, that are counted when the body has turned.
 
     quantum, walk : q of a triad, and its white noise N, a root of a density
-    sensed : what it senses across the roll axis, rad/s or m/s^2
+    sensed : what it reads across the roll axis, rad/s or m/s^2, its own errors as they are
     sample_s : of the IMU;  rates : rad/s of the body, about the roll axis and across it
     -> of errors along the roll axis and along each of the others
     """
