@@ -61,8 +61,6 @@ def lines(found):
     common = [f"{name} {mean:+.1f}" for name, mean, _ in in_common(found)[:MOST_COMMON] if abs(mean) > COMMON]
     if common:
         yield f"mean draws of the flights beyond it, in standard deviations: {', '.join(common)}"
-    for one in found.worst:
-        yield _case(found, one)
 
 
 def _cautions(found):
@@ -92,18 +90,20 @@ def _cautions(found):
             )
 
 
-def _case(found, one):
+def worst(found):
+    """rich Table of the worst flights and what each has drawn that is farthest from its mean."""
     event = found.problem.event
-    measures = {each.name: each.measure for each in found.dispersed}
-    names = (each.name for each in found.dispersed if is_of_flight(each))
-    largest = sorted(names, key=lambda name: -abs(one.deviations[name]))[:MOST_DRAWS]
-    drawn = ", ".join(
-        f"{name} {_written(one.draws[name], measures[name])} ({one.deviations[name]:+.1f} sigma)"
-        for name in largest
-    )
-    of = QUANTITIES[event.name]
-    what = one.reason if one.value is None else f"{event.name} {one.value * of.factor:.6g} {of.shown}"
-    return f"{what}: seed {one.seed}, {drawn}"
+    measures = {one.name: one.measure for one in found.dispersed if is_of_flight(one)}
+    of, rows = QUANTITIES[event.name], []
+    for one in found.worst:
+        largest = sorted(measures, key=lambda name: -abs(one.deviations[name]))[:MOST_DRAWS]
+        drawn = (
+            f"{name} {_written(one.draws[name], measures[name])} ({one.deviations[name]:+.1f} sigma)"
+            for name in largest
+        )
+        figure = one.reason if one.value is None else f"{one.value * of.factor:.6g} {of.shown}"
+        rows.append([figure, str(one.seed), "\n".join(drawn)])
+    return columns.table("the worst of them", (event.name, ">--seed", "drawn"), rows)
 
 
 def _written(value, measure):

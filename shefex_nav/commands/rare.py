@@ -83,6 +83,7 @@ def rare(
         stdout(130).print(rare_shown.table(found))
         for line in rare_shown.lines(found):
             stdout(130, highlight=False).print(f"  {line}")
+        stdout(130).print(rare_shown.worst(found))
     if output is not None:
         _write(output, found, rare_shown.summary(found))
 
