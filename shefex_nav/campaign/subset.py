@@ -177,7 +177,7 @@ def estimate(first, limit, smallest, root, work, tell=lambda level: None):
         level, beyond = _level(samples, chains, limit, levels[-1].probability if levels else 1.0)
         levels.append(level)
         tell(level)
-        reached = level.threshold == limit
+        reached = all(one.value > limit for one in beyond)
         if reached or len(levels) == _deepest(smallest):
             return Estimate(tuple(levels), reached, tuple(beyond))
         key = root, len(levels)
@@ -255,7 +255,8 @@ def _walked(key, seeds, threshold, size, factor, work):
     size : samples of the level;  factor : of the spread
     """
     normals = np.array([one.state.normal for one in seeds])
-    deviation, chains = normals.std(axis=0) if len(seeds) > 1 else np.ones(normals.shape[1]), []
+    deviation, chains = normals.std(axis=0), []
+    deviation[deviation == 0.0] = 1.0  # all chains begin with one and the same sample
     lengths = [size // len(seeds) + (k < size % len(seeds)) for k in range(len(seeds))]
     groups = np.array_split(np.arange(len(seeds)), min(GROUPS, len(seeds)))
     for number, group in enumerate(groups, start=1):

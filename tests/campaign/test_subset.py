@@ -170,3 +170,20 @@ def test_an_infinite_value_is_in_the_event():
     found = estimate(lambda state: math.inf if linear(state) > 2.326 else linear(state), 9.0, 4, 3)
     assert found.probability == pytest.approx(0.01, rel=0.6)
     assert all(math.isfinite(level.threshold) for level in found.levels)
+
+
+def test_a_threshold_that_equals_the_limit_is_not_beyond_it():
+    """Values in steps of 0.25, of which those at the limit are not greater than it."""
+    found = estimate(lambda state: math.floor(4.0 * linear(state)) / 4.0, 1.25, 4, 1)
+    assert found.reached and len(found.levels) == 2  # greater than 1.25 is 1.5 and more: 6.7 %
+    assert found.probability == pytest.approx(ndtr(-1.5), rel=0.3)
+
+
+def test_chains_that_begin_with_one_sample_move():
+    same = [subset.Sample(subset.State(np.array([2.0, 0.0])), 2.0)] * 5
+
+    def work(what, calls):
+        return [what(lambda state: state.normal[0], call) for call in calls]
+
+    chains, _ = subset._walked((1, 1), same, 1.0, 50, 0.6, work)
+    assert sum(chain.accepted for chain in chains) > 10
