@@ -19,10 +19,6 @@ from shefex_nav.world.flight.fly import FlightError
 ROCKET = """
 extends: rexus_like
 mission: {name: rexus_rare, description: How probable a low apogee is}
-vehicle:
-  stages:
-    Orion:
-      spent: {area: 0.0995 m2, mach: [0, 0.8, 1.1, 2, 4], drag: [4.0, 4.5, 6.0, 5.0, 4.5]}
 dispersions:
   launch.elevation: {normal: 0.2 deg}
   payload:
