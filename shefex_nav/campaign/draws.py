@@ -11,6 +11,7 @@ path's (Stein, Technometrics 29, 1987).
 """
 
 import hashlib
+from functools import partial
 
 import numpy as np
 
@@ -40,31 +41,42 @@ class Sampler:
 
     def draws(self, run):
         """{path as written: value in the unit of the dispersion} of a run."""
-        drawn = {}
-        for one in self.dispersed:
-            if one.group:
-                drawn[one.name] = one.law.sigma * self._mixed(one, run)
-            else:
-                drawn[one.name] = one.law.draw(self._u(one.name, run), run)
-        return drawn
+        return drawn(self.dispersed, partial(self.probability, run), run)
 
-    def _u(self, name, run):
-        """Number between 0 and 1, both excluded, of a path and a run."""
+    def probability(self, run, name):
+        """Number between 0 and 1, both excluded, of a run and a path."""
         if self._columns is not None:
             return self._columns[name][run]
-        return _inside(generator(self.plan.seed, run, name).random())
+        return inside(generator(self.plan.seed, run, name).random())
 
-    def _mixed(self, one, run):
-        """Standard normal number of a path of a group, correlated with the others."""
-        from scipy.special import ndtri
 
-        return float(
-            sum(
-                factor * ndtri(self._u(name, run))
-                for factor, name in zip(one.factors, one.group, strict=True)
-                if factor
-            )
+def drawn(dispersed, probability, run):
+    """{path as written: value in the unit of the dispersion}.
+
+    dispersed : list of disperse.Dispersed
+    probability : function of a path as written: a number between 0 and 1, both excluded
+    run : number, by which a table is read
+    """
+    found = {}
+    for one in dispersed:
+        if one.group:
+            found[one.name] = one.law.sigma * _mixed(one, probability)
+        else:
+            found[one.name] = one.law.draw(probability(one.name), run)
+    return found
+
+
+def _mixed(one, probability):
+    """Standard normal number of a path of a group, correlated with the others."""
+    from scipy.special import ndtri
+
+    return float(
+        sum(
+            factor * ndtri(probability(name))
+            for factor, name in zip(one.factors, one.group, strict=True)
+            if factor
         )
+    )
 
 
 def stream(name):
@@ -95,9 +107,9 @@ def _seed(root, key):
 def _latin_column(plan, name):
     """(N,) numbers of a path, one in each Nth part of the unit interval, in random order."""
     rng = generator(plan.seed, LATIN, name)
-    return [_inside(u) for u in ((rng.permutation(plan.runs) + rng.random(plan.runs)) / plan.runs).tolist()]
+    return [inside(u) for u in ((rng.permutation(plan.runs) + rng.random(plan.runs)) / plan.runs).tolist()]
 
 
-def _inside(u):
+def inside(u):
     """A number off 0 and 1, where distribution functions have no inverse."""
     return min(max(u, UNIT), 1.0 - UNIT)

@@ -13,7 +13,7 @@ import typer
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import about, warn_of_parts
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
-from shefex_nav.commands.output_files import make_folder
+from shefex_nav.commands.output_files import check_folder, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 
 Runs = Annotated[
@@ -71,7 +71,7 @@ def impact(
     place = None if aim is None else place_of(aim)
     _check_winds(wind or ())
     if output is not None:
-        _check_folder(output, studying.FILES, force)
+        check_folder(output, studying.FILES, "--output", force=force)
     asked = studying.Asked(
         scenario,
         tuple(overrides or ()),
@@ -120,16 +120,16 @@ def height(text):
     return None if text is None else quantity(text, "m", "--ground", "360 m")
 
 
-def place_of(text):
+def place_of(text, option="--aim"):
     """(latitude, longitude), rad."""
     try:
         latitude, longitude = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(
-            f"{text!r} is no place; expected such as 68.4,20.9", param_hint="--aim"
+            f"{text!r} is no place; expected such as 68.4,20.9", param_hint=option
         ) from None
     if not (abs(latitude) < 90.0 and abs(longitude) <= 360.0):
-        raise typer.BadParameter(f"{text} is no place on Earth", param_hint="--aim")
+        raise typer.BadParameter(f"{text} is no place on Earth", param_hint=option)
     return math.radians(latitude), math.radians(longitude)
 
 
@@ -138,12 +138,3 @@ def _check_winds(files):
         if one.is_dir() or not one.exists():
             words = f"{one} is a folder; give a file" if one.is_dir() else f"there is no file {one}"
             raise typer.BadParameter(words, param_hint="--wind")
-
-
-def _check_folder(folder, names, force):
-    if folder.exists() and not folder.is_dir():
-        raise typer.BadParameter(f"{folder} is no folder", param_hint="--output")
-    there = [name for name in names if (folder / name).exists()]
-    if there and not force:
-        words = f"{folder / there[0]} exists already; choose another folder or add --force"
-        raise typer.BadParameter(words, param_hint="--output")

@@ -22,6 +22,7 @@ from shefex_nav.commands.export import export
 from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
+from shefex_nav.commands.rare import rare
 from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup, forgiving, tell
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
@@ -73,6 +74,7 @@ app.command(epilog=TRUST_HELP)(check)
 app.command(epilog=TRUST_HELP)(vehicle)
 app.command(epilog=TRUST_HELP)(impact)
 app.command(epilog=TRUST_HELP)(winds)
+app.command(epilog=TRUST_HELP)(rare)
 app.command()(schema)
 app.add_typer(verify_app, name="verify")
 

@@ -66,6 +66,16 @@ def check_pictures(folder, names, option, *, force):
         )
 
 
+def check_folder(folder, names, option, *, force):
+    """Refuse a folder in which one of these files would be overwritten."""
+    if folder.exists() and not folder.is_dir():
+        raise typer.BadParameter(f"{folder} is no folder", param_hint=option)
+    there = [name for name in names if (folder / name).exists()]
+    if there and not force:
+        words = f"{folder / there[0]} exists already; choose another folder or add --force"
+        raise typer.BadParameter(words, param_hint=option)
+
+
 def make_folder(path, option):
     """Make a folder for results, if it is not there, or say why not."""
     try:

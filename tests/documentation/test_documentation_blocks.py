@@ -25,7 +25,7 @@ def registers():
 
 FLY = {  # ten to forty seconds each
     *("docs/campaigns.md", "docs/how-to/software.md", "docs/how-to/viewer.md", "docs/how-to/state.md"),
-    *("docs/how-to/impact.md", "docs/how-to/robustness.md", "docs/tutorial.md"),
+    *("docs/how-to/impact.md", "docs/how-to/rare.md", "docs/how-to/robustness.md", "docs/tutorial.md"),
 }
 
 
