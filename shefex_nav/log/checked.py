@@ -7,13 +7,15 @@ anything; then no figure of it means what it says.
 
 from collections.abc import Callable
 from functools import cache
+from math import prod
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.fields import LARGEST, UNIT
+from shefex_nav.fields import EQUAL, LARGEST, UNIT
 from shefex_nav.instruments import TABLE
+from shefex_nav.log import possible
 from shefex_nav.log.topics import LogError, Mission, Timing, of_record
 from shefex_nav.records import (
     Alignment,
@@ -34,6 +36,9 @@ from shefex_nav.records import (
     TruthSample,
 )
 
+LEAST_RADIUS = 6.3e6  # m, of the ground
+LEAST_STEP = 1e-9  # s, or of a number
+MOST_SAMPLES = 1000  # of the IMU in a message
 INFINITE = 1e30  # of any other number; what is computed of it is a number yet
 
 
@@ -44,6 +49,8 @@ class Rule(NamedTuple):
     unless_nan: tuple[str, ...] = ()  # likewise, or NaN: not known, as of truth that others have measured
     increases: str = ""  # field that does from record to record
     where: Callable = lambda record: True  # record of arrays, or one -> where there are such numbers
+    far: str = ""  # position that is not near the Earth's centre, if it is known
+    rows: str = ""  # array with a row for each sample
 
 
 MOTION = ("r_i", "v_i", "q_ib")
@@ -52,10 +59,15 @@ PLACE = ("start_s", "launch_latitude", "launch_longitude", "launch_height")
 CAMERA = ("camera.focal_length_px", "camera.cx_px", "camera.cy_px", "C_bc")
 RULES = {
     Mission: Rule((*EARTH, *PLACE, *CAMERA)),
-    TruthSample: Rule(("t_s", *MOTION), ("omega_ib_b", "f_b"), "t_s"),
+    TruthSample: Rule(("t_s", *MOTION), ("omega_ib_b", "f_b"), "t_s", far="r_i"),
     NavSolution: Rule(("t_s", *MOTION, "r_e", "v_e"), increases="t_s"),
     NavCovariance: Rule(("t_s",), increases="t_s"),
-    ImuBlock: Rule(("t_valid_s", "dt_s", "dtheta_b", "dv_b"), where=lambda one: one.valid),
+    ImuBlock: Rule(
+        ("t_valid_s", "dt_s", "dtheta_b", "dv_b"),
+        increases="t_valid_s",
+        where=lambda one: one.valid,
+        rows="dtheta_b",
+    ),
     Frame: Rule(("t_start_s", "t_valid_s", "t_available_s", "exposure_s", "gain_db"), increases="number"),
     CameraCommand: Rule(("t_s", "exposure_s", "gain_db")),
     ControlSample: Rule(("t_s", "torque_b", "propellant_kg"), increases="t_s"),
@@ -86,15 +98,66 @@ def check(path, topic, record, given):
             bad = _bad(name, values) & where & ~np.isnan(values).all(axis=1)
             expected = f"numbers below {LARGEST:g}"
         else:
-            bad = (np.abs(values) > INFINITE).any(axis=1)
+            unknown = name.startswith(("sigma", "protection"))  # which own software may say by infinity
+            bad = ((np.abs(values) > INFINITE) & ~(unknown & np.isposinf(values))).any(axis=1)
             expected = f"numbers below {INFINITE:g}, or NaN"
         if bad.any():
             k = int(bad.argmax())
             got = np.array2string(values[k], precision=4, threshold=12)
             expected = "a unit quaternion" if name.startswith("q_") else expected
             raise LogError(f"{path}: {topic}: message {k + 1}: {name}: got {got}, expected {expected}")
-    if rule.increases and are_arrays:
-        _increases(path, topic, rule.increases, getattr(given, rule.increases))
+    for field in of_record(record).fields:
+        _possible(path, topic, field, given)
+    if rule.far and are_arrays:
+        _far(path, topic, rule.far, getattr(given, rule.far))
+    if rule.rows:
+        _rows(path, topic, rule.rows, _each(given, rule.rows))
+    if rule.increases:
+        _increases(path, topic, rule.increases, np.asarray(_each(given, rule.increases)))
+
+
+def _each(given, name):
+    """A field of each record. given : as of `check`"""
+    return [getattr(one, name) for one in given] if isinstance(given, list) else getattr(given, name)
+
+
+def _possible(path, topic, field, given):
+    """LogError if a value of a field is none that it can be (`possible`). given : as of `check`"""
+    if field.kind in ("string", "bytes", "bool"):
+        return
+    if isinstance(given, list):
+        size = (
+            prod(field.shape[1:]) if -1 in field.shape or EQUAL in field.shape else max(prod(field.shape), 1)
+        )
+        parts = [np.reshape(attrgetter(field.source)(one), (-1, size)) for one in given]
+        numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        values = np.concatenate(parts) if parts else np.empty((0, size))
+    else:
+        values = _of_arrays(attrgetter(field.source)(given))
+        numbers = np.arange(len(values))
+    if len(values) and (found := possible.wrong(field, values)) is not None and found[0].any():
+        k = int(found[0].argmax())
+        got = np.array2string(values[k], precision=4, threshold=12)
+        name = f"{path}: {topic}: message {numbers[k] + 1}: {field.source}"
+        raise LogError(f"{name}: got {got}, expected {found[1]}")
+
+
+def _far(path, topic, name, r):
+    """LogError of a position that is nearer to the centre of the Earth than any ground. r : (N, 3) m"""
+    near = np.linalg.norm(r, axis=1) < LEAST_RADIUS
+    if near.any():
+        k = int(near.argmax())
+        words = f"got {np.linalg.norm(r[k]):.4g} m from the centre of the Earth"
+        words = f"{words}, expected {LEAST_RADIUS:g} m at least"
+        raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")
+
+
+def _rows(path, topic, name, arrays):
+    """LogError of a message without samples, or with more than a tick has. arrays : list of (n, 3)"""
+    for k, one in enumerate(arrays):
+        if not 1 <= len(one) <= MOST_SAMPLES:
+            words = f"got {len(one)} samples, expected 1 to {MOST_SAMPLES}"
+            raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")
 
 
 @cache
@@ -135,8 +198,11 @@ def _bad(name, values):
 
 def _increases(path, topic, name, values):
     """LogError unless the values increase."""
-    back = ~(np.diff(values) > 0)
+    back = ~(np.diff(values) > LEAST_STEP)
     if back.any():
         k = int(back.argmax()) + 1
         words = f"got {values[k]:.10g} after {values[k - 1]:.10g}, expected a larger number"
         raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")
+    if name != "number" and len(values) and values[-1] - values[0] > possible.LONGEST_S:
+        words = f"{values[0]:.10g} to {values[-1]:.10g} s, expected {possible.LONGEST_S:g} s at most"
+        raise LogError(f"{path}: {topic}: {name}: goes from {words}")

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
+from shefex_nav.fields import LARGEST
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.unsteady import STEADY
@@ -259,6 +260,10 @@ class OwnNavigation:
             array = self._own.real(self.now_s, what, value)
             if array.shape != shape or (array < 0.0).any():
                 raise self._error(f"{what} must be of shape {shape} and not negative, got {value!r}")
+            if name.startswith("protection") and (array == 0.0).any():
+                raise self._error(f"{what} must be above 0, got {value!r}")
+            if (np.isfinite(array) & (array >= LARGEST)).any():
+                raise self._error(f"{what} must be below {LARGEST:g}, or infinite, got {value!r}")
 
     def _checked_context(self, context):
         """What the software says of a picture itself."""

@@ -6,8 +6,9 @@ import numpy as np
 def nees(errors, P):
     """Normalised squared errors: (..., m), (..., m, m) -> (...)."""
     sigma = np.sqrt(np.einsum("...ii->...i", P))
-    scaled = P / (sigma[..., :, None] * sigma[..., None, :])  # correlations: no trouble with units
-    normal = errors / sigma
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a sigma of zero: NaN, nothing is known
+        scaled = P / (sigma[..., :, None] * sigma[..., None, :])  # correlations: no trouble with units
+        normal = np.where(sigma > 0.0, errors / sigma, np.nan)
     return np.einsum("...i,...i->...", normal, np.linalg.solve(scaled, normal[..., None])[..., 0])
 
 

@@ -98,7 +98,11 @@ def test_what_says_itself_that_it_is_none_may_be_nan(data):
 def test_no_number_of_any_record_is_infinite(data):
     """Of those that may be NaN too: a protection level, the limit of a gate, the covariance of a state."""
     for bad in (np.inf, -np.inf, 1e300):
-        for kind, name in (("nav", "protection_attitude"), ("covariance", "P")):
+        kinds = ("nav", "angle_of_attack"), ("nav", "protection_attitude"), ("covariance", "P")
+        for kind, name in kinds:
+            if name.startswith("protection") and bad == np.inf:  # nothing is known, says own software so
+                check(changed(getattr(data, kind), name, 2, bad))
+                continue
             with pytest.raises(
                 LogError, match=rf"message 3: {name}: got .*, expected numbers below 1e\+30, or"
             ):
@@ -114,6 +118,62 @@ def test_no_number_of_any_record_is_infinite(data):
         ):
             mission = synthetic_run.mission()
             check([mission._replace(camera=mission.camera._replace(cx_px=bad))], type(mission))
+
+
+TILT = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # turned, and left-handed
+IMPOSSIBLE = (
+    ("truth", "phase", 99, r"got \[99\], expected one of 0 to"),
+    ("nav", "doubt_position", 77, "expected one of"),
+    ("nav", "sigma_r_e", -1.0, "expected none below 0"),
+    ("nav", "protection_attitude", 0.0, "expected all above 0"),
+    ("truth", "r_i", 1.0, r"got 1.732 m from the centre of the Earth, expected 6.3e\+06 m at least"),
+    ("imu", "dt_s", 0.0, "expected 1e-06 to 100"),
+    ("imu", "t_valid_s", 0.0, "got 0 after .*, expected a larger number"),
+    ("frames", "bits", 0, "expected 1 to 16"),
+    ("frames", "exposure_s", -1.0, "expected 0 to 10000"),
+    ("covariance", "P", np.eye(9) - 2.0 * np.diag(np.eye(9)[4]), "expected a covariance"),
+    ("covariance", "P", np.eye(9) + 1.1 * np.eye(9, k=1) + 1.1 * np.eye(9, k=-1), "expected a covariance"),
+    ("covariance", "P", np.eye(9) + 0.5 * np.eye(9, k=1), "expected a covariance"),
+)
+
+
+@pytest.mark.parametrize("kind, name, value, words", IMPOSSIBLE)
+def test_values_that_cannot_be_are_named(data, kind, name, value, words):
+    with pytest.raises(LogError, match=rf"message 3: {name}: .*{words}"):
+        check(changed(getattr(data, kind), name, 2, value))
+
+
+def test_what_the_mission_cannot_be_is_named():
+    good = synthetic_run.mission()
+    check([good], type(good))
+    wrong = {
+        "C_bc": good._replace(C_bc=TILT),
+        "earth.C_iq": good._replace(earth=good.earth._replace(C_iq=5.0 * np.eye(3))),
+        "earth.rate": good._replace(earth=good.earth._replace(rate=1e9)),
+        "launch_latitude": good._replace(launch_latitude=100.0),
+        "camera.focal_length_px": good._replace(camera=good.camera._replace(focal_length_px=-2500.0)),
+    }
+    for name, bad in wrong.items():
+        with pytest.raises(LogError, match=rf"message 1: {name}: got .*, expected"):
+            check([bad], type(good))
+
+
+def test_star_fixes_and_blocks_that_cannot_be_are_named(data):
+    solved = next(one for one in data.star_fixes if one.reason == Reason.NONE)
+    for name, bad in (("reason", 77), ("P_c", -np.ones((3, 3)))):
+        with pytest.raises(LogError, match=rf"message 2: {name}: got .*, expected"):
+            check([solved, solved._replace(**{name: bad})], type(solved))
+    block = row(data.imu, 3)
+    for n in (0, 2000):
+        bad = block._replace(dtheta_b=np.zeros((n, 3)), dv_b=np.zeros((n, 3)))
+        with pytest.raises(LogError, match=rf"message 1: dtheta_b: got {n} samples, expected 1 to 1000"):
+            check([bad], type(block))
+
+
+def test_a_time_far_away_is_named(data):
+    """What is computed once a second would fill the memory."""
+    with pytest.raises(LogError, match=r"t_s: goes from 231.* to 1000000000 s, expected 1e\+06 s at most"):
+        check(changed(data.truth, "t_s", -1, 1e9))
 
 
 def test_lists_that_should_be_of_one_length_are_named(data):

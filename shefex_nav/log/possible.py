@@ -1,0 +1,74 @@
+"""What the numbers of a record can be, by their fields: members of a list, ranges, covariances, rotations.
+
+Everything that the program writes lies within; what does not has been written by somebody else. Of NaN, which
+is what is not known, nothing is said here.
+"""
+
+from enum import EnumMeta
+from math import inf, pi
+
+import numpy as np
+
+from shefex_nav.fields import UNIT
+
+LONGEST_S = 1e6  # from the first to the last time of a topic
+SAME = 1e-6  # of the product of two sigmas, by which a covariance may be off
+COVARIANCES = "P", "P_c", "R_r_e", "R_v_e", "P_theta_b"
+ROTATIONS = "C_iq", "C_re", "C_bc"
+RANGES = {  # attribute of any record: least, most
+    "rate": (0.0, 100.0),  # of a camera
+    "launch_latitude": (-pi / 2.0, pi / 2.0),
+    "launch_longitude": (-2.0 * pi, 2.0 * pi),
+    "launch_height": (-1e5, 1e9),
+    "width_px": (1, 100_000),
+    "height_px": (1, 100_000),
+    "focal_length_px": (1e-3, 1e9),
+    "bits": (1, 16),
+    "dt_s": (1e-6, 100.0),
+    "exposure_s": (0.0, 1e4),
+    "line_s": (0.0, 1e3),
+    "n_satellites": (0, 1000),
+    "pdop": (0.0, inf),
+    "chain_s": (0.0, 1e6),
+    "wall_s": (0.0, 1e9),
+}
+EARTH_RATE = 1e-3  # rad/s, at most
+
+
+def wrong(field, values):
+    """Rows that cannot be, and what would be: ((N,) bool, words) or None.
+
+    field : fields.Field;  values : (N, n), of N records
+    """
+    name = field.source.rpartition(".")[2]
+    if isinstance(field.kind, EnumMeta):
+        members = [int(one) for one in field.kind]
+        return ~np.isin(values, members).all(axis=1), f"one of {min(members)} to {max(members)}"
+    if field.kind == "double" and name in COVARIANCES:
+        n = field.shape[-1]
+        return _no_covariance(values.reshape(len(values), -1, n, n)), "a covariance"
+    if name in ROTATIONS:
+        C = values.reshape(-1, 3, 3)
+        off = np.abs(np.einsum("kij,kil->kjl", C, C) - np.eye(3)).max(axis=(1, 2))
+        return ~(off < UNIT) | ~(np.linalg.det(C) > 0.0), "a rotation"
+    if field.source == "earth.rate":
+        return np.abs(values).max(axis=1) > EARTH_RATE, f"at most {EARTH_RATE:g} rad/s"
+    if name.startswith("sigma"):
+        return (values < 0.0).any(axis=1), "none below 0"
+    if name.startswith("protection"):
+        return (values <= 0.0).any(axis=1), "all above 0"
+    if name in RANGES:
+        least, most = RANGES[name]
+        words = f"at least {least:g}" if most == inf else f"{least:.10g} to {most:.10g}"
+        return ((values < least) | (values > most)).any(axis=1), words
+    return None
+
+
+def _no_covariance(P):
+    """Records one of whose matrices (N, m, n, n) has a negative variance, or correlations beyond 1."""
+    variances = np.einsum("kmii->kmi", P)
+    sigma = np.sqrt(np.abs(variances))
+    most = sigma[..., :, None] * sigma[..., None, :]
+    slack = SAME * most
+    bad = (np.abs(P) > most + slack) | (np.abs(P - np.swapaxes(P, -1, -2)) > slack)
+    return (variances < 0.0).any(axis=(1, 2)) | bad.any(axis=(1, 2, 3))
