@@ -123,23 +123,27 @@ def _each(given, name):
 
 def _possible(path, topic, field, given):
     """LogError if a value of a field is none that it can be (`possible`). given : as of `check`"""
-    if field.kind in ("string", "bytes", "bool"):
+    if not len(given) or (rule := possible.rule(field)) is None:
         return
-    if isinstance(given, list):
-        size = (
-            prod(field.shape[1:]) if -1 in field.shape or EQUAL in field.shape else max(prod(field.shape), 1)
-        )
-        parts = [np.reshape(attrgetter(field.source)(one), (-1, size)) for one in given]
-        numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-        values = np.concatenate(parts) if parts else np.empty((0, size))
-    else:
-        values = _of_arrays(attrgetter(field.source)(given))
+    of, (wrong, words) = attrgetter(field.source), rule
+    if not isinstance(given, list):
+        values = _of_arrays(of(given))
         numbers = np.arange(len(values))
-    if len(values) and (found := possible.wrong(field, values)) is not None and found[0].any():
-        k = int(found[0].argmax())
+    elif not field.shape:
+        values = np.array(list(map(of, given)))[:, None]
+        numbers = np.arange(len(values))
+    else:
+        size = prod(one for one in field.shape if one not in (-1, EQUAL))
+        parts = [np.reshape(of(one), (-1, size)) for one in given]
+        numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        values = np.concatenate(parts)
+    bad = wrong(values)
+    if bad.any():
+        k = int(bad.argmax())
         got = np.array2string(values[k], precision=4, threshold=12)
-        name = f"{path}: {topic}: message {numbers[k] + 1}: {field.source}"
-        raise LogError(f"{name}: got {got}, expected {found[1]}")
+        raise LogError(
+            f"{path}: {topic}: message {numbers[k] + 1}: {field.source}: got {got}, expected {words}"
+        )
 
 
 def _far(path, topic, name, r):

@@ -4,7 +4,9 @@ Everything that the program writes lies within; what does not has been written b
 is what is not known, nothing is said here.
 """
 
+import math
 from enum import EnumMeta
+from functools import cache, partial
 from math import inf, pi
 
 import numpy as np
@@ -35,40 +37,54 @@ RANGES = {  # attribute of any record: least, most
 EARTH_RATE = 1e-3  # rad/s, at most
 
 
-def wrong(field, values):
-    """Rows that cannot be, and what would be: ((N,) bool, words) or None.
+@cache
+def rule(field):
+    """What a field cannot be: (function of its values (N, n) -> (N,) bool, words); None: anything.
 
-    field : fields.Field;  values : (N, n), of N records
+    field : fields.Field
     """
     name = field.source.rpartition(".")[2]
     if isinstance(field.kind, EnumMeta):
         members = [int(one) for one in field.kind]
-        return ~np.isin(values, members).all(axis=1), f"one of {min(members)} to {max(members)}"
-    if field.kind == "double" and name in COVARIANCES:
-        n = field.shape[-1]
-        return _no_covariance(values.reshape(len(values), -1, n, n)), "a covariance"
+        return partial(_no_member, members), f"one of {min(members)} to {max(members)}"
+    if name in COVARIANCES:
+        return _no_covariance, "a covariance"
     if name in ROTATIONS:
-        C = values.reshape(-1, 3, 3)
-        off = np.abs(np.einsum("kij,kil->kjl", C, C) - np.eye(3)).max(axis=(1, 2))
-        return ~(off < UNIT) | ~(np.linalg.det(C) > 0.0), "a rotation"
+        return _no_rotation, "a rotation"
     if field.source == "earth.rate":
-        return np.abs(values).max(axis=1) > EARTH_RATE, f"at most {EARTH_RATE:g} rad/s"
+        return partial(_outside, -EARTH_RATE, EARTH_RATE), f"at most {EARTH_RATE:g} rad/s"
     if name.startswith("sigma"):
-        return (values < 0.0).any(axis=1), "none below 0"
+        return partial(_outside, 0.0, inf), "none below 0"
     if name.startswith("protection"):
-        return (values <= 0.0).any(axis=1), "all above 0"
+        return lambda values: (values <= 0.0).any(axis=1), "all above 0"
     if name in RANGES:
         least, most = RANGES[name]
         words = f"at least {least:g}" if most == inf else f"{least:.10g} to {most:.10g}"
-        return ((values < least) | (values > most)).any(axis=1), words
+        return partial(_outside, least, most), words
     return None
 
 
-def _no_covariance(P):
-    """Records one of whose matrices (N, m, n, n) has a negative variance, or correlations beyond 1."""
-    variances = np.einsum("kmii->kmi", P)
+def _no_member(members, values):
+    return ~np.isin(values, members).all(axis=1)
+
+
+def _outside(least, most, values):
+    return ((values < least) | (values > most)).any(axis=1)
+
+
+def _no_rotation(values):
+    C = values.reshape(-1, 3, 3)
+    off = np.abs(np.einsum("kij,kil->kjl", C, C) - np.eye(3)).max(axis=(1, 2))
+    return ~(off < UNIT) | ~(np.linalg.det(C) > 0.0)
+
+
+def _no_covariance(values):
+    """Records whose matrix (N, n n) has a negative variance, or correlations beyond 1."""
+    n = math.isqrt(values.shape[1])
+    P = values.reshape(-1, n, n)
+    variances = np.einsum("kii->ki", P)
     sigma = np.sqrt(np.abs(variances))
-    most = sigma[..., :, None] * sigma[..., None, :]
+    most = sigma[:, :, None] * sigma[:, None, :]
     slack = SAME * most
-    bad = (np.abs(P) > most + slack) | (np.abs(P - np.swapaxes(P, -1, -2)) > slack)
-    return (variances < 0.0).any(axis=(1, 2)) | bad.any(axis=(1, 2, 3))
+    bad = (np.abs(P) > most + slack) | (np.abs(P - np.swapaxes(P, 1, 2)) > slack)
+    return (variances < 0.0).any(axis=1) | bad.any(axis=(1, 2))
