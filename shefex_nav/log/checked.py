@@ -123,7 +123,7 @@ def _each(given, name):
 
 def _possible(path, topic, field, given):
     """LogError if a value of a field is none that it can be (`possible`). given : as of `check`"""
-    if not len(given) or (rule := possible.rule(field)) is None:
+    if (isinstance(given, list) and not given) or (rule := possible.rule(field)) is None:
         return
     of, (wrong, words) = attrgetter(field.source), rule
     if not isinstance(given, list):
@@ -137,7 +137,7 @@ def _possible(path, topic, field, given):
         parts = [np.reshape(of(one), (-1, size)) for one in given]
         numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         values = np.concatenate(parts)
-    bad = wrong(values)
+    bad = wrong(values) if len(values) else np.zeros(0, dtype=bool)
     if bad.any():
         k = int(bad.argmax())
         got = np.array2string(values[k], precision=4, threshold=12)
