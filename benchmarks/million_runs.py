@@ -46,12 +46,15 @@ def scenario_of(path):
 
 
 def altered(tree, factors):
-    """A tree of results, list or dict, with each number multiplied by the next of endless factors."""
+    """A tree of results, list or dict, each number but shares times the next of endless factors."""
     kind = type(tree)
     if kind is float:
         return tree * next(factors)
     if kind is dict:
-        return {name: altered(value, factors) for name, value in tree.items()}
+        return {
+            name: value if name.endswith("share") or name == "doubts" else altered(value, factors)
+            for name, value in tree.items()
+        }
     return [altered(value, factors) for value in tree] if kind is list else tree
 
 

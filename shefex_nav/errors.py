@@ -14,6 +14,16 @@ class UserError(Exception):
     exit_code = 2
 
 
+def shown(value, how=repr):
+    """What a value of somebody's own code says of itself; that may fail, too. how : repr or str"""
+    try:
+        return how(value)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        return f"a {type(value).__name__} whose __{how.__name__}__ raises {type(error).__name__}"
+
+
 class CodeError(UserError):
     """Code of a user's own that has failed, or given something else than it must: what, and their frames."""
 
@@ -23,7 +33,7 @@ class CodeError(UserError):
             own = [one for one in frames if one.filename == frames[0].filename]
             place = f" ({os.path.basename(own[-1].filename)}:{own[-1].lineno})" if own else ""
             where = "".join(traceback.format_list(frames))
-            words = f"{words}{place}: {type(cause).__name__}: {cause}\n{where}".rstrip()
+            words = f"{words}{place}: {type(cause).__name__}: {shown(cause, str)}\n{where}".rstrip()
         super().__init__(words)
 
 

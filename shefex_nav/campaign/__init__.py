@@ -20,7 +20,7 @@ Everything but what was measured with a clock depends on scenario, root seed and
 
 plan, draws, flight              what all runs have in common; what run k draws; one run
 engine, cluster                  runs handed to workers
-store, runs_file, table          the folder; the file of the runs; one table of all
+store, runs_file, table, checking      the folder; the file of the runs; one table of all; which values can be
 results, statistics, over_time, sensitivity, convergence     what they mean
 tolerance, looks, verdicts, until      which requirements the runs show, and when that is looked at
 parts, verdict_rows, summary, page, figures    printed; one HTML page

@@ -91,7 +91,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
 def _kept(folder, run):
     """(record that is kept, notes for people); no record if there is none, or a disk has spoilt it."""
     try:
-        return store.Store(folder).runs.record(run), []
+        return store.Store(folder).record(run), []
     except runs_file.SpoiltError as error:
         return None, [str(error)]
 

@@ -197,7 +197,7 @@ class Campaign:
 
     def record(self, run):
         """Record of a run, with its whole summary; KeyError if it is not done."""
-        found = self._store.runs.record(run)
+        found = self._store.record(run)
         if found is None:
             raise KeyError(self._absent(run))
         return found
@@ -359,6 +359,7 @@ def open_campaign(folder: str | Path) -> "Campaign":
     a place of its own. Where only the table was kept, it counts.
     """
     head = store.read_head(folder)
+    _check_source(head["source"], folder)
     kept = store.Store(folder)
     path = kept.folder / "results.parquet"
     try:
@@ -370,6 +371,17 @@ def open_campaign(folder: str | Path) -> "Campaign":
     if not kept.runs.done():
         raise store.StoreError(f"{folder}: no run of this campaign is done yet")
     return _of_records(kept, head)
+
+
+def _check_source(source, folder):
+    """StoreError if the scenario that a folder keeps is no YAML."""
+    try:
+        document.parse(source, f"{folder}/campaign.json")
+    except document.BadText as error:
+        (mark, words) = error.args
+        raise store.StoreError(
+            f"{folder}/campaign.json: is damaged: source: line {mark.line}: {words}"
+        ) from None
 
 
 def _of_records(kept, head):

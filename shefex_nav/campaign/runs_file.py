@@ -14,6 +14,7 @@ import zlib
 from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
+from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.campaign.plan import digest
 from shefex_nav.errors import UserError
 from shefex_nav.files import from_json, unpacked
@@ -31,7 +32,13 @@ TABLES = (
     "CREATE TABLE series (run INTEGER PRIMARY KEY, sha256 TEXT, arrays BLOB)",  # an .npz file
     "CREATE TABLE lost (run INTEGER PRIMARY KEY, reason TEXT, deadly INTEGER)",
 )
-
+OF_RUN = "run", "failed", "severity", "rms_deg"
+WRONG_ROW = (
+    "SELECT * FROM runs WHERE run < 0 OR run >= ? OR typeof(failed) NOT IN ('integer', 'null') OR "
+    "typeof(severity) NOT IN ('real', 'null') OR typeof(rms_deg) NOT IN ('real', 'null') LIMIT 1"
+)
+KINDS = {str: "a text", int: "a whole number", dict: "an object"}
+MOST_SEED = 2**53  # as `draws.SEED_BITS`
 WORST_FIRST = "ORDER BY severity DESC, rms_deg DESC, run"
 
 
@@ -41,6 +48,30 @@ class StoreError(UserError):
 
 class SpoiltError(StoreError):
     """A run whose record or series a disk has spoilt; the message says how to have it again."""
+
+
+FORM = {  # of a record: its types
+    "status": str, "reason": str, "traceback": str, "seed": int, "draws": dict, "summary": dict,
+    "series_sha256": str, "timing": dict,
+}  # fmt: skip
+
+
+def _form_fault(record, run):
+    """What is wrong with the form of what was kept as the record of a run, in words; '' if nothing is."""
+    if type(record) is not dict:
+        return f"got a {type(record).__name__}, expected an object"
+    for key, kind in FORM.items():
+        if type(record.get(key)) is not kind:
+            return f"{key}: got {record.get(key)!r:.80}, expected {KINDS[kind]}"
+    if record.get("run") != run:
+        return f"run: got {record.get('run')!r:.80}, expected {run}"
+    if record["status"] not in ("succeeded", "failed"):
+        return f"status: got {record['status']!r:.80}, expected 'succeeded' or 'failed'"
+    if not 0 <= record["seed"] < MOST_SEED:
+        return f"seed: got {record['seed']!r:.80}, expected a whole number from 0 to {MOST_SEED - 1}"
+    if record["status"] == "failed" and record["summary"]:
+        return "status: got 'failed' with a summary, which only a run that flew to its end has"
+    return ""
 
 
 class Standing(NamedTuple):
@@ -67,10 +98,12 @@ class RunsFile:
             )
             weakref.finalize(self, self._db.close)  # a reader's lock would outlive it: sqlite3 has a cycle
             self._db.execute(f"PRAGMA page_size = {PAGE}")
+            self._db.execute("PRAGMA trusted_schema = OFF")
             if not self._one("PRAGMA schema_version"):
                 self._make()
             if self._one("PRAGMA application_id") != KIND:
                 raise StoreError(f"{self.path}: is another program's; expected the runs of a campaign")
+            self._check()
             if write:
                 self._db.execute("PRAGMA journal_mode = WAL")
                 self._db.execute("PRAGMA synchronous = FULL")
@@ -81,6 +114,25 @@ class RunsFile:
             for table in TABLES:
                 self._db.execute(table)
             self._db.execute(f"PRAGMA application_id = {KIND}")
+
+    def _check(self):
+        """StoreError unless the file has the tables that `_make` makes, and nothing else, and rows of runs.
+
+        A view may be endless, a trigger do anything.
+        """
+        found = {text for (text,) in self._db.execute("SELECT sql FROM sqlite_master")}
+        if found != set(TABLES):
+            other = next(iter(sorted(str(text) for text in found - set(TABLES))), None)
+            words = f"holds {other[:80]!r}" if other else "lacks a table"
+            raise StoreError(
+                f"{self.path}: {words}, unlike that of a campaign; restore it, or fly a new one with --out"
+            )
+        if (wrong := self._db.execute(WRONG_ROW, (MOST_RUNS,)).fetchone()) is not None:
+            told = ", ".join(f"{name} {value!r:.40}" for name, value in zip(OF_RUN, wrong, strict=True))
+            raise StoreError(
+                f"{self.path}: table runs: got {told}; expected a run from 0 to {MOST_RUNS - 1} and numbers; "
+                "restore it, or fly a new campaign with --out"
+            )
 
     def close(self):
         """End the use of the file; after writing it is one file again, unless somebody reads it now."""
@@ -198,13 +250,13 @@ class RunsFile:
 
     def record(self, run):
         """Record of a run; None if it is not done. SpoiltError if a disk spoilt it."""
-        question = "SELECT record FROM records JOIN runs USING (run) WHERE run = ?"
+        question = "SELECT record FROM runs LEFT JOIN records USING (run) WHERE run = ?"
         rows = self._all(question, int(run))
         return self._unpacked(run, rows[0][0]) if rows else None
 
     def records(self):
         """Records of the runs that are done, in order: iterator."""
-        question = "SELECT run, record FROM runs JOIN records USING (run) ORDER BY run"
+        question = "SELECT run, record FROM runs LEFT JOIN records USING (run) ORDER BY run"
         with self._told():
             for run, packed in self._db.execute(question):
                 yield self._unpacked(run, packed)
@@ -212,9 +264,12 @@ class RunsFile:
     def _unpacked(self, run, packed):
         """Record of what is kept of it."""
         try:
-            return from_json(unpacked(packed, LARGEST_RECORD))
+            record = from_json(unpacked(packed, LARGEST_RECORD))
         except (zlib.error, ValueError, TypeError):
-            raise self._spoilt(f"the record of run {run} is", run) from None
+            raise self.spoilt_run(f"the record of run {run} is spoilt", run) from None
+        if words := _form_fault(record, run):
+            raise self.spoilt_run(f"the record of run {run}: {words}", run)
+        return record
 
     def series(self, run):
         """Series of a run, bytes of an .npz file; None if there is none. SpoiltError if a disk spoilt it."""
@@ -223,13 +278,13 @@ class RunsFile:
             return None
         (expected, content) = rows[0]
         if not isinstance(content, bytes) or digest(content) != expected:
-            raise self._spoilt(f"the series of run {run} are", run)
+            raise self.spoilt_run(f"the series of run {run} are spoilt", run)
         return content
 
-    def _spoilt(self, what, run):
+    def spoilt_run(self, what, run):
         """SpoiltError that says how to have a run again."""
         command = f"shefex-nav repeat {self.path.parent} {run} --keep"
-        return SpoiltError(f"{self.path}: {what} spoilt; `{command}` flies it again and keeps it")
+        return SpoiltError(f"{self.path}: {what}; `{command}` flies it again and keeps it")
 
     def spoilt(self, first):
         """Numbers of those of the first runs whose record or series a disk has spoilt: list."""

@@ -6,9 +6,10 @@ before it counts as done.
 
 import json
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
 
-from shefex_nav.campaign import MOST_RUNS, runs_file, table, units
+from shefex_nav.campaign import MOST_RUNS, checking, runs_file, table, units
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.files import finish, from_json, put, settle
@@ -204,10 +205,26 @@ class Store:
         """Keep a run. bad : how bad it is (`running.badness`)"""
         self.runs.keep([(flown, bad)])
 
-    def _units(self):
-        """{path: unit} of what is drawn here."""
+    def _dispersed(self):
+        """disperse.Dispersed of what is drawn here: list."""
         head = self.head()
-        return {} if head is None else units.of_source(head["source"], f"{self.folder}/campaign.json")
+        return [] if head is None else units.dispersed(head["source"], f"{self.folder}/campaign.json")
+
+    def record(self, run):
+        """Record of a run; None if it is not done. SpoiltError if a disk spoilt it or a value cannot be."""
+        record = self.runs.record(run)
+        if record is not None and (wrong := checking.row_fault(table.row(record), self._drawn)):
+            raise self._spoilt(checking.WrongValueError(run, *wrong))
+        return record
+
+    @cached_property
+    def _drawn(self):
+        """Paths whose draws are numbers."""
+        return units.numbers(self._dispersed())
+
+    def _spoilt(self, error):
+        """SpoiltError of a checking.WrongValueError."""
+        return self.runs.spoilt_run(f"the record of run {error.run}: {error.words}", error.run)
 
     def tabulate(self):
         """Write results.parquet of the runs that are done, unless it is there. -> table.Made"""
@@ -224,7 +241,12 @@ class Store:
     def write_table(self, path):
         """Write the table of the runs that are done to a path."""
         with self.runs.unchanged():
-            table.save(_Rows(self.runs), path, self._units(), self.runs.state())
+            given = self._dispersed()
+            measures = {one.name: one.measure for one in given}
+            try:
+                table.save(_Rows(self.runs), path, measures, self.runs.state(), units.numbers(given))
+            except checking.WrongValueError as error:
+                raise self._spoilt(error) from None
 
 
 class _Rows:

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.errors import UserError
+from shefex_nav.campaign import checking
+from shefex_nav.campaign.checking import LARGE, TableError
 from shefex_nav.files import named, whole
 
 LONGEST = 6  # numbers of a list that become columns
@@ -30,11 +31,6 @@ WARNINGS = "summary.warnings"
 EXACT = 2**53  # whole numbers to here are the same as float
 BATCH = 4096  # rows in memory at a time
 DIGEST, STATE = b"results_digest", b"state"  # of the metadata of a file
-LARGE = "large"  # kind of whole numbers that no int64 holds
-
-
-class TableError(UserError):
-    """A table whose rows a disk has spoilt."""
 
 
 class Made(NamedTuple):
@@ -103,7 +99,7 @@ def kinds(rows):
     for one in rows:
         for name, value in one.items():
             if value is not None:
-                kind = LARGE if type(value) is int and value >= 2**63 else type(value)
+                kind = LARGE if type(value) is int and not -(2**63) <= value < 2**63 else type(value)
                 if name not in found:
                     found[name] = {kind}
                 elif kind not in found[name]:
@@ -173,17 +169,21 @@ def _plain(value):
     return value
 
 
-def save(rows, path, units=None, state=""):
+def save(rows, path, units=None, state="", drawn=()):
     """Write rows as Parquet, a batch in memory at a time; the file is whole or not there.
+
+    WrongValueError, and no file, if a row has a value that no campaign writes.
 
     rows : of dict in the order of the runs; gone through twice, first for the kinds of the columns
     units : {path of a draw: unit}, which go into the metadata of its field
     state : of the store that they come from
+    drawn : paths whose draws are numbers
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     found = kinds(rows)
+    checking.check_kinds(rows, found, drawn)
     names = [*HEAD, *sorted(set(found) - set(HEAD))]
     types = [_type(found.get(name, set())) for name in names]
     fields = [
@@ -197,6 +197,7 @@ def save(rows, path, units=None, state=""):
             columns = [
                 _arrow([one.get(name) for one in some], kind) for name, kind in zip(names, types, strict=True)
             ]
+            checking.check_columns(dict(zip(names, columns, strict=True)), some, drawn)
             writer.write_batch(pa.record_batch(columns, writer.schema))
         writer.add_key_value_metadata({DIGEST: total.words, STATE: state})
 
@@ -292,7 +293,11 @@ class File:
     def column(self, name, groups):
         """A column of some groups of rows: pyarrow ChunkedArray."""
         with _reading(self._path):
-            return self._file.read_row_groups(groups, [name], use_threads=False).column(0)
+            values = self._file.read_row_groups(groups, [name], use_threads=False).column(0)
+            if checking.is_faulty(name, values):
+                runs = self._file.read_row_groups(groups, ["run"], use_threads=False).column(0)
+                checking.refuse(self._path, runs, name, values)
+        return values
 
 
 class Columns(Mapping):

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
+from shefex_nav.errors import shown
 from shefex_nav.fields import LARGEST
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.elementary import arccos
@@ -24,6 +25,8 @@ from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, Nav
 
 KEPT = int(TICK_HZ)  # ticks, for frames that come late
 OUTPUTS = NavSolution, NavCovariance, GateResult, NavHealth
+TEXTS = {GateResult: ("sensor", "note"), NavHealth: ("source", "reason")}
+LEAST_M = 1.0  # from the centre of the Earth, where no direction is up
 LONGEST_S = 0.1  # over which the attitude of a tick is carried on to a picture
 
 
@@ -97,7 +100,7 @@ class OwnNavigation:
         given = self._ask("step", self._imu, [sealed(one) for one in arrived])
         given = [] if given is None else [given] if isinstance(given, tuple) else given
         if not isinstance(given, list):
-            raise self._error(f"must give an Estimate, a list or None, got {given!r}")
+            raise self._error(f"must give an Estimate, a list or None, got {shown(given)}")
         outputs = [record for one in given for record in self._recorded(one)]
         solutions = [one for one in outputs if isinstance(one, NavSolution)]
         if len(solutions) > 1:
@@ -205,6 +208,7 @@ class OwnNavigation:
             value = getattr(estimate, field)
             if value is not None or field in ("r_i", "v_i"):
                 arrays[field] = self._own.numbers(self.now_s, f"{field} of its Estimate", value, *shape)
+        self._check_place("r_i of its Estimate", arrays["r_i"])
         arrays["q_ib"] = self._own.quaternion(self.now_s, "q_ib of its Estimate", estimate.q_ib)
         if "P" in arrays and (fault := covariance_fault(arrays["P"])):
             raise self._error(f"P of its Estimate {fault}")
@@ -236,6 +240,8 @@ class OwnNavigation:
         """A whole record of the software's own: of this tick, and a NavSolution complete."""
         if abs(record.t_s - self.now_s) > SAME_S:
             raise self._error(f"gave a {type(record).__name__} of T{record.t_s:+.6f} s, of another tick")
+        for name in TEXTS.get(type(record), ()):
+            self._own.text(self.now_s, f"{name} of its {type(record).__name__}", getattr(record, name))
         if isinstance(record, NavSolution):
             if missing := [name for name, value in record._asdict().items() if value is None]:
                 raise self._error(f"gave a NavSolution without {missing[0]}")
@@ -255,20 +261,27 @@ class OwnNavigation:
             value, what = getattr(given, name), f"{name} of its NavSolution"
             if not name.startswith(("sigma", "protection")):
                 self._own.numbers(self.now_s, what, value, *shape)
+                if name == "r_i":
+                    self._check_place(what, value)
                 continue
             # NaN: it does not say; infinity: nothing is known
             array = self._own.real(self.now_s, what, value)
             if array.shape != shape or (array < 0.0).any():
-                raise self._error(f"{what} must be of shape {shape} and not negative, got {value!r}")
+                raise self._error(f"{what} must be of shape {shape} and not negative, got {shown(value)}")
             if name.startswith("protection") and (array == 0.0).any():
-                raise self._error(f"{what} must be above 0, got {value!r}")
+                raise self._error(f"{what} must be above 0, got {shown(value)}")
             if (np.isfinite(array) & (array >= LARGEST)).any():
-                raise self._error(f"{what} must be below {LARGEST:g}, or infinite, got {value!r}")
+                raise self._error(f"{what} must be below {LARGEST:g}, or infinite, got {shown(value)}")
+
+    def _check_place(self, what, r_i):
+        """SoftwareError for a position at the centre of the Earth."""
+        if np.linalg.norm(r_i) < LEAST_M:
+            raise self._error(f"{what} is the centre of the Earth, where no direction is up")
 
     def _checked_context(self, context):
         """What the software says of a picture itself."""
         if not isinstance(context, Context):
-            raise self._error(f"context must give a Context, got {context!r}")
+            raise self._error(f"context must give a Context, got {shown(context)}")
         if context.q_ic is not None:
             self._own.quaternion(self.now_s, "q_ic of its Context", context.q_ic)
         for name, shape in (("omega_c", (3,)), ("P_omega_c", (3, 3))):

@@ -7,7 +7,7 @@ from contextlib import redirect_stdout
 
 import numpy as np
 
-from shefex_nav.errors import CodeError, SoftwareError
+from shefex_nav.errors import CodeError, SoftwareError, shown
 from shefex_nav.fields import LARGEST, UNIT
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
@@ -63,7 +63,9 @@ class OwnSoftware:
                 return getattr(self._software, method)(*given)
         except CodeError as error:  # has its words already
             raise self.error(now_s, str(error)) from error
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:  # of the user
+            raise
+        except BaseException as error:  # SystemExit, GeneratorExit, a class of its own
             raise self.error(now_s, f"failed in {method}", error) from error
 
     def error(self, now_s, words, cause=None):
@@ -88,7 +90,17 @@ class OwnSoftware:
                 return array.astype(float)
         except Exception:  # rows of different lengths, numbers of 400 digits, an error of its own __array__
             pass
-        raise self.error(now_s, f"{what} must be numbers, got {value!r}")
+        raise self.error(now_s, f"{what} must be numbers, got {shown(value)}")
+
+    def text(self, now_s, what, value):
+        """A text that a log can hold; SoftwareError."""
+        if not isinstance(value, str):
+            raise self.error(now_s, f"{what} must be a text, got {shown(value)}")
+        try:
+            value.encode()
+        except UnicodeEncodeError:  # a lone surrogate
+            raise self.error(now_s, f"{what} must be a text of Unicode, got {value!r:.80}") from None
+        return value
 
     def quaternion(self, now_s, what, value):
         """Unit quaternion, normalised; SoftwareError."""

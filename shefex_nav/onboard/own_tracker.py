@@ -4,6 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from shefex_nav.errors import shown
 from shefex_nav.fields import integer, matrix, member, number, vector
 from shefex_nav.onboard import own_conventions
 from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
@@ -52,7 +53,7 @@ class OwnTracker:
         """As of `tracker.step`."""
         solved = self._own.ask(frame.t_available_s, "step", frame, context)
         if not isinstance(solved, Solved):
-            raise self._own.error(frame.t_available_s, f"must give a Solved, got {solved!r}")
+            raise self._own.error(frame.t_available_s, f"must give a Solved, got {shown(solved)}")
         available_s = frame.t_available_s + tracker.params.settings.latency
         fix = self._answers.fix(solved, frame, frame.t_available_s, available_s)
         self._check_convention(fix, context)
@@ -113,7 +114,7 @@ class Answers:
         if solved.q_ic is None:
             if solved.reason not in list(Reason)[1:]:
                 raise self._own.error(
-                    now_s, f"gave no attitude and no reason of records.Reason: {solved.reason!r}"
+                    now_s, f"gave no attitude and no reason of records.Reason: {shown(solved.reason)}"
                 )
             reason = solved.reason
         else:

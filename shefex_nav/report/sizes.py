@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+LARGE = 1e9  # from here on a figure for people has three digits and an exponent
+
 
 def rms(values):
     """Of (N,) values; NaN without any."""
@@ -17,4 +19,7 @@ def largest(values):
 
 def number(value, digits, unit=""):
     """A figure with its unit, for people; '-' of None."""
-    return "-" if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
+    if value is None:
+        return "-"
+    said = f"{value:.3g}" if abs(value) >= LARGE else f"{value:,.{digits}f}".replace(",", " ")
+    return f"{said}{' ' if unit else ''}{unit}"

@@ -158,7 +158,7 @@ def _navigation_rows(navigation):
             words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
             if sensor in TABLE and TABLE[sensor].errors_last:
                 words = f"below {nis['dof']} where its sigmas are right, for its errors last"
-            yield name, f"{nis['mean']:.2f}, mean of {nis['samples']}; {words}"
+            yield name, f"{number(nis['mean'], 2)}, mean of {nis['samples']}; {words}"
     nees = navigation["nees"]
     if nees["mean"] is not None:
         yield "NEES", _nees_words(nees)
@@ -166,7 +166,7 @@ def _navigation_rows(navigation):
 
 def _nees_words(nees):
     """Errors over what the filter believes of them."""
-    what = f"{nees['mean']:.1f} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
+    what = f"{number(nees['mean'], 1)} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
     if nees["mean"] > TOO_SURE * nees["dof"]:
         return Text(f"{what}: errors are larger than the filter's sigmas say", style="bold yellow")
     return what
@@ -179,7 +179,7 @@ def _integrity_rows(integrity):
     for quantity in QUANTITIES:
         one = integrity[quantity]
         share, over = one["usable_share"], one["over_level"]
-        largest = "" if over is None else f", error at most {over:.2f} of its protection level"
+        largest = "" if over is None else f", error at most {number(over, 2)} of its protection level"
         yield f"{quantity} usable", f"{100.0 * share:.1f} % of the time{largest}{_doubts(quantity, one)}"
         if one["misleading_share"]:
             share = 100.0 * one["misleading_share"]

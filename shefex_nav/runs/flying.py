@@ -15,7 +15,7 @@ import numpy as np
 from shefex_nav.log import thinning
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
-from shefex_nav.log.topics import RunSummary
+from shefex_nav.log.topics import LogError, RunSummary
 from shefex_nav.pacing import Pace
 from shefex_nav.records import TruthSample
 from shefex_nav.runs.room import Room
@@ -24,6 +24,12 @@ from shefex_nav.workers import collected_afterwards
 
 FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
 LOG_NAME = "run.mcap"
+
+
+class LogGoneError(LogError):
+    """A flight came to its end, but its log is not there any more."""
+
+    exit_code = 1
 
 
 def _check(scenario, seed, until_s, pace):
@@ -170,6 +176,8 @@ def _record(flight, mission, wanted, path, overwrite, setup_s, pace):
         done = RunSummary(last_s, time.perf_counter() - began, setup_s, flight.cut_s)
         writer.write(done)
         kept.add(done)
+    if not path.exists():  # own software may do that
+        raise LogGoneError(f"{path}: was flown to the end, but somebody has deleted the log meanwhile")
     return kept.build(columns)
 
 

@@ -17,6 +17,7 @@ from shefex_nav.solve.header import julian_year, of_header, year_of
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
 FITS_MAGIC = b"SIMPLE  ="
+READABLE = "PNG, JPEG, TIFF, WebP, BMP, GIF, PPM or FITS"
 FORMATS = "PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF", "PPM"  # no others: EPS, for one, starts Ghostscript
 RAW = (".raw", ".bin")  # endings of files that hold grey values alone
 EXIF_TAKEN, EXIF_BLOCK = 36867, 34665  # DateTimeOriginal, and its block
@@ -72,16 +73,16 @@ def stored(path):
     except PictureError:
         raise
     except UnidentifiedImageError:
-        raise PictureError(
-            f"{path}: is not a picture that can be read; expected PNG, JPEG, TIFF, WebP, BMP or FITS"
-        ) from None
+        raise PictureError(f"{path}: is not a picture that can be read; expected {READABLE}") from None
     except Image.DecompressionBombError:
         raise PictureError(
             f"{path}: has too many pixels; at most {MOST_PIXELS // 1_000_000} million"
         ) from None
     except Exception as error:  # decoders raise whatever they like (struct.error, zlib.error)
+        if getattr(error, "errno", None) is not None:
+            raise PictureError(f"{path}: cannot be read: {error.strerror}") from None
         raise PictureError(
-            f"{path}: is damaged or of an unknown kind ({type(error).__name__}: {error})"
+            f"{path}: is cut off, damaged or of a kind that is not read; expected a whole picture: {READABLE}"
         ) from None
 
 

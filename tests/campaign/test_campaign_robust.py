@@ -255,11 +255,12 @@ def errs(record):
 FILL = """
 import sys
 from pathlib import Path
-from shefex_nav.campaign import flight, store
+from shefex_nav.campaign import flight, plan, store
 with store.Store(Path(sys.argv[1])) as folder:
     folder.runs._db.execute("PRAGMA wal_autocheckpoint = 4")
+    record = flight.given_up(plan.Job(0, 1, {}, ""), "")[0] | {"status": "succeeded"}
     for run in range(1000):
-        folder.keep(flight.Flown({"run": run, "status": "succeeded"}, run.to_bytes(2, "big") * 5000))
+        folder.keep(flight.Flown(record | {"run": run}, run.to_bytes(2, "big") * 5000))
         print(run, flush=True)
 """
 
@@ -338,7 +339,7 @@ parts.parts(campaign, over_time.read(campaign))
 @failing_machine.needed
 @pytest.mark.parametrize(("name", "well", "told"), [
     ("runs.sqlite", 0, "runs.sqlite: disk I/O error; what is there is kept, the same command goes on"),
-    ("runs.sqlite", 3, "or its disk fails (database disk image is malformed); copy it to another disk"),
+    ("runs.sqlite", 5, "or its disk fails (database disk image is malformed); copy it to another disk"),
     ("results.parquet", 8, "results.parquet'"),
 ])  # fmt: skip
 def test_a_disk_that_cannot_be_read_is_told(name, well, told, whole, failing):

@@ -76,7 +76,7 @@ def test_digest_is_of_results_in_any_order_and_of_nothing_measured():
 def test_parquet_gives_back_the_same_digest(tmp_path):
     rows = [table.row(record) for record in records(8, breaks=True)]
     rows[2]["seed"] = 2**63 + 11  # a seed that no float and no int64 holds
-    rows[1]["summary.star_tracker.wrong"] = 0.5  # whole numbers and others in one column
+    rows[1]["summary.flight.apogee_km"] = 177  # whole numbers and others in one column
     table.save(rows, tmp_path / "results.parquet", state="7 8")
     again = list(table.load(tmp_path / "results.parquet"))
     assert [row["run"] for row in again] == list(range(8))
@@ -232,7 +232,8 @@ def test_what_is_no_campaign_is_refused(tmp_path):
         store.StoreError, match=r"campaign\.json: its format is 1, expected 2; fly it in another"
     ):
         open_campaign(tmp_path)
-    head = dict.fromkeys(store.HEAD) | {"format": FORMAT, "runs": 3}
+    head = {name: types[0]() for name, types in store.HEAD.items()}
+    head |= {"format": FORMAT, "runs": 3, "source": "mission: {}"}
     (tmp_path / "campaign.json").write_text(json.dumps(head))
     with pytest.raises(store.StoreError, match="no run"):
         open_campaign(tmp_path)

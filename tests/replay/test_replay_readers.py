@@ -196,16 +196,16 @@ def test_only_the_end_may_be_torn(text, tmp_path):
 
 def test_rows_marked_as_no_fix_are_not_read(tmp_path):
     """Whatever stands in them: nothing, NaN, words, places that cannot be, times of a clock not yet set."""
-    head = "t,lat,lon,h,v,fix,n\n"
-    columns = GNSS | {"velocity": ["v", "v", "v"], "valid": "fix", "satellites": "n"}
-    good = "0,48,11,500,1,1,7\n1,48,11,500,1,1,7\n"
-    none = "2,,,,,0,\n3,nan,nan,nan,nan,0,nan\n4,none,-,x,1e99,0,0\n5,999,0,1e99,1,0,0\n"
-    late = "1980,0,0,0,0,0,0\n,0,0,0,0,0,0\n6,48,11,500,1,1,7\n"
+    head = "t,lat,lon,h,u,v,w,fix,n\n"
+    columns = GNSS | {"velocity": ["u", "v", "w"], "valid": "fix", "satellites": "n"}
+    good = "0,48,11,500,1,1,1,1,7\n1,48,11,500,1,1,1,1,7\n"
+    none = "2,,,,,,,0,\n3,nan,nan,nan,nan,1,1,0,nan\n4,none,-,x,1e99,1,1,0,0\n5,999,0,1e99,1,1,1,0,0\n"
+    late = "1980,0,0,0,0,0,0,0,0\n,0,0,0,0,0,0,0,0\n6,48,11,500,1,1,1,1,7\n"
     _, gnss, _ = read_csv(tmp_path, gnss=head + good + none + late, gnss_columns=columns)
     assert gnss.t_s.tolist() == [0, 1, 2, 3, 4, 5, 6]
     assert gnss.valid.tolist() == [True, True, False, False, False, False, True]
     assert np.isfinite(gnss.satellites).all() and np.isfinite(gnss.r_e[gnss.valid]).all()
-    for wrong in ("2,,11,500,1,1,7\n", "2,48,11,nan,1,1,7\n", "2,999,11,500,1,1,7\n"):
+    for wrong in ("2,,11,500,1,1,1,1,7\n", "2,48,11,nan,1,1,1,1,7\n", "2,999,11,500,1,1,1,1,7\n"):
         with pytest.raises(DataError, match=r"g\.csv:4: (lat|h): "):
             read_csv(tmp_path, gnss=head + good + wrong, gnss_columns=columns)
 
@@ -223,12 +223,12 @@ def test_positions_in_another_unit(factor, unit, tmp_path):
 
 def test_what_no_receiver_says_is_refused(tmp_path):
     for row, words in (
-        ("1,48,11,1e99,1,1", "h: a height of 1e.99 m is nowhere near the Earth"),
-        ("1,48,11,500,1e99,1", "v, v, v: a speed of .* m/s is faster than light"),
-        ("1,48,11,500,1,1e99", "a sigma must be greater than zero and below 1e.09, got 1e.99"),
+        ("1,48,11,1e99,1,1,1,1", "h: a height of 1e.99 m is nowhere near the Earth"),
+        ("1,48,11,500,1e99,1,1,1", "u, v, w: a speed of .* m/s is faster than light"),
+        ("1,48,11,500,1,1,1,1e99", "a sigma must be greater than zero and below 1e.09, got 1e.99"),
     ):
-        columns = GNSS | {"velocity": ["v"] * 3, "velocity_sigma": ["s"] * 3}
-        text = f"t,lat,lon,h,v,s\n0,48,11,500,1,1\n{row}\n"
+        columns = GNSS | {"velocity": ["u", "v", "w"], "velocity_sigma": ["s"] * 3}
+        text = f"t,lat,lon,h,u,v,w,s\n0,48,11,500,1,1,1,1\n{row}\n"
         with pytest.raises(DataError, match=rf"g\.csv:3: {words}"):
             read_csv(tmp_path, gnss=text, gnss_columns=columns)
 

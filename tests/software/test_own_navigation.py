@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from own_flights import CLASS, STATISTICAL, flown, reckoning, same, template
 
-from shefex_nav import plugins, prepare
+from shefex_nav import plugins, prepare, runs
 from shefex_nav.errors import SoftwareError
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.log.topics import LogError
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
 from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
@@ -101,6 +102,26 @@ WRONG = (
         r"T\+0.50 s: failed in step \(own.py:15\): ZeroDivisionError: (.|\n)*own.py.*line 15",
     ),
     ("if self.ticks == 50: raise SystemExit(0)", r"T\+0.50 s: failed in step \(own.py:15\): SystemExit: 0"),
+    ("raise GeneratorExit", r"failed in step \(own.py:15\): GeneratorExit"),
+    ("raise type('Own', (BaseException,), {})('x')", r"failed in step \(own.py:15\): Own: x"),
+    (
+        "raise type('Own', (Exception,), {'__str__': lambda self: 1 / 0})",
+        r"failed in step \(own.py:15\): Own: a Own whose __str__ raises ZeroDivisionError",
+    ),
+    (
+        "return type('Own', (), {'__repr__': lambda self: 1 / 0})()",
+        "must give an Estimate, a list or None, got a Own whose __repr__ raises ZeroDivisionError",
+    ),
+    (
+        "from shefex_nav.records import NavHealth; return [NavHealth(imu.t_valid_s, '\\udcff', True, '')]",
+        r"source of its NavHealth must be a text of Unicode, got '\\udcff'",
+    ),
+    (
+        "from shefex_nav.records import NavHealth; return [NavHealth(imu.t_valid_s, 'a', True, 7)]",
+        "reason of its NavHealth must be a text, got 7",
+    ),
+    ("if self.ticks == 50: self.r = 0.0 * self.r", "r_i of its Estimate is the centre of the Earth"),
+    (f"{NAV_SOLUTION}(r_i=zeros(3))]", "r_i of its NavSolution is the centre of the Earth"),
     ("if self.ticks == 50: return 7", r"T\+0.50 s: must give an Estimate, a list or None, got 7"),
     ("if self.ticks == 50: return [7]", r"gave int; it may give Estimate, NavSolution"),
     ("if self.ticks == 50: self.r = self.r[:2]", r"r_i of its Estimate must be finite, shape \(3,\)"),
@@ -127,6 +148,20 @@ WRONG = (
         r"gave a NavHealth of T\+0.490000 s, of another tick",
     ),
 )
+
+
+def test_an_interrupt_stays_one(tmp_path):
+    path = reckoning(tmp_path, "raise KeyboardInterrupt")
+    with pytest.raises(KeyboardInterrupt):
+        flown("night_sky", f"navigation.software={path}:Reckoning", until_s=1.0)
+
+
+def test_a_log_that_the_software_deletes_is_told(tmp_path):
+    log = tmp_path / "run.mcap"
+    path = reckoning(tmp_path, f"if self.ticks == 50: import os; os.remove({str(log)!r})")
+    scenario = load("night_sky", [f"navigation.software={path}:Reckoning"], trust=True)
+    with pytest.raises(LogError, match=r"run\.mcap: was flown .* deleted the log"):
+        runs.fly(scenario, until_s=0.6, log=log)
 
 
 def test_what_means_a_number_is_one():

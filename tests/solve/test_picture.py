@@ -229,3 +229,15 @@ def test_a_fits_file_of_heads_alone_is_refused(tmp_path):
     assert read(put(tmp_path, "good.fits", good)).grey.shape == (64, 64)
     with pytest.raises(PictureError, match="has no picture in its first 1000 parts"):
         read(put(tmp_path, "bad.fits", head(first, empty) + 999 * head(other, empty) + picture))
+
+
+@pytest.mark.parametrize("kind", ["PNG", "GIF", "PPM", "TIFF", "WEBP", "BMP"])
+def test_a_picture_that_is_cut_off_is_told_in_our_words(kind, tmp_path):
+    path = tmp_path / "picture"
+    values = np.random.default_rng(1).integers(0, 255, (80, 90), np.uint8)
+    Image.fromarray(values).save(path, kind)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) * 2 // 3])
+    with pytest.raises(picture.PictureError, match=r"picture: is cut off, .* BMP, GIF, PPM or FITS$") as told:
+        picture.read(path)
+    assert "Error" not in str(told.value)

@@ -1,0 +1,190 @@
+"""What a value of a run can be, by the name of its column: records and tables may be anybody's.
+
+The rule is what a campaign writes. Of a value by itself `fault` tells, of a whole column `is_faulty`.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+from shefex_nav.campaign import MOST_RUNS
+from shefex_nav.errors import UserError
+
+LARGEST = 1e100  # squares and sums of a million squares stay finite
+LEAST_WHOLE, MOST_WHOLE = -(2**63), 2**64 - 1  # that a table holds
+COUNTS = frozenset(
+    ("frames", "in_window", "solved", "fixes", "wrong", "samples", "misleading_events", "dof")
+)  # fmt: skip
+COUNTED = frozenset(("outside", "no_fix"))  # objects whose values are counts
+SHARED = frozenset(("doubts",))  # objects whose values are shares
+NOT_NEGATIVE = frozenset(
+    ("rms", "max", "p99", "over_level", "usable_h", "nees", "propellant_kg", "max_speed_m_s", "range_km",
+     "position_error_m", "velocity_error_m_s", "objects_without_fix")
+)  # fmt: skip
+NORMS = ("_rms", "sigma_", "protection_", "limit_m", "limit_deg")  # parts of names of what is not negative
+TRUTHS = frozenset(("usable", "limit_by_default", "ended_early"))
+TREES = frozenset(("position_error_m", "velocity_error_m_s", "max", "nees"))  # objects elsewhere
+AT_MOST = tuple(
+    (f"summary.star_tracker.{few}", f"summary.star_tracker.{many}")
+    for few, many in (("in_window", "frames"), ("solved", "in_window"), ("wrong", "frames"))
+)
+LISTS = frozenset(("summary.requirements", "summary.told_otherwise", "summary.flight.events"))  # no columns
+NUMBERS = frozenset((int, float))
+LARGE = "large"  # kind of whole numbers that no int64 holds
+ROUNDING = 1e-9  # of a share
+
+
+class TableError(UserError):
+    """A table whose rows a disk has spoilt."""
+
+
+class WrongValueError(TableError):
+    """A run with a value that no campaign writes; `run`, and `words` that say which."""
+
+    def __init__(self, run, column, value, expected):
+        told = repr(value) if type(value) is not int or abs(value) < LARGEST else "a huge number"
+        self.run, self.words = run, f"{column}: got {told[:80]}, expected {expected}"
+        super().__init__(f"run {run}: {self.words}")
+
+
+class Rule(NamedTuple):
+    """Types and bounds of the values of a column, and what is expected in words."""
+
+    kinds: frozenset
+    low: float
+    high: float
+    words: str
+
+
+ANYTHING = Rule(frozenset((bool, str, int, float)), -LARGEST, LARGEST, f"a number below {LARGEST:g}")
+NUMBER = Rule(NUMBERS, -LARGEST, LARGEST, f"a number below {LARGEST:g}")
+POSITIVE = Rule(NUMBERS, 0.0, LARGEST, f"a number from 0 to {LARGEST:g}")
+COUNT = Rule(frozenset((int,)), 0, LARGEST, "a whole number, 0 or more")
+POSITIVE_COUNT = COUNT._replace(low=1, words="a whole number, 1 or more")
+SHARE = Rule(NUMBERS, 0.0, 1.0 + ROUNDING, "a share from 0 to 1")
+TRUTH = Rule(frozenset((bool,)), 0, 1, "true or false")
+NOTHING = Rule(frozenset(), 0, 0, "a number in place of a list or an object")
+A_LIST = NOTHING._replace(words="a list")
+RUN = Rule(frozenset((int,)), 0, MOST_RUNS - 1, f"the number of a run, 0 to {MOST_RUNS - 1}")
+
+
+@lru_cache(maxsize=4096)
+def rule(name):
+    """Rule of a column."""
+    if name == "run":
+        return RUN
+    if name in LISTS:
+        return A_LIST
+    if not name.startswith(("summary.", "timing.")):
+        return ANYTHING
+    *above, last = name.split(".")
+    in_list = last.isdigit() and bool(above)
+    if in_list:
+        *above, last = above
+    single = COUNTS | NOT_NEGATIVE
+    if any(part in single - TREES for part in above) or (in_list and last in single):
+        return NOTHING
+    if last == "dof":
+        return POSITIVE_COUNT
+    if last in COUNTS or above[-1] in COUNTED:
+        return COUNT
+    if last.endswith("_share") or above[-1] in SHARED:
+        return SHARE
+    if last in TRUTHS:
+        return TRUTH
+    if above[-1] == "height_km":  # it may be below the ellipsoid
+        return NUMBER
+    if last in NOT_NEGATIVE or any(part in last for part in NORMS) or (above[-1], last) == ("nees", "mean"):
+        return POSITIVE
+    return NUMBER if last.endswith(("_s", "_m", "_km", "_deg")) else ANYTHING
+
+
+def fault(name, value):
+    """What is expected of a column, in words, if a value of it cannot be; '' if it can or is None."""
+    expected = rule(name)
+    if value is None:
+        return ""
+    kind = type(value)
+    if kind not in expected.kinds:
+        return expected.words
+    can_be = kind not in NUMBERS or expected.low <= value <= expected.high  # NaN cannot
+    if kind is int and not LEAST_WHOLE <= value <= MOST_WHOLE:
+        return f"a whole number from {LEAST_WHOLE} to {MOST_WHOLE}"
+    return "" if can_be else expected.words
+
+
+def is_faulty(name, values):
+    """Whether a column, an Arrow array, holds a value that cannot be."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    kind, expected = values.type, rule(name)
+    if values.null_count == len(values):
+        return False
+    if pa.types.is_string(kind) or pa.types.is_boolean(kind):
+        return (str if pa.types.is_string(kind) else bool) not in expected.kinds
+    is_float = pa.types.is_floating(kind)
+    if not expected.kinds & NUMBERS or (is_float and float not in expected.kinds and not values.null_count):
+        return True
+    least, most = (one.as_py() for one in pc.min_max(values).values())
+    if is_float and pc.any(pc.is_nan(values)).as_py():
+        return True
+    return not (expected.low <= least and most <= expected.high)
+
+
+def row_fault(row, drawn=()):
+    """(column, value, what is expected) of the first value of a row that cannot be; None of a good one.
+
+    drawn : paths whose draws are numbers
+    """
+    for name, value in row.items():
+        if words := fault(name, value):
+            return name, value, words
+    for few, many in AT_MOST:
+        if None not in (row.get(few), row.get(many)) and row[few] > row[many]:
+            return few, row[few], f"at most {many}, {row[many]}"
+    for path in drawn:
+        value = row.get(f"draw.{path}")
+        if type(value) not in NUMBERS:
+            return f"draw.{path}", value, "a number"
+    return None
+
+
+def exceeds(columns):
+    """Whether one of two counts exceeds what it is a part of. columns : {name: Arrow array}"""
+    import pyarrow.compute as pc
+
+    pairs = [(columns[few], columns[many]) for few, many in AT_MOST if few in columns and many in columns]
+    return any(pc.any(pc.greater(few, many)).as_py() for few, many in pairs)
+
+
+def check_kinds(rows, found, drawn):
+    """WrongValueError if a column holds a kind of values that it cannot. found : of `kinds`"""
+    suspects = {f"draw.{path}" for path in drawn if not found.get(f"draw.{path}", set()) <= NUMBERS}
+    for name, kind in found.items():
+        if not {int if one == LARGE else one for one in kind} <= rule(name).kinds or LARGE in kind:
+            suspects.add(name)
+    if suspects:
+        _check(rows, drawn)
+
+
+def _check(rows, drawn):
+    """WrongValueError of the first row with a value that cannot be."""
+    for one in rows:
+        if wrong := row_fault(one, drawn):
+            raise WrongValueError(one.get("run"), *wrong)
+
+
+def check_columns(columns, some, drawn):
+    """WrongValueError if a column of a batch holds a value that cannot be. some : its rows"""
+    gaps = any(f"draw.{path}" not in columns or columns[f"draw.{path}"].null_count for path in drawn)
+    wrong = any(is_faulty(name, values) for name, values in columns.items())
+    if gaps or wrong or exceeds(columns):
+        _check(some, drawn)
+
+
+def refuse(path, runs, name, values):
+    """TableError of the first value of a column that cannot be; none if it is only as Parquet has it."""
+    for run, value in zip(runs.to_pylist(), values.to_pylist(), strict=True):
+        if words := fault(name, value):
+            error = WrongValueError(run, name, value, words)
+            raise TableError(f"{path}: {error}; delete it, it is made of the records again")
