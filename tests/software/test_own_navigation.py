@@ -141,6 +141,8 @@ WRONG = (
     (f"{NAV_SOLUTION}(sigma_r_e=['1', '2', '3'])]", r"sigma_r_e of its NavSolution must be numbers, got"),
     (f"{NAV_SOLUTION}(sigma_r_e=[10**400, 0, 0])]", r"sigma_r_e of its NavSolution must be numbers, got"),
     (f"{NAV_SOLUTION}(r_i=['1', '2', '3'])]", r"r_i of its NavSolution must be numbers, got"),
+    (f"{NAV_SOLUTION}(protection_attitude=zeros(3))]", r"protection_attitude of .* must be above 0"),
+    (f"{NAV_SOLUTION}(sigma_v_e=zeros(3) + 1e200)]", r"sigma_v_e of .* must be below 1e\+15, or infinite"),
     (f"{NAV_SOLUTION}(protection_attitude=[[1, 2], [3]])]", r"protection_attitude of .* must be numbers"),
     (f"{NAV_SOLUTION}(sigma_v_e=zeros(3) + 1e-3j)]", r"sigma_v_e of its NavSolution must be numbers, got"),
     (
