@@ -69,7 +69,7 @@ def brief(series):
 def made(runs, templates):
     """(Flown, badness) of so many runs: iterator."""
     from shefex_nav.campaign import flight
-    from shefex_nav.campaign.over_time import MOST_RUNS
+    from shefex_nav.campaign.over_time import MOST_SERIES
 
     rng, short = np.random.default_rng(SEED), [brief(one.series) for one in templates]
     for run in range(runs):
@@ -80,7 +80,10 @@ def made(runs, templates):
             yield flight.Flown(templates[k].record | own | reason, None), None
             continue
         record = templates[k].record | own | {"summary": altered(templates[k].record["summary"], factors)}
-        yield flight.Flown(record, templates[k].series if run < MOST_RUNS else short[k]), (0.5, rng.random())
+        yield (
+            flight.Flown(record, templates[k].series if run < MOST_SERIES else short[k]),
+            (0.5, rng.random()),
+        )
 
 
 def fill(path, folder, runs):
