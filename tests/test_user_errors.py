@@ -52,6 +52,9 @@ def test_every_exception_is_for_people_or_internal(exceptions):
     } < for_people
 
 
+CODES = {"errors.SoftwareError": 3, "runs.flying.LogGoneError": 1}  # of errors that are no bad input
+
+
 def test_message_and_exit_code_2_from_any_command(exceptions, monkeypatch, capsys):
     words = ["x.yaml:1:1: wrong", "x.yaml:2:1: wrong, too"]
     monkeypatch.setattr(sys, "argv", ["shefex-nav", "schema"])
@@ -65,7 +68,7 @@ def test_message_and_exit_code_2_from_any_command(exceptions, monkeypatch, capsy
         with pytest.raises(SystemExit) as ended:
             main()
         printed = capsys.readouterr()
-        assert ended.value.code == (3 if name == "errors.SoftwareError" else 2), name
+        assert ended.value.code == CODES.get(name, 2), name
         assert (printed.err, printed.out) == ("\n".join(words) + "\n", ""), name
 
 

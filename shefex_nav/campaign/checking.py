@@ -40,10 +40,16 @@ class TableError(UserError):
 class WrongValueError(TableError):
     """A run with a value that no campaign writes; `run`, and `words` that say which."""
 
-    def __init__(self, run, column, value, expected):
-        told = repr(value) if type(value) is not int or abs(value) < LARGEST else "a huge number"
-        self.run, self.words = run, f"{column}: got {told[:80]}, expected {expected}"
-        super().__init__(f"run {run}: {self.words}")
+    def __init__(self, message, run=None, words=""):
+        super().__init__(message)
+        self.run, self.words = run, words
+
+
+def wrong_value(run, column, value, expected):
+    """WrongValueError of a value in a column."""
+    told = repr(value) if type(value) is not int or abs(value) < LARGEST else "a huge number"
+    words = f"{column}: got {told[:80]}, expected {expected}"
+    return WrongValueError(f"run {run}: {words}", run, words)
 
 
 class Rule(NamedTuple):
@@ -171,7 +177,7 @@ def _check(rows, drawn):
     """WrongValueError of the first row with a value that cannot be."""
     for one in rows:
         if wrong := row_fault(one, drawn):
-            raise WrongValueError(one.get("run"), *wrong)
+            raise wrong_value(one.get("run"), *wrong)
 
 
 def check_columns(columns, some, drawn):
@@ -186,5 +192,5 @@ def refuse(path, runs, name, values):
     """TableError of the first value of a column that cannot be; none if it is only as Parquet has it."""
     for run, value in zip(runs.to_pylist(), values.to_pylist(), strict=True):
         if words := fault(name, value):
-            error = WrongValueError(run, name, value, words)
+            error = wrong_value(run, name, value, words)
             raise TableError(f"{path}: {error}; delete it, it is made of the records again")

@@ -214,7 +214,7 @@ class Store:
         """Record of a run; None if it is not done. SpoiltError if a disk spoilt it or a value cannot be."""
         record = self.runs.record(run)
         if record is not None and (wrong := checking.row_fault(table.row(record), self._drawn)):
-            raise self._spoilt(checking.WrongValueError(run, *wrong))
+            raise self._spoilt(checking.wrong_value(run, *wrong))
         return record
 
     @cached_property

@@ -13,7 +13,7 @@ from shefex_nav.instruments import BUILT_IN
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.columns import SIDES, Axis, Names, Unit, check_right_handed
-from shefex_nav.scenario.quantity import Quantity, Time, quoted, refuse
+from shefex_nav.scenario.quantity import Quantity, Time
 
 PLACE = "columns: latitude, longitude, height, or x, y, z; or latitude and longitude alone"
 Level = Annotated[
@@ -21,34 +21,7 @@ Level = Annotated[
 ]  # of three columns, the last may be missing
 
 
-MAY_BE_SHARED = frozenset(("valid", "satellites", "position_sigma", "velocity_sigma"))
-NO_COLUMNS = frozenset(("file", "axes", "position_frame", "velocity_frame"))  # keys of other texts
-
-
-class Columns(Block):
-    """Columns of a CSV, each of one quantity."""
-
-    @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        taken = {}
-        for key in type(self).model_fields:
-            if key in NO_COLUMNS | MAY_BE_SHARED:
-                continue
-            given = getattr(self, key)
-            names = {key: given} if isinstance(given, str) else {}
-            if isinstance(given, tuple) and all(isinstance(one, str) for one in given):
-                names = {f"{key}.{k}": one for k, one in enumerate(given)}
-            for place, name in names.items():
-                if name in taken:
-                    raise refuse(
-                        f"column {quoted(name)} is given for {taken[name]} and for {place}; "
-                        "expected a column of its own for each"
-                    )
-                taken[name] = place
-        return self
-
-
-class ImuColumns(Columns):
+class ImuColumns(Block):
     """A CSV of the IMU."""
 
     file: str = Field(min_length=1)
@@ -61,7 +34,7 @@ class ImuColumns(Columns):
     accelerometer_unit: Unit("m/s2", rate="m/s2", increment="m/s") = Field(description="m/s2, gee, or m/s")
 
 
-class GnssColumns(Columns):
+class GnssColumns(Block):
     """A CSV of a GNSS receiver."""
 
     file: str = Field(min_length=1)
@@ -83,7 +56,7 @@ class GnssColumns(Columns):
     satellites: str | None = Field(default=None, description="column: how many satellites were used")
 
 
-class ReadingColumns(Columns):
+class ReadingColumns(Block):
     """A CSV of an instrument, vectors in the axes of the IMU's file unless it says others."""
 
     file: str = Field(min_length=1)
@@ -109,7 +82,7 @@ def columns_of(instrument):
     return create_model(f"{name}Columns", __base__=ReadingColumns, __doc__=doc, **fields)
 
 
-class TruthColumns(Columns):
+class TruthColumns(Block):
     """A CSV of what really happened, or of a better system's solution."""
 
     file: str = Field(min_length=1)

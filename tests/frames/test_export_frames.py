@@ -181,7 +181,10 @@ def test_selection(still):
         (["night_sky", "--frames", "{out}", "--from", "soon"], "--from"),
         (["night_sky", "--frames", "{out}", "--csv", "{out}2"], "tables need a log"),
         (["night_sky", "--frames", "{out}", "--set", "star_tracker.enabled=false"], "star_tracker.enabled"),
-        (["campaign", "--frames", "{out}", "--set", "star_tracker.frames=statistical"], "statistical"),
+        (
+            ["shefex2_dispersed", "--frames", "{out}", "--set", "star_tracker.frames=statistical"],
+            "statistical",
+        ),
         (["a.mcap", "--frames", "{out}", "--seed", "3"], "--seed: a log has its own"),
         (["a.mcap", "--csv", "{out}", "--until", "3s"], "--until: goes with --frames"),
         (["night_sky", "--frames", "{out}/no/where"], "there is no folder"),

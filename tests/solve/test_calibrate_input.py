@@ -148,7 +148,7 @@ def test_a_speed_that_no_camera_has_is_refused():
 @pytest.mark.filterwarnings("error")
 def test_values_beyond_float32_are_refused_without_a_warning(folder, shots):
     fits.PrimaryHDU(shots[0] * 1e300).writeto("huge.fits")
-    assert "huge.fits: contains NaN or infinite values" in refused("huge.fits", *DATED)
+    assert "huge.fits: contains values beyond 3.4e+38" in refused("huge.fits", *DATED)
     assert "huge.fits: has grey values" in refused("huge.fits", "--camera", BASE, *DATED)
 
 
