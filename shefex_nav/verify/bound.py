@@ -141,7 +141,7 @@ def momentary_levels(flight):
 def momentary(params, rms, dt_s):
     """Errors of the moment under vibration of a level, 1 sigma of each axis: of velocity, of attitude.
 
-    What vibration swings, and what is left of a count. Arguments as of `swing` -> m/s, rad
+    Of vibration, and of the rounding of counts. Arguments as of `swing` -> m/s, rad
     """
     levels = rms, params.vibration.angular * rms
     quanta = params.accelerometer.quantum, params.gyro.quantum
