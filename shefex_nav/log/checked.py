@@ -39,7 +39,7 @@ from shefex_nav.records import (
 LEAST_RADIUS = 6.3e6  # m, of the ground
 LEAST_STEP = 1e-9  # s, or of a number
 MOST_SAMPLES = 1000  # of the IMU in a message
-INFINITE = 1e30  # of any other number; what is computed of it is a number yet
+LARGEST_OTHER = 1e30  # of any other number; what is computed of it is a number yet
 
 
 class Rule(NamedTuple):
@@ -99,13 +99,12 @@ def check(path, topic, record, given):
             expected = f"numbers below {LARGEST:g}"
         else:
             unknown = name.startswith(("sigma", "protection"))  # which own software may say by infinity
-            bad = ((np.abs(values) > INFINITE) & ~(unknown & np.isposinf(values))).any(axis=1)
-            expected = f"numbers below {INFINITE:g}, or NaN"
+            bad = ((np.abs(values) > LARGEST_OTHER) & ~(unknown & np.isposinf(values))).any(axis=1)
+            expected = f"numbers below {LARGEST_OTHER:g}, or NaN"
         if bad.any():
             k = int(bad.argmax())
-            got = np.array2string(values[k], precision=4, threshold=12)
             expected = "a unit quaternion" if name.startswith("q_") else expected
-            raise LogError(f"{path}: {topic}: message {k + 1}: {name}: got {got}, expected {expected}")
+            raise _impossible(f"{path}: {topic}: message {k + 1}: {name}", values[k], expected)
     for field in of_record(record).fields:
         _possible(path, topic, field, given)
     if rule.far and are_arrays:
@@ -140,10 +139,13 @@ def _possible(path, topic, field, given):
     bad = wrong(values) if len(values) else np.zeros(0, dtype=bool)
     if bad.any():
         k = int(bad.argmax())
-        got = np.array2string(values[k], precision=4, threshold=12)
-        raise LogError(
-            f"{path}: {topic}: message {numbers[k] + 1}: {field.source}: got {got}, expected {words}"
-        )
+        raise _impossible(f"{path}: {topic}: message {numbers[k] + 1}: {field.source}", values[k], words)
+
+
+def _impossible(place, value, expected):
+    """LogError of a value (n,)"""
+    got = np.array2string(value, precision=4, threshold=12)
+    return LogError(f"{place}: got {got}, expected {expected}")
 
 
 def _far(path, topic, name, r):

@@ -121,6 +121,14 @@ def parsed(text, name):
     return own
 
 
+def _check_chain(path, real, chain, said):
+    """ScenarioError of a file that extends itself, or of one file too many. Arguments as in `extended`"""
+    if real in chain:
+        raise ScenarioError([said.line(f"'{path}' extends itself in a circle; remove one extends")])
+    if len(chain) >= DEEPEST:
+        raise ScenarioError([said.line(f"'{path}': a chain of `extends` has {DEEPEST} files at most")])
+
+
 def extended(path, texts, chain=(), said=None, find=None):
     """(tree, places) of the file at `path` merged over what it extends and uses.
 
@@ -135,10 +143,7 @@ def extended(path, texts, chain=(), said=None, find=None):
     find = find or file_of
     text = _read(path, said)
     real = os.path.realpath(path)
-    if real in chain:
-        raise ScenarioError([said.line(f"'{path}' extends itself in a circle; remove one extends")])
-    if len(chain) >= DEEPEST:
-        raise ScenarioError([said.line(f"'{path}': a chain of `extends` has {DEEPEST} files at most")])
+    _check_chain(path, real, chain, said)
     texts.add(path, text, said)
     own = parsed(text, path)
     texts.repeat(path, own, said)

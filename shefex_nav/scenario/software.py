@@ -46,6 +46,12 @@ class Own(_Given):
     )
 
 
+AnswerWithin = Quantity(
+    "s", "60 s", "to the answer of a tick; later it has failed", positive=True, at_most="24 h"
+)
+StartWithin = Quantity("s", "120 s", "to `Ready`, for what it has to load", positive=True, at_most="24 h")
+
+
 class Program(_Given):
     """A program that is started, and talks by standard input and output."""
 
@@ -53,12 +59,8 @@ class Program(_Given):
     sha256: str | None = Field(
         None, pattern=r"^[0-9a-f]{64}$", description="of its files; another content is refused"
     )
-    answer_within: Quantity(
-        "s", "60 s", "to the answer of a tick; later it has failed", positive=True, at_most="24 h"
-    ) = "60 s"
-    start_within: Quantity(
-        "s", "120 s", "to `Ready`, for what it has to load", positive=True, at_most="24 h"
-    ) = "120 s"
+    answer_within: AnswerWithin = "60 s"
+    start_within: StartWithin = "120 s"
 
 
 class Reached(_Given):
@@ -67,12 +69,8 @@ class Reached(_Given):
     connect: str = Field(
         pattern=r"^(tcp|udp)://[^:/]+:\d+$", description="where it listens, tcp://127.0.0.1:5005 or udp://"
     )
-    answer_within: Quantity(
-        "s", "60 s", "to the answer of a tick; later it has failed", positive=True, at_most="24 h"
-    ) = "60 s"
-    start_within: Quantity(
-        "s", "120 s", "to `Ready`, for what it has to load", positive=True, at_most="24 h"
-    ) = "120 s"
+    answer_within: AnswerWithin = "60 s"
+    start_within: StartWithin = "120 s"
 
 
 FORMS = {"own": Own, "program": Program, "reached": Reached}

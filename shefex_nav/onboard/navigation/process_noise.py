@@ -41,21 +41,20 @@ def densities(model, vibration, share, sample_s, duration_s, dtheta, dv, sensed)
     # swinging is no turning: over a tick the angle at either end is off by as much on both axes
     swung2 = 4.0 * (share * model.gyro_vibration * vibration) ** 2
     across_rate = np.sqrt(max(dtheta[1] ** 2 + dtheta[2] ** 2 - swung2, 0.0)) / duration_s
-    tau = model.thrust_time_s
-    slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (dtheta[0] / duration_s * tau) ** 2)
+    tau, roll_rate = model.thrust_time_s, dtheta[0] / duration_s
+    slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (roll_rate * tau) ** 2)
 
     # fixed to the body: errors in proportion to specific force; vibration rectified, by its power
     gyro = model.gyro_g_sensitivity**2 * f2 + (model.gyro_rectification * vibration**2) ** 2
     shaken = (model.accel_rectification * vibration**2) ** 2
     accel_along = slow * (model.accel_scale**2 * f2 + shaken)
     accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
-    cross_along, cross_across = _cross(model, dtheta[0] / duration_s, across_rate)
-    rates = dtheta[0] / duration_s, across_rate
+    cross_along, cross_across = _cross(model, roll_rate, across_rate)
     gyro_along, gyro_across = _rounding(
-        model.gyro_quantum, model.gyro_random_walk, sensed[0], sample_s, rates
+        model.gyro_quantum, model.gyro_random_walk, sensed[0], sample_s, (roll_rate, across_rate)
     )
     force_along, force_across = _rounding(
-        model.accel_quantum, model.accel_random_walk, sensed[1], sample_s, rates
+        model.accel_quantum, model.accel_random_walk, sensed[1], sample_s, (roll_rate, across_rate)
     )
     gyro_white = model.gyro_random_walk**2
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
