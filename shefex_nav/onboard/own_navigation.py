@@ -5,13 +5,14 @@ star tracker wants to know of a frame follows from the last estimates and from t
 """
 
 from collections import deque
+from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import shown
-from shefex_nav.fields import LARGEST
+from shefex_nav.fields import LARGEST, fields_of
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.unsteady import STEADY
@@ -25,9 +26,9 @@ from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, Nav
 
 KEPT = int(TICK_HZ)  # ticks, for frames that come late
 OUTPUTS = NavSolution, NavCovariance, GateResult, NavHealth
-TEXTS = {GateResult: ("sensor", "note"), NavHealth: ("source", "reason")}
 LEAST_M = 1.0  # from the centre of the Earth, where no direction is up
 LONGEST_S = 0.1  # over which the attitude of a tick is carried on to a picture
+_fields = cache(fields_of)
 
 
 class Estimate(NamedTuple):
@@ -238,13 +239,17 @@ class OwnNavigation:
 
     def _checked_record(self, record):
         """A whole record of the software's own: of this tick, and a NavSolution complete."""
-        if abs(record.t_s - self.now_s) > SAME_S:
-            raise self._error(f"gave a {type(record).__name__} of T{record.t_s:+.6f} s, of another tick")
-        for name in TEXTS.get(type(record), ()):
-            self._own.text(self.now_s, f"{name} of its {type(record).__name__}", getattr(record, name))
+        kind = type(record).__name__
+        for field in _fields(type(record)):
+            self._own.check_kind(
+                self.now_s, f"{field.source} of its {kind}", getattr(record, field.source), field
+            )
+        if not abs(record.t_s - self.now_s) <= SAME_S:
+            raise self._error(f"gave a {kind} of T{record.t_s:+.6f} s, of another tick")
+        if isinstance(record, GateResult) and (record.dof < 0 or record.nis < 0.0):
+            words = f"dof {record.dof} and nis {record.nis:g}, neither may be below 0"
+            raise self._error(f"gave a GateResult of {words}")
         if isinstance(record, NavSolution):
-            if missing := [name for name, value in record._asdict().items() if value is None]:
-                raise self._error(f"gave a NavSolution without {missing[0]}")
             self._check_numbers(record)
             self._own.quaternion(self.now_s, "q_ib of its NavSolution", record.q_ib)
             usable = (not getattr(record, f"do_not_use_{one}") for one in QUANTITIES)
@@ -264,10 +269,9 @@ class OwnNavigation:
                 if name == "r_i":
                     self._check_place(what, value)
                 continue
-            # NaN: it does not say; infinity: nothing is known
-            array = self._own.real(self.now_s, what, value)
-            if array.shape != shape or (array < 0.0).any():
-                raise self._error(f"{what} must be of shape {shape} and not negative, got {shown(value)}")
+            array = np.asarray(value, dtype=float)  # NaN: it does not say; infinity: nothing is known
+            if (array < 0.0).any():
+                raise self._error(f"{what} must not be negative, got {shown(value)}")
             if name.startswith("protection") and (array == 0.0).any():
                 raise self._error(f"{what} must be above 0, got {shown(value)}")
             if (np.isfinite(array) & (array >= LARGEST)).any():

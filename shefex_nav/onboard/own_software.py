@@ -4,6 +4,7 @@ import os
 import sys
 import weakref
 from contextlib import redirect_stdout
+from enum import EnumMeta
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from shefex_nav.fields import LARGEST, UNIT
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
 LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
+MOST_WHOLE = 2**31 - 1  # that a message holds
 NO_NUMBERS = str | bytes | None | complex | np.complexfloating
 
 
@@ -101,6 +103,29 @@ class OwnSoftware:
         except UnicodeEncodeError:  # a lone surrogate
             raise self.error(now_s, f"{what} must be a text of Unicode, got {value!r:.80}") from None
         return value
+
+    def check_kind(self, now_s, what, value, field):
+        """SoftwareError unless a value is of the kind of a field. field : fields.Field"""
+        if field.kind == "string":
+            self.text(now_s, what, value)
+        elif field.kind == "double":
+            shape = self.real(now_s, what, value).shape
+            if len(shape) != len(field.shape) or any(
+                size >= 0 and n != size for n, size in zip(shape, field.shape, strict=True)
+            ):
+                expected = str(field.shape).replace("-1", "n")
+                raise self.error(now_s, f"{what} must be of shape {expected}, got {shape}")
+        elif field.kind == "bool":
+            if not isinstance(value, bool | np.bool_):
+                raise self.error(now_s, f"{what} must be true or false, got {shown(value)}")
+        elif isinstance(value, bool) or not isinstance(value, int | np.integer):
+            raise self.error(now_s, f"{what} must be a whole number, got {shown(value)}")
+        elif isinstance(field.kind, EnumMeta):
+            if value not in list(field.kind):
+                members = f"a member of {field.kind.__name__}"
+                raise self.error(now_s, f"{what} must be {members}, got {shown(value)}")
+        elif abs(int(value)) > MOST_WHOLE:
+            raise self.error(now_s, f"{what} must be at most {MOST_WHOLE}, got {shown(value)}")
 
     def quaternion(self, now_s, what, value):
         """Unit quaternion, normalised; SoftwareError."""
