@@ -131,13 +131,19 @@ def _odd_arrays(rng, structures):
     structures = {name: dict(one) for name, one in structures.items()}
     for _ in range(1 + rng.integers(2)):
         structure = structures[TABLES[rng.integers(len(TABLES))]]
-        field = sorted(structure)[rng.integers(len(structure))]
+        left = sorted(name for name, values in structure.items() if _is_array(values))
+        field = left[rng.integers(len(left))]
         way = rng.integers(10)
         if way == 0:
             del structure[field]
         else:
-            structure[field] = _odd(rng, np.array(structure[field], dtype=float), way)
+            structure[field] = _odd(rng, structure[field].copy(), way)
     return structures
+
+
+def _is_array(values):
+    """Whether values are as they were, or still numbers in an array."""
+    return isinstance(values, np.ndarray) and values.dtype == float and values.size > 0
 
 
 def _odd(rng, values, way):
