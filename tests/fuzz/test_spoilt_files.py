@@ -24,8 +24,8 @@ CASES = {
     "fields": 8,
     "pictures": 8,
     "data": 12,
-    "kf_gins": 6,
-    "matlab": 8,
+    "kf_gins": 12,
+    "matlab": 20,
     "answers": 5,
     "commands": 20,
 }
