@@ -39,7 +39,16 @@ def test_each_command_is_a_file_of_its_name():
             yield before + name
             yield from names(command, f"{name}_") if hasattr(command, "commands") else ()
 
-    shared = {"__init__", "main", "options", "output_files", "printing", "flights", "refusal"}
+    shared = {
+        "__init__",
+        "main",
+        "options",
+        "output_files",
+        "printing",
+        "flights",
+        "refusal",
+        "standard_error",
+    }
     files = {path.stem for path in Path(commands.__file__).parent.glob("*.py")}
     assert files - shared == set(names(typer.main.get_command(app)))
 

@@ -23,7 +23,7 @@ from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
 from shefex_nav.commands.rare import rare
-from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup, forgiving, tell
+from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
 from shefex_nav.commands.report import report
@@ -34,6 +34,7 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
+from shefex_nav.commands.standard_error import forgiving, tell
 from shefex_nav.commands.trade import trade
 from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app

@@ -9,10 +9,11 @@ import os
 import re
 import sys
 from contextlib import nullcontext
-from io import BufferedWriter, FileIO, TextIOWrapper
+from io import TextIOWrapper
 
 import typer.core
 
+from shefex_nav.commands.standard_error import tell
 from shefex_nav.errors import UserError
 from shefex_nav.stopping import terminable
 
@@ -93,33 +94,6 @@ class PlainGroup(typer.core.TyperGroup):
             tell(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}")
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
-
-
-class _Raw(FileIO):
-    """What cannot be written is lost, without an error."""
-
-    def write(self, data):
-        try:
-            return super().write(data)
-        except OSError:
-            return len(data)
-
-
-def forgiving(stream):
-    """Standard error on which a full disk is no error: results are elsewhere, and the exit code stays."""
-    if stream is not sys.__stderr__ or not isinstance(stream, TextIOWrapper):  # one of a test, a notebook
-        return stream
-    raw = _Raw(stream.fileno(), "w", closefd=False)
-    how = {"encoding": stream.encoding, "errors": stream.errors, "write_through": True}
-    return TextIOWrapper(BufferedWriter(raw), **how, line_buffering=True)
-
-
-def tell(words):
-    """Print on stderr; where nothing can be written to it, the exit code has to say it alone."""
-    try:
-        print(words, file=sys.stderr, flush=True)
-    except OSError:
-        sys.stderr = open(os.devnull, "w")  # Python would try again at its end, and end with another code
 
 
 def _check_letters(args):
