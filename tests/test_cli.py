@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -406,3 +407,16 @@ def test_an_earlier_run_keeps_its_name(tmp_path, monkeypatch):
         earlier.touch()
         found = run_command._free_name("one", 1)
         assert found == (later.relative_to(tmp_path), earlier.relative_to(tmp_path))
+
+
+def test_threads_that_python_waits_for_at_the_end_are_named(capsys):
+    from shefex_nav.commands import main
+
+    end = threading.Event()
+    thread = threading.Thread(target=end.wait, name="pump")
+    thread.start()
+    main._tell_threads()
+    end.set()
+    thread.join()
+    main._tell_threads()
+    assert capsys.readouterr().err == "done; waiting for threads that own software has not ended: pump\n"

@@ -9,6 +9,7 @@ Commands import late what they need: the command line starts without it.
 
 import os
 import sys
+import threading
 from typing import Annotated
 
 import typer
@@ -112,3 +113,12 @@ def main():
     except KeyboardInterrupt:
         tell("interrupted")
         sys.exit(130)
+    finally:
+        _tell_threads()
+
+
+def _tell_threads():
+    """Say which threads Python waits for now: those that code of a user's own has not ended."""
+    running = (one for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon)
+    if names := ", ".join(one.name for one in running):
+        tell(f"done; waiting for threads that own software has not ended: {names}")
