@@ -12,6 +12,8 @@ from shefex_nav.fields import LARGEST, UNIT
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
 LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
+MOST_WHOLE = 2**31 - 1  # that a log holds
+LEAST_VARIANCE = 1e-60  # SI; of a smaller one squares of errors over it are too large for any figure
 NO_NUMBERS = str | bytes | None | complex | np.complexfloating
 
 
@@ -75,12 +77,12 @@ class OwnSoftware:
     def numbers(self, now_s, what, value, *shape):
         """Array of finite numbers of a shape, none larger than a log may hold; SoftwareError."""
         array = self.real(now_s, what, value)
+        if array.shape == shape and (np.abs(array) < LARGEST).all():
+            return array
         if array.shape != shape or not np.isfinite(array).all():
             got = f"shape {array.shape}" if array.shape != shape else "NaN or infinity"
             raise self.error(now_s, f"{what} must be finite, shape {shape}, got {got}")
-        if array.size and (largest := np.abs(array).max()) >= LARGEST:
-            raise self.error(now_s, f"{what} must be below {LARGEST:g}, got {largest:.4g}")
-        return array
+        raise self.error(now_s, f"{what} must be below {LARGEST:g}, got {np.abs(array).max():.4g}")
 
     def real(self, now_s, what, value):
         """Array of real numbers, NaN and infinity among them; SoftwareError."""
@@ -121,7 +123,7 @@ def covariance_fault(P):
     variances = P.diagonal()
     if (variances < 0.0).any():
         return "has a negative variance"
-    if not variances.all():
+    if (variances < LEAST_VARIANCE).any():
         return "has a variance of zero"
     sigma = np.sqrt(variances)
     correlation = P / np.outer(sigma, sigma)
