@@ -90,10 +90,11 @@ def test_an_instrument_of_a_plug_in_may_have_any_name(name):
 def test_a_window_may_have_more_ticks_than_there_are_frames():
     """Ticks without a frame count in it, if both neighbours do (`metrics`)."""
     counts = {"frames": 100, "in_window": 104, "solved": 99, "fixes": 99, "wrong": 0}
-    for change, column in (({}, None), ({"wrong": 100}, "wrong"), ({"fixes": 101}, "fixes")):
+    changes = {"": {}, "wrong": {"wrong": 100}, "fixes": {"fixes": 101}, "solved": {"solved": 105}}
+    for column, change in changes.items():
         row = table.row({"run": 0, "summary": {"star_tracker": counts | change}})
         fault = checking.row_fault(row)
-        assert (fault and fault[0]) == (column and f"summary.star_tracker.{column}")
+        assert fault is None if not column else fault[0] == f"summary.star_tracker.{column}"
 
 
 def test_draws_of_numbers_are_numbers():

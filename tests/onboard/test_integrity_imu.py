@@ -291,4 +291,4 @@ def test_the_same_block_is_no_fault_where_counts_are_coarse():
     _, _, states, _ = run(samples, rules=rules)
     most = 1 + int(np.ceil((np.log(1e9) / (3.0 * N) - again.sum()) / further.sum()))
     first = int((states[:, 0] == REPEATED).argmax())
-    assert 1 < first + 1 - 20000 // N <= most and (states[first : 20400 // N] == REPEATED).all()
+    assert 1 < first + 1 - 20000 // N == most and (states[first : 20400 // N] == REPEATED).all()
