@@ -1,6 +1,7 @@
-"""What a value of a run can be, by the name of its column: records and tables may be anybody's.
+"""What a value of a run can be, by its column: records and tables may be anybody's.
 
-The rule is what a campaign writes. Of a value by itself `fault` tells, of a whole column `is_faulty`.
+The rule is what a campaign writes: SUMMARY is the tree of `report.metrics`. Of what is not in it nothing is
+said but that numbers are finite. Of a value by itself `fault` tells, of a whole column `is_faulty`.
 """
 
 from functools import lru_cache
@@ -11,23 +12,6 @@ from shefex_nav.errors import UserError
 
 LARGEST = 1e100  # squares and sums of a million squares stay finite
 LEAST_WHOLE, MOST_WHOLE = -(2**63), 2**64 - 1  # that a table holds
-COUNTS = frozenset(
-    ("frames", "in_window", "solved", "fixes", "wrong", "samples", "misleading_events", "dof")
-)  # fmt: skip
-COUNTED = frozenset(("outside", "no_fix"))  # objects whose values are counts
-SHARED = frozenset(("doubts",))  # objects whose values are shares
-NOT_NEGATIVE = frozenset(
-    ("rms", "max", "p99", "over_level", "usable_h", "nees", "propellant_kg", "max_speed_m_s", "range_km",
-     "position_error_m", "velocity_error_m_s", "objects_without_fix")
-)  # fmt: skip
-NORMS = ("_rms", "sigma_", "protection_", "limit_m", "limit_deg")  # parts of names of what is not negative
-TRUTHS = frozenset(("usable", "limit_by_default", "ended_early"))
-TREES = frozenset(("position_error_m", "velocity_error_m_s", "max", "nees"))  # objects elsewhere
-AT_MOST = tuple(
-    (f"summary.star_tracker.{few}", f"summary.star_tracker.{many}")
-    for few, many in (("in_window", "frames"), ("solved", "in_window"), ("wrong", "frames"))
-)
-LISTS = frozenset(("summary.requirements", "summary.told_otherwise", "summary.flight.events"))  # no columns
 NUMBERS = frozenset((int, float))
 LARGE = "large"  # kind of whole numbers that no int64 holds
 ROUNDING = 1e-9  # of a share
@@ -70,7 +54,91 @@ SHARE = Rule(NUMBERS, 0.0, 1.0 + ROUNDING, "a share from 0 to 1")
 TRUTH = Rule(frozenset((bool,)), 0, 1, "true or false")
 NOTHING = Rule(frozenset(), 0, 0, "a number in place of a list or an object")
 A_LIST = NOTHING._replace(words="a list")
+AN_OBJECT = NOTHING._replace(words="a list or an object in place of a value")
 RUN = Rule(frozenset((int,)), 0, MOST_RUNS - 1, f"the number of a run, 0 to {MOST_RUNS - 1}")
+
+ANY = "*"  # every name: of an instrument, of a reason; or the numbers of a list
+SIZES = {"rms": POSITIVE, "max": POSITIVE}
+POINTING = SIZES | {"max_at_s": NUMBER}
+PLACE = dict.fromkeys(("t_s", "latitude_deg", "longitude_deg", "altitude_km"), NUMBER)
+FLIGHT = {
+    "height_km": {"min": NUMBER, "max": NUMBER},
+    **dict.fromkeys(("apogee_km", "climbs_at_km"), NUMBER),
+    **dict.fromkeys(("max_speed_m_s", "range_km"), POSITIVE),
+    **dict.fromkeys(("at_apogee", "at_entry", "at_impact"), PLACE),
+    "events": A_LIST,
+}
+STAR_TRACKER = {
+    **dict.fromkeys(("frames", "in_window", "solved", "fixes", "wrong"), COUNT),
+    "outside": {ANY: COUNT},
+    "no_fix": {ANY: COUNT},
+    "objects_without_fix": POSITIVE,
+    "saturated_dn": {ANY: NUMBER},
+    "error_arcsec": {
+        **dict.fromkeys(("cross_axis_rms", "boresight_rms", "max", "normalised_rms"), POSITIVE),
+        "mean": {ANY: NUMBER},
+    },
+    "mounting_error_deg": {ANY: NUMBER},
+    "by_rate": A_LIST,
+}
+INTEGRITY = {
+    **{
+        quantity: {
+            f"limit_{unit}": POSITIVE,
+            "limit_by_default": TRUTH,
+            **dict.fromkeys(("usable_share", "misleading_share"), SHARE),
+            "usable_h": POSITIVE,
+            "doubts": {ANY: SHARE},
+            "misleading_events": COUNT,
+            "over_level": POSITIVE,
+            "at_entry": {"usable": TRUTH, f"protection_{unit}": {ANY: POSITIVE}},
+        }
+        for quantity, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "deg"))
+    },
+    **dict.fromkeys(("usable_share", "misleading_share"), SHARE),
+    "at_entry": {"usable": TRUTH},
+    "noticed": A_LIST,
+}
+NAVIGATION = {
+    "solution_share": SHARE,
+    **dict.fromkeys(("position_error_m", "velocity_error_m_s", "attitude_error_deg"), SIZES),
+    "star_phase": {
+        **dict.fromkeys(("from_s", "to_s"), NUMBER),
+        **dict.fromkeys(("position_rms_m", "velocity_rms_m_s", "attitude_rms_deg"), POSITIVE),
+    },
+    "star_aided": {
+        "from_s": NUMBER,
+        **dict.fromkeys(("position_m", "velocity_m_s", "attitude_deg"), SIZES),
+    },
+    "while_pointing": {
+        "solution_share": SHARE,
+        **dict.fromkeys(("from_s", "to_s"), NUMBER),
+        **dict.fromkeys(("position_m", "velocity_m_s", "attitude_deg"), POINTING),
+    },
+    "at_entry": {
+        **dict.fromkeys(("t_s", "altitude_km"), NUMBER),
+        **dict.fromkeys(("position_error_m", "velocity_error_m_s"), POSITIVE),
+        **dict.fromkeys(("position_sigma_m", "velocity_sigma_m_s", "nees"), POSITIVE),
+        "attitude_error_deg": {ANY: NUMBER},
+        "attitude_sigma_deg": {ANY: POSITIVE},
+    },
+    "nees": {"mean": POSITIVE, "dof": POSITIVE_COUNT, "samples": COUNT},
+    "instruments": {ANY: {"readings": COUNT, "used": COUNT}},
+    "integrity": INTEGRITY,
+}
+SUMMARY = {
+    "ended_early": TRUTH,
+    **dict.fromkeys(("until_s", "simulated_s", "simulated_from_s"), NUMBER),
+    "flight": FLIGHT,
+    "attitude_control": {"propellant_kg": POSITIVE, "pointing_error_deg": SIZES},
+    "star_tracker": STAR_TRACKER,
+    "navigation": NAVIGATION,
+    **dict.fromkeys(("requirements", "told_otherwise"), A_LIST),
+}
+AT_MOST = tuple(
+    (f"summary.star_tracker.{few}", f"summary.star_tracker.{many}")
+    for few, many in (("solved", "in_window"), ("wrong", "fixes"), ("fixes", "frames"))
+)  # not in_window and frames: a tick without a frame is in the window, too
 
 
 @lru_cache(maxsize=4096)
@@ -78,30 +146,19 @@ def rule(name):
     """Rule of a column."""
     if name == "run":
         return RUN
-    if name in LISTS:
-        return A_LIST
     if not name.startswith(("summary.", "timing.")):
         return ANYTHING
-    *above, last = name.split(".")
-    in_list = last.isdigit() and bool(above)
-    if in_list:
-        *above, last = above
-    single = COUNTS | NOT_NEGATIVE
-    if any(part in single - TREES for part in above) or (in_list and last in single):
-        return NOTHING
-    if last == "dof":
-        return POSITIVE_COUNT
-    if last in COUNTS or above[-1] in COUNTED:
-        return COUNT
-    if last.endswith("_share") or above[-1] in SHARED:
-        return SHARE
-    if last in TRUTHS:
-        return TRUTH
-    if above[-1] == "height_km":  # it may be below the ellipsoid
+    first, *parts = name.split(".")
+    if first == "timing":
         return NUMBER
-    if last in NOT_NEGATIVE or any(part in last for part in NORMS) or (above[-1], last) == ("nees", "mean"):
-        return POSITIVE
-    return NUMBER if last.endswith(("_s", "_m", "_km", "_deg")) else ANYTHING
+    node = SUMMARY
+    for part in parts:
+        if isinstance(node, Rule):
+            return NOTHING
+        node = node.get(part, node.get(ANY))
+        if node is None:
+            return ANYTHING
+    return node if isinstance(node, Rule) else AN_OBJECT
 
 
 def fault(name, value):

@@ -89,15 +89,21 @@ def parsed(text, scenario, read):
 
     read : function of a text and of an SI unit, the value;  RareError
     """
-    found = re.fullmatch(r"\s*([a-z_]+)\s*(?:([<>])\s*(.*\S))?\s*", text)
+    found = re.fullmatch(r"\s*([a-z_]+)\s*(?:([<>])(?!=)\s*(.*\S))?\s*", text)
     if found is None or found[1] not in QUANTITIES:
         names = ", ".join(QUANTITIES)
         raise RareError(f"{text!r}: expected such as 'apogee < 150 km'; there is {names}")
     name, sign, limit = found.groups()
     if sign is not None:
-        return Event(name, 1 if sign == ">" else -1, read(limit, QUANTITIES[name].unit))
+        value = read(limit, QUANTITIES[name].unit)
+        if value <= 0.0:
+            raise RareError(f"{name}: got a limit of {limit}, expected one above 0")
+        return Event(name, 1 if sign == ">" else -1, value)
     required = getattr(scenario.requirements, name, None) if name in requirements.MEASURES else None
     if required is None:
-        raise RareError(f"{name}: has no limit in requirements.{name}; expected such as '{name} < 150 km'")
+        unit = QUANTITIES[name].shown
+        raise RareError(
+            f"{name}: has no limit in requirements.{name}; expected such as '{name} < 150 {unit}'"
+        )
     least = requirements.MEASURES[name].word == "at least"
     return Event(name, -1 if least else 1, required)

@@ -111,7 +111,14 @@ class Estimate(NamedTuple):
 
     @property
     def interval(self):
-        """95 % of a log-normal distribution about the probability, which ends at 1."""
+        """95 %: of one level, which is plain Monte Carlo, that of Clopper and Pearson; else of a log-normal
+        distribution about the probability, which ends at 1.
+        """
+        if len(self.levels) == 1:
+            from shefex_nav.report import intervals
+
+            n = self.evaluated
+            return intervals.proportion(round(self.probability * n), n)
         factor = math.exp(NORMAL_95 * math.sqrt(math.log1p(self.variation**2)))
         return self.probability / factor, min(1.0, self.probability * factor)
 

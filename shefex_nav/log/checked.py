@@ -2,7 +2,8 @@
 
 A log of ours holds finite numbers where it says that there are some, unit quaternions, and times that
 increase; elsewhere NaN for what is not known, but nothing infinite. One that somebody has changed may hold
-anything; then no figure of it means what it says.
+anything; then no figure of it means what it says. What the instrument of a plug-in reads, but for its times,
+is its author's own.
 """
 
 from collections.abc import Callable
@@ -13,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import possible
 from shefex_nav.fields import EQUAL, LARGEST, UNIT
-from shefex_nav.instruments import TABLE
-from shefex_nav.log import possible
+from shefex_nav.instruments import BUILT_IN, TABLE
 from shefex_nav.log.topics import LogError, Mission, Timing, of_record
 from shefex_nav.records import (
     Alignment,
@@ -39,7 +40,6 @@ from shefex_nav.records import (
 LEAST_RADIUS = 6.3e6  # m, of the ground
 LEAST_STEP = 1e-9  # s, or of a number
 MOST_SAMPLES = 1000  # of the IMU in a message
-LARGEST_OTHER = 1e30  # of any other number; what is computed of it is a number yet
 
 
 class Rule(NamedTuple):
@@ -81,6 +81,7 @@ RULES = {
     GpsRanges: Rule(("t_valid_s", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range")),
     StarFix: Rule(("t_valid_s", "q_ic", "P_c"), where=lambda one: one.reason == Reason.NONE),
 }
+READING = Rule(("t_valid_s", "t_available_s"))  # of an instrument
 
 
 def check(path, topic, record, given):
@@ -88,9 +89,9 @@ def check(path, topic, record, given):
 
     path, topic : for the message;  record : their type;  given : list of them, or one of arrays
     """
-    rule, are_arrays = RULES.get(record) or _of_reading(record), not isinstance(given, list)
+    rule, are_arrays = RULES.get(record, READING), not isinstance(given, list)
     where = rule.where(given) if are_arrays else np.array([rule.where(one) for one in given], dtype=bool)
-    for name in _numbers(record):
+    for name in rule.finite if _is_of_plug_in(record) else _numbers(record):
         values = _of_arrays(attrgetter(name)(given)) if are_arrays else _of_list(given, name)
         if name in rule.finite:
             bad, expected = _bad(name, values) & where, f"numbers below {LARGEST:g}"
@@ -99,13 +100,13 @@ def check(path, topic, record, given):
             expected = f"numbers below {LARGEST:g}"
         else:
             unknown = name.startswith(("sigma", "protection"))  # which own software may say by infinity
-            bad = ((np.abs(values) > LARGEST_OTHER) & ~(unknown & np.isposinf(values))).any(axis=1)
-            expected = f"numbers below {LARGEST_OTHER:g}, or NaN"
+            bad = ((np.abs(values) > possible.LARGEST_OTHER) & ~(unknown & np.isposinf(values))).any(axis=1)
+            expected = f"numbers below {possible.LARGEST_OTHER:g}, or NaN"
         if bad.any():
             k = int(bad.argmax())
             expected = "a unit quaternion" if name.startswith("q_") else expected
             raise _impossible(f"{path}: {topic}: message {k + 1}: {name}", values[k], expected)
-    for field in of_record(record).fields:
+    for field in of_record(record).fields if record in RULES else ():
         _possible(path, topic, field, given)
     if rule.far and are_arrays:
         _far(path, topic, rule.far, getattr(given, rule.far))
@@ -172,10 +173,9 @@ def _numbers(record):
     return tuple(field.source for field in of_record(record).fields if field.kind == "double")
 
 
-def _of_reading(record):
-    """Rule of what an instrument says: its times are some, all else is its own."""
-    is_reading = any(one.record is record for one in TABLE.values())
-    return Rule(("t_valid_s", "t_available_s") if is_reading else ())
+def _is_of_plug_in(record):
+    """Whether a record is what the instrument of a plug-in reads."""
+    return any(one.record is record for name, one in TABLE.items() if name not in BUILT_IN)
 
 
 def _of_arrays(values):

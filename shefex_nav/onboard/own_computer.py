@@ -2,7 +2,10 @@
 
 from typing import Protocol
 
+import numpy as np
+
 from shefex_nav.clock import SAME_S
+from shefex_nav.onboard import own_records
 from shefex_nav.onboard.own_navigation import OwnNavigation
 from shefex_nav.onboard.own_tracker import Answers, Solved
 from shefex_nav.records import CameraCommand, Frame
@@ -55,6 +58,7 @@ class OwnComputer(OwnNavigation):
 
     def _checked_command(self, command):
         """A CameraCommand of this tick."""
+        command = own_records.checked(self._own, self.now_s, command)
         if abs(command.t_s - self.now_s) > SAME_S:
             raise self._error(f"gave a CameraCommand of T{command.t_s:+.6f} s, of another tick")
         self._exposure_s = command.exposure_s
@@ -62,7 +66,8 @@ class OwnComputer(OwnNavigation):
 
     def _solved(self, solved):
         """StarFix and, if something is asked of the camera, CameraCommand of a Solved."""
-        frame = self._frames.pop(solved.number, None)
+        is_number = isinstance(solved.number, int | np.integer)
+        frame = self._frames.pop(solved.number, None) if is_number else None
         if frame is None:
             words = f"which has not come, has been answered, or came more than {FRAMES} frames ago"
             raise self._error(f"gave a Solved of frame {solved.number}, {words}")

@@ -5,18 +5,16 @@ star tracker wants to know of a frame follows from the last estimates and from t
 """
 
 from collections import deque
-from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import shown
-from shefex_nav.fields import LARGEST, fields_of
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard import own_conventions
+from shefex_nav.onboard import own_conventions, own_records
 from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
@@ -26,9 +24,9 @@ from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, Nav
 
 KEPT = int(TICK_HZ)  # ticks, for frames that come late
 OUTPUTS = NavSolution, NavCovariance, GateResult, NavHealth
+ONE_A_TICK = {NavSolution: "solutions", NavCovariance: "covariances"}
 LEAST_M = 1.0  # from the centre of the Earth, where no direction is up
 LONGEST_S = 0.1  # over which the attitude of a tick is carried on to a picture
-_fields = cache(fields_of)
 
 
 class Estimate(NamedTuple):
@@ -103,10 +101,10 @@ class OwnNavigation:
         if not isinstance(given, list):
             raise self._error(f"must give an Estimate, a list or None, got {shown(given)}")
         outputs = [record for one in given for record in self._recorded(one)]
-        solutions = [one for one in outputs if isinstance(one, NavSolution)]
-        if len(solutions) > 1:
-            raise self._error(f"gave {len(solutions)} solutions for one tick")
-        self._keep(*solutions)
+        for kind, words in ONE_A_TICK.items():
+            if (n := sum(isinstance(one, kind) for one in outputs)) > 1:
+                raise self._error(f"gave {n} {words} for one tick")
+        self._keep(*(one for one in outputs if isinstance(one, NavSolution)))
         return outputs
 
     def _recorded(self, given):
@@ -238,44 +236,17 @@ class OwnNavigation:
             raise self._error(f"its first {words}")
 
     def _checked_record(self, record):
-        """A whole record of the software's own: of this tick, and a NavSolution complete."""
-        kind = type(record).__name__
-        for field in _fields(type(record)):
-            self._own.check_kind(
-                self.now_s, f"{field.source} of its {kind}", getattr(record, field.source), field
-            )
-        if not abs(record.t_s - self.now_s) <= SAME_S:
-            raise self._error(f"gave a {kind} of T{record.t_s:+.6f} s, of another tick")
-        if isinstance(record, GateResult) and (record.dof < 0 or record.nis < 0.0):
-            words = f"dof {record.dof} and nis {record.nis:g}, neither may be below 0"
-            raise self._error(f"gave a GateResult of {words}")
-        if isinstance(record, NavSolution):
-            self._check_numbers(record)
+        """A whole record of the software's own, of this tick."""
+        kind = type(record)
+        record = own_records.checked(self._own, self.now_s, record)
+        if abs(record.t_s - self.now_s) > SAME_S:
+            raise self._error(f"gave a {kind.__name__} of T{record.t_s:+.6f} s, of another tick")
+        if kind is NavSolution:
             self._own.quaternion(self.now_s, "q_ib of its NavSolution", record.q_ib)
+            self._check_place("r_i of its NavSolution", record.r_i)
             usable = (not getattr(record, f"do_not_use_{one}") for one in QUANTITIES)
             self._check_conventions(record, *usable)
-        if isinstance(record, NavCovariance) and np.isfinite(record.P).all():  # NaN: it does not say
-            if fault := covariance_fault(np.asarray(record.P)):
-                raise self._error(f"P of its NavCovariance {fault}")
         return record
-
-    def _check_numbers(self, given):
-        """SoftwareError for a NavSolution that is not finite, or that is surer than sure."""
-        for name, size in FIELDS.items():
-            shape = (size,) if size > 1 else ()
-            value, what = getattr(given, name), f"{name} of its NavSolution"
-            if not name.startswith(("sigma", "protection")):
-                self._own.numbers(self.now_s, what, value, *shape)
-                if name == "r_i":
-                    self._check_place(what, value)
-                continue
-            array = np.asarray(value, dtype=float)  # NaN: it does not say; infinity: nothing is known
-            if (array < 0.0).any():
-                raise self._error(f"{what} must not be negative, got {shown(value)}")
-            if name.startswith("protection") and (array == 0.0).any():
-                raise self._error(f"{what} must be above 0, got {shown(value)}")
-            if (np.isfinite(array) & (array >= LARGEST)).any():
-                raise self._error(f"{what} must be below {LARGEST:g}, or infinite, got {shown(value)}")
 
     def _check_place(self, what, r_i):
         """SoftwareError for a position at the centre of the Earth."""
@@ -294,7 +265,7 @@ class OwnNavigation:
                 context = context._replace(**{name: array})
         if context.unsteady_c is None:
             return context
-        table = np.asarray(context.unsteady_c, dtype=float)
+        table = self._own.real(self.now_s, "unsteady_c of its Context", context.unsteady_c)
         table = self._own.numbers(self.now_s, "unsteady_c of its Context", table, len(table), 4)
         if len(table) == 1 or (np.diff(table[:, 0]) <= 0.0).any():
             raise self._error("unsteady_c of its Context must have no rows, or two or more in order of time")

@@ -4,7 +4,6 @@ import os
 import sys
 import weakref
 from contextlib import redirect_stdout
-from enum import EnumMeta
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from shefex_nav.fields import LARGEST, UNIT
 
 SYMMETRIC = 1e-6  # of the product of two sigmas
 LEAST_EIGENVALUE = 1e-12  # of a matrix of correlations: the rounding of 9 by 9 numbers is below it
-MOST_WHOLE = 2**31 - 1  # that a message holds
+MOST_WHOLE = 2**31 - 1  # that a log holds
+LEAST_VARIANCE = 1e-60  # SI; of a smaller one squares of errors over it are too large for any figure
 NO_NUMBERS = str | bytes | None | complex | np.complexfloating
 
 
@@ -77,12 +77,12 @@ class OwnSoftware:
     def numbers(self, now_s, what, value, *shape):
         """Array of finite numbers of a shape, none larger than a log may hold; SoftwareError."""
         array = self.real(now_s, what, value)
+        if array.shape == shape and (np.abs(array) < LARGEST).all():
+            return array
         if array.shape != shape or not np.isfinite(array).all():
             got = f"shape {array.shape}" if array.shape != shape else "NaN or infinity"
             raise self.error(now_s, f"{what} must be finite, shape {shape}, got {got}")
-        if array.size and (largest := np.abs(array).max()) >= LARGEST:
-            raise self.error(now_s, f"{what} must be below {LARGEST:g}, got {largest:.4g}")
-        return array
+        raise self.error(now_s, f"{what} must be below {LARGEST:g}, got {np.abs(array).max():.4g}")
 
     def real(self, now_s, what, value):
         """Array of real numbers, NaN and infinity among them; SoftwareError."""
@@ -104,29 +104,6 @@ class OwnSoftware:
             raise self.error(now_s, f"{what} must be a text of Unicode, got {value!r:.80}") from None
         return value
 
-    def check_kind(self, now_s, what, value, field):
-        """SoftwareError unless a value is of the kind of a field. field : fields.Field"""
-        if field.kind == "string":
-            self.text(now_s, what, value)
-        elif field.kind == "double":
-            shape = self.real(now_s, what, value).shape
-            if len(shape) != len(field.shape) or any(
-                size >= 0 and n != size for n, size in zip(shape, field.shape, strict=True)
-            ):
-                expected = str(field.shape).replace("-1", "n")
-                raise self.error(now_s, f"{what} must be of shape {expected}, got {shape}")
-        elif field.kind == "bool":
-            if not isinstance(value, bool | np.bool_):
-                raise self.error(now_s, f"{what} must be true or false, got {shown(value)}")
-        elif isinstance(value, bool) or not isinstance(value, int | np.integer):
-            raise self.error(now_s, f"{what} must be a whole number, got {shown(value)}")
-        elif isinstance(field.kind, EnumMeta):
-            if value not in list(field.kind):
-                members = f"a member of {field.kind.__name__}"
-                raise self.error(now_s, f"{what} must be {members}, got {shown(value)}")
-        elif abs(int(value)) > MOST_WHOLE:
-            raise self.error(now_s, f"{what} must be at most {MOST_WHOLE}, got {shown(value)}")
-
     def quaternion(self, now_s, what, value):
         """Unit quaternion, normalised; SoftwareError."""
         q = self.numbers(now_s, what, value, 4)
@@ -146,7 +123,7 @@ def covariance_fault(P):
     variances = P.diagonal()
     if (variances < 0.0).any():
         return "has a negative variance"
-    if not variances.all():
+    if (variances < LEAST_VARIANCE).any():
         return "has a variance of zero"
     sigma = np.sqrt(variances)
     correlation = P / np.outer(sigma, sigma)

@@ -1,5 +1,6 @@
 """Star tracker software of somebody's own in the place of the built-in chain: a frame in, a `Solved` out."""
 
+from math import ceil
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from shefex_nav.errors import shown
 from shefex_nav.fields import integer, matrix, member, number, vector
 from shefex_nav.onboard import own_conventions
-from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
+from shefex_nav.onboard.own_software import MOST_WHOLE, OwnSoftware, covariance_fault
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
 
@@ -87,9 +88,11 @@ class Answers:
 
     def command(self, solved, exposure_s, now_s, valid_s):
         """CameraCommand. exposure_s : that was asked for before; valid_s : from when on"""
-        exposure_s = exposure_s if solved.exposure_s is None else float(solved.exposure_s)
-        gain_db = self._gain_db if solved.gain_db is None else float(solved.gain_db)
-        return self.checked(CameraCommand(valid_s, exposure_s, gain_db), now_s)
+        asked = {"exposure_s": exposure_s, "gain_db": self._gain_db}
+        for name in asked:
+            if (value := getattr(solved, name)) is not None:
+                asked[name] = float(self._own.numbers(now_s, f"{name} of its Solved", value))
+        return self.checked(CameraCommand(valid_s, **asked), now_s)
 
     def checked(self, command, now_s):
         """A CameraCommand that the camera can follow."""
@@ -104,12 +107,14 @@ class Answers:
 
     def fix(self, solved, frame, now_s, available_s):
         """StarFix of a frame. available_s : when the navigation may have it"""
-        n, reason = len(solved.xy_px), Reason.NONE
+        n, reason = ceil(self._own.real(now_s, "xy_px", solved.xy_px).size / 2), Reason.NONE
         xy_px = self._own.numbers(now_s, "xy_px", solved.xy_px, n, 2) if n else np.empty((0, 2))
         flux_dn = np.full(n, np.nan)
-        if len(solved.flux_dn):
+        if self._own.real(now_s, "flux_dn", solved.flux_dn).size:
             flux_dn = self._own.numbers(now_s, "flux_dn", solved.flux_dn, n)
         hip = np.zeros(n) if solved.hip is None else self._own.numbers(now_s, "hip", solved.hip, n)
+        if (np.abs(hip) > MOST_WHOLE).any():
+            raise self._own.error(now_s, f"hip must be {MOST_WHOLE} at most, got {shown(solved.hip)}")
         q_ic, P_c = NO_ATTITUDE, NO_COVARIANCE
         if solved.q_ic is None:
             if solved.reason not in list(Reason)[1:]:

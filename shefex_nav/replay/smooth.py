@@ -171,7 +171,7 @@ def without_hedging(final, states, saturated, rules):
     so the noise grows with the square of their number. Here only those that follow on each other do.
 
     states : (N + 1, 6) int, of the axes at each tick, as `ImuWatch.state`
-    saturated : (N,) bool, what the unit says;  rules : (5, 2), `ImuWatch.rules`
+    saturated : (N,) bool, what the unit says;  rules : `ImuWatch.rules`
     """
     numbers, extra = final.numbers, final.extra.copy()
     lengths_s = numbers[:, 1] * numbers[:, 2]

@@ -8,13 +8,14 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
-from shefex_nav.fields import UNIT
+from shefex_nav.fields import LARGEST, UNIT
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.log.other_solutions import Other, check_name
 from shefex_nav.log.run_data import stack
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.own_navigation import Estimate
 from shefex_nav.onboard.own_software import covariance_fault
+from shefex_nav.possible import LARGEST_OTHER
 from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
@@ -128,8 +129,10 @@ def _checked(given):
             raise ValueError(
                 f"{name}: shape {array.shape}; expected {(len(t_s), *shape)}, a row for each time"
             )
-        if bad := np.flatnonzero(~np.isfinite(array.reshape(len(t_s), -1)).all(axis=1)).tolist():
-            raise ValueError(f"{name}: NaN or infinity at T{t_s[bad[0]]:+.2f} s; leave such times out")
+        most = LARGEST_OTHER if name == "P" else LARGEST
+        if bad := np.flatnonzero(~(np.abs(array) < most).reshape(len(t_s), -1).all(axis=1)).tolist():
+            what = f"NaN or a number beyond {most:g}"
+            raise ValueError(f"{name}: {what} at T{t_s[bad[0]]:+.2f} s; leave such times out")
         found[name] = array
     norm = np.linalg.norm(found["q"], axis=1)
     if (off := np.abs(norm - 1.0)).max() > UNIT:

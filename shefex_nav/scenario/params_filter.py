@@ -64,7 +64,8 @@ def integrity_params(scenario, dt_s, coarse_if_silent, shaken=(0.0, 0.0)):
     ]
     return integrity_watch.IntegrityParams(
         imu=integrity_imu.ImuRules(
-            again=np.array(again),
+            again=np.array([first for first, _ in again]),
+            further=np.array([further for _, further in again]),
             repeats=np.array(repeats),
             range=np.array([triad.range for triad in triads]),
             wrong=np.array([navigation.saturated_rate, navigation.saturated_acceleration]),

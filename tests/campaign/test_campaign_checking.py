@@ -8,7 +8,10 @@ from contextlib import closing
 import pytest
 import synthetic_campaign
 
+from shefex_nav import runs
 from shefex_nav.campaign import checking, results, runs_file, store, table
+from shefex_nav.report import metrics
+from shefex_nav.scenario.load import load
 
 NAVIGATION = ("summary", "navigation")
 
@@ -61,6 +64,37 @@ def test_a_record_that_no_campaign_writes_is_refused(path, value, words, folder)
     with pytest.raises(runs_file.SpoiltError, match=words):  # so that it is flown again
         store.Store(folder).record(2)
     assert store.Store(folder).record(1)["run"] == 1
+
+
+TEXTS = "version", "scenario", "seed", "failure", "flight.of", "warnings"  # and the doubts at entry
+
+
+def test_each_figure_of_a_flight_has_a_rule_that_it_meets():
+    """The tree of rules is that of the summary: of a name that is misspelt in it nothing would be asked."""
+    scenario = load("tight", ["star_tracker.frames=statistical"])
+    row = table.row({"run": 0, "summary": metrics.summarise(runs.fly(scenario).data)})
+    assert checking.row_fault(row) is None and row["summary.navigation.at_entry.nees"] > 0.0
+    free = [name for name in row if name.startswith("summary.") and checking.rule(name) is checking.ANYTHING]
+    assert {name for name in free if not name.endswith(".doubt")} <= {f"summary.{name}" for name in TEXTS}
+
+
+@pytest.mark.parametrize("name", ["max", "rms", "samples", "doubts", "fixes", "sigma_x", "low_share"])
+def test_an_instrument_of_a_plug_in_may_have_any_name(name):
+    used = {"readings": 12, "used": 7}
+    summary = {"navigation": {"instruments": {name: used}}, "software": {name: "mine.py:Mine"}}
+    assert checking.row_fault(table.row({"run": 0, "summary": summary})) is None
+    wrong = {"navigation": {"instruments": {name: used | {"used": 0.5}}}}
+    assert checking.row_fault(table.row({"run": 0, "summary": wrong}))[0].endswith(f"{name}.used")
+
+
+def test_a_window_may_have_more_ticks_than_there_are_frames():
+    """Ticks without a frame count in it, if both neighbours do (`metrics`)."""
+    counts = {"frames": 100, "in_window": 104, "solved": 99, "fixes": 99, "wrong": 0}
+    changes = {"": {}, "wrong": {"wrong": 100}, "fixes": {"fixes": 101}, "solved": {"solved": 105}}
+    for column, change in changes.items():
+        row = table.row({"run": 0, "summary": {"star_tracker": counts | change}})
+        fault = checking.row_fault(row)
+        assert fault is None if not column else fault[0] == f"summary.star_tracker.{column}"
 
 
 def test_draws_of_numbers_are_numbers():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.special import ndtr
-from scipy.stats import chi2, kstest
+from scipy.stats import binom, chi2, kstest
 
 from shefex_nav.campaign import subset
 
@@ -148,8 +148,18 @@ def test_plain_monte_carlo_of_what_is_not_rare():
     inside = np.mean([linear(one) > 1.0 for one in first(500, 4, 1)])
     assert len(found.levels) == 1 and found.reached
     assert found.probability == inside and found.evaluated == 500
+    low, high = found.interval
+    assert binom.sf(500 * inside - 1, 500, low) == pytest.approx(0.025)
+    assert binom.cdf(500 * inside, 500, high) == pytest.approx(0.025)
     assert found.variation == pytest.approx(math.sqrt((1.0 - inside) / inside / 500))
     assert found.plain == pytest.approx(500)
+
+
+def test_what_all_samples_are_is_not_certain():
+    """100 of 100: 2.5 % of the time with a probability of 0.025^(1/100) (Clopper and Pearson)."""
+    found = estimate(linear, -20.0, 4, 1, 100)
+    assert found.probability == 1.0
+    assert found.interval == pytest.approx((0.025**0.01, 1.0))
 
 
 def test_what_is_too_rare_is_given_up_at_the_smallest():

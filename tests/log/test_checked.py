@@ -1,15 +1,20 @@
 """Impossible records of a log: refused with topic, message and field."""
 
 from types import SimpleNamespace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
 import synthetic_run
 
+from shefex_nav.fields import Column
+from shefex_nav.instruments import TABLE
+from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.log import checked, described
 from shefex_nav.log.run_data import RunDataBuilder, stack
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import GateResult, GpsRanges, Reason, row
+from shefex_nav.replay.dataset import NONSENSE
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=236.0)
 WRONG = (
@@ -168,6 +173,36 @@ def test_star_fixes_and_blocks_that_cannot_be_are_named(data):
         bad = block._replace(dtheta_b=np.zeros((n, 3)), dv_b=np.zeros((n, 3)))
         with pytest.raises(LogError, match=rf"message 1: dtheta_b: got {n} samples, expected 1 to 1000"):
             check([bad], type(block))
+
+
+def test_what_flies_fast_and_what_recorders_write_can_be(data):
+    """A rocket of 20 turns a second; a number of satellites that a replay has found to be nonsense."""
+    truth, fix = data.frame_truths[0], data.gps[0]
+    check([truth._replace(rate=40.0 * np.pi)], type(truth))
+    check([fix._replace(n_satellites=NONSENSE)], type(fix))
+
+
+class Own(NamedTuple):
+    """What a plug-in reads: names of the program's records, other meanings."""
+
+    t_valid_s: Annotated[float, Column("s", "")]
+    t_available_s: Annotated[float, Column("s", "")]
+    rate: Annotated[float, Column("rad/s", "signed")]
+    P: Annotated[np.ndarray, Column("Pa", "of three ports", (3,))]
+    sigma: Annotated[float, Column("", "skew")]
+    height: Annotated[float, Column("m", "infinite without an echo")]
+
+
+def test_readings_of_a_plug_in_are_its_own_but_for_their_times(monkeypatch):
+    monkeypatch.setitem(TABLE, "own", Instrument("own", None, Own, None))
+    reading = Own(1.0, 1.1, -3.0, np.array([-1.0, 2.0, 1e40]), -0.5, np.inf)
+    check([reading], Own)
+    check(stack(Own, [reading, reading]))
+    with pytest.raises(LogError, match=r"message 1: t_valid_s: got \[nan\]"):
+        check([reading._replace(t_valid_s=np.nan)], Own)
+    barometer = TABLE["barometer"].record(1.0, 1.1, np.inf)
+    with pytest.raises(LogError, match=r"message 1: pressure: got .*inf"):
+        check([barometer], type(barometer))
 
 
 def test_a_time_far_away_is_named(data):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from shefex_nav.onboard.navigation import integrity_imu as watch_imu
 from shefex_nav.onboard.navigation import integrity_readings
@@ -254,15 +255,29 @@ def test_a_long_fault_does_not_allow_longer_ones():
     assert max(seen) * N <= RULES.repeats[0] + 2 * N
 
 
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0, 2.5, 4.0, 8.0])
+def test_equal_readings_say_no_more_than_their_chance_whatever_the_rate(ratio):
+    """Counts of a normal distribution about each place within a quantum: n more readings like the first."""
+    first, further = integrity_readings.evidence(1.0, ratio)
+    edges = (np.arange(-60, 61)[:, None] - 0.5 + np.linspace(0.0, 0.5, 51)) * ratio
+    chances = np.diff(norm.cdf(edges), axis=0)
+    for n in (1, 2, 5, 40):
+        largest = (chances ** (n + 1)).sum(axis=0).max()
+        assert largest < np.exp(-first - (n - 1) * further) * (1.0 + 1e-6) or largest > 1.0 - 1e-12
+    assert (chances**2).sum(axis=0).max() > 0.9 * np.exp(-first)
+    assert (chances**41).sum(axis=0).max() > 0.3 * np.exp(-41.0 * further)
+
+
 def test_the_same_block_is_no_fault_where_counts_are_coarse():
     """At rest, quanta far above the noise: blocks are the same time and again, and none is called a fault.
 
     One that is sent again for a second is: after as many blocks as such a unit does not give in 1e9.
     """
     rng, quantum = np.random.default_rng(12), np.array([20.0, 3.0]) * SIGMA
-    again = np.array([integrity_readings.evidence(*pair) for pair in zip(SIGMA, quantum, strict=True)])
+    said = [integrity_readings.evidence(*pair) for pair in zip(SIGMA, quantum, strict=True)]
+    again, further = np.transpose(said)
     repeats = [integrity_readings.repeats(*pair, carried=True) for pair in zip(SIGMA, quantum, strict=True)]
-    rules = RULES._replace(again=again, repeats=np.array(repeats))
+    rules = RULES._replace(again=again, further=further, repeats=np.array(repeats))
     samples = np.repeat(SIGMA, 3) * rng.standard_normal((40000, 6))
     for triad in (slice(0, 3), slice(3, 6)):
         counts = np.ascontiguousarray(samples[:, triad])
@@ -274,6 +289,6 @@ def test_the_same_block_is_no_fault_where_counts_are_coarse():
     assert not (states == REPEATED).any()
     samples[20000:20400] = np.tile(samples[19996:20000], (100, 1))
     _, _, states, _ = run(samples, rules=rules)
-    most = int(np.ceil(np.log(1e9) / (3.0 * N * again.sum())))
+    most = 1 + int(np.ceil((np.log(1e9) / (3.0 * N) - again.sum()) / further.sum()))
     first = int((states[:, 0] == REPEATED).argmax())
-    assert 1 < first + 1 - 20000 // N <= most and (states[first : 20400 // N] == REPEATED).all()
+    assert 1 < first + 1 - 20000 // N == most and (states[first : 20400 // N] == REPEATED).all()

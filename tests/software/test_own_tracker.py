@@ -62,6 +62,9 @@ def test_commands_of_the_tracker_reach_the_camera(tmp_path):
         ("return Solved((1, 0, 0, 1), frame.image_dn[:3, :3])", "q_ic must be a unit quaternion"),
         ("return Solved(exposure_s=3.0)", "asked for an exposure of 3 s; frames come every 0.1 s"),
         ("return Solved(reason=0)", "gave no attitude and no reason"),
+        ("return Solved(exposure_s='long')", "exposure_s of its Solved must be numbers, got 'long'"),
+        ("return Solved(xy_px=None)", "xy_px must be numbers, got None"),
+        ("return Solved(xy_px=[[1, 2]], flux_dn=[1], hip=[2**31])", "hip must be 2147483647 at most, got"),
     ],
 )
 def test_mistakes_of_the_tracker_are_told(tmp_path, here, words):

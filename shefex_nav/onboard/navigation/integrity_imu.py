@@ -66,7 +66,8 @@ class ImuRules(NamedTuple):
     wrong: np.ndarray  # (2,) rad/s, m/s^2, sigma of the error of a reading that means nothing
     change: np.ndarray  # (2,) rad/s^2, m/s^3, how fast the truth runs away from a reading that is held
     missed: np.ndarray  # (2,) rad/s, m/s^2, sigma of what a reading at the end of the range leaves out
-    again: np.ndarray = np.full(2, inf)  # `integrity_readings.evidence` of a reading
+    again: np.ndarray = np.full(2, inf)  # `integrity_readings.evidence` of a reading like the one before,
+    further: np.ndarray = np.full(2, inf)  # and of each that follows and is the same
 
 
 NO_RULES = ImuRules(
@@ -140,7 +141,7 @@ def fixed(watch, sensor, t_valid_s, now_s):
 
     watch : ImuWatch;  sensor : 0 the gyros, 1 the accelerometers;  now_s : of the last block
     """
-    _, _, wrong, change, missed, _ = watch.rules
+    _, _, wrong, change, missed, *_ = watch.rules
     for axis in watch.axes[3 * sensor : 3 * sensor + 3]:
         if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
             axis["fixed_s"], age_s, sigma = t_valid_s, max(now_s - t_valid_s, 0.0), wrong[sensor]

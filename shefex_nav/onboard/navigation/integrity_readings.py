@@ -46,14 +46,21 @@ def repeats(sigma, quantum, carried=False):
 
 
 def evidence(sigma, quantum):
-    """What a reading that equals the one before says for a unit that repeats itself: -log of its chance.
+    """What readings that equal those before say for a unit that repeats itself: -log of their chance.
 
-    Two noisy readings, sigma each, are rounded to one count with erf(q/(4 sigma)) at most, whatever the rate.
+    The counts of a reading have probabilities p_k, of which none is above p = erf(q/(2 sqrt(2) sigma)). Two
+    are equal with the sum of p_k^2, at most erf(q/(4 sigma)), or what it is of a reading in the middle of a
+    count; each that follows is the same again with p at most. This is so whatever the rate.
+
+    sigma, quantum : of a reading -> of the first that is equal, of each one more
     """
     if sigma <= 0.0:
-        return 0.0
-    p = erf(quantum / (4.0 * sigma))
-    return -log(p) if p > 0.0 else inf
+        return 0.0, 0.0
+    ratio = quantum / sigma
+    most = erf(ratio / sqrt(8.0))
+    beside = 0.5 * (erf(3.0 * ratio / sqrt(8.0)) - most)
+    both = max(erf(0.25 * ratio), most**2 + 2.0 * beside**2)
+    return tuple(-log(p) if p > 0.0 else inf for p in (both, most))
 
 
 @inner(forceinline=True)
@@ -72,7 +79,8 @@ def of_block(block, readings, rules, last, alike):
         alike[:] = 0.0
         return GOOD
     alike[0] += 1.0
-    alike[1] += 3.0 * readings.shape[0] * (rules[5, 0] + rules[5, 1])
+    rule = 5 if alike[0] == 1.0 else 6
+    alike[1] += 3.0 * readings.shape[0] * (rules[rule, 0] + rules[rule, 1])
     return REPEATED if alike[1] >= ALIKE else GOOD
 
 

@@ -111,6 +111,10 @@ def _turned(quantum, walk, sensed, sample_s, rate):
         sum of q^2/(2 pi^2 n^2) 2 a_n w^2/(a_n^2 + w^2) = 2 N^2 sum of 1/(1 + (n/m)^4),   m^2 = w/a,
 
     at most 2 N^2 times the smaller of pi m/sqrt(8) and pi^4 m^4/90.
+
+    Not covered: an input that makes a count, or one in n, a turn of the body. Its wave then stands still in
+    inertial axes, with w^2 q^2/(2 pi^2 n^2) 1/a_n for as long as the two rates agree to a_n; only quanta far
+    above the noise have a wave that lasts so long.
     """
     density = (rate * quantum) ** 2 * sample_s / 12.0
     mixed = np.sqrt((pi * walk**2 / quantum) ** 2 + sensed**2)

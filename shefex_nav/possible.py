@@ -1,7 +1,8 @@
 """What the numbers of a record can be, by their fields: members of a list, ranges, covariances, rotations.
 
 Everything that the program writes lies within; what does not has been written by somebody else. Of NaN, which
-is what is not known, nothing is said here.
+is what is not known, nothing is said here. Nor is anything of readings of instruments, whose fields may have
+the same names and be something else.
 """
 
 import math
@@ -13,12 +14,12 @@ import numpy as np
 
 from shefex_nav.fields import UNIT
 
+LARGEST_OTHER = 1e30  # of a number that may be NaN; what is computed of it is a number yet
 LONGEST_S = 1e6  # from the first to the last time of a topic
 SAME = 1e-6  # of the product of two sigmas, by which a covariance may be off
 COVARIANCES = "P", "P_c", "R_r_e", "R_v_e", "P_theta_b"
 ROTATIONS = "C_iq", "C_re", "C_bc"
-RANGES = {  # attribute of any record: least, most
-    "rate": (0.0, 100.0),  # of a camera
+RANGES = {  # attribute of the program's records: least, most
     "launch_latitude": (-pi / 2.0, pi / 2.0),
     "launch_longitude": (-2.0 * pi, 2.0 * pi),
     "launch_height": (-1e5, 1e9),
@@ -29,10 +30,12 @@ RANGES = {  # attribute of any record: least, most
     "dt_s": (1e-6, 100.0),
     "exposure_s": (0.0, 1e4),
     "line_s": (0.0, 1e3),
-    "n_satellites": (0, 1000),
+    "n_satellites": (-1, 1000),  # -1: recorded data say a number that there cannot be
     "pdop": (0.0, inf),
     "chain_s": (0.0, 1e6),
     "wall_s": (0.0, 1e9),
+    "dof": (0, 1_000_000),
+    "nis": (0.0, inf),
 }
 EARTH_RATE = 1e-3  # rad/s, at most
 
@@ -65,7 +68,7 @@ def rule(field):
 
 
 def _no_member(members, values):
-    return ~np.isin(values, members).all(axis=1)
+    return (values[:, :, None] != members).all(axis=2).any(axis=1)
 
 
 def _outside(least, most, values):
