@@ -48,7 +48,7 @@ def test_each_command_is_a_file_of_its_name():
         "printing",
         "flights",
         "refusal",
-        "standard_error",
+        "terminal",
     }
     files = {path.stem for path in Path(commands.__file__).parent.glob("*.py")}
     assert files - shared == set(names(typer.main.get_command(app)))

@@ -35,7 +35,7 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
-from shefex_nav.commands.standard_error import forgiving, tell
+from shefex_nav.commands.terminal import Closed, forgiving, tell
 from shefex_nav.commands.trade import trade
 from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
@@ -101,9 +101,10 @@ def options(
 
 def main():
     """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by who started this
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+    if sys.stderr is None:  # closed by who started this
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    if sys.stdout is None:
+        sys.stdout = Closed()
     sys.stderr = forgiving(sys.stderr)
     search_seldom()
     end_quickly()

@@ -13,7 +13,7 @@ from io import TextIOWrapper
 
 import typer.core
 
-from shefex_nav.commands.standard_error import tell
+from shefex_nav.commands.terminal import tell
 from shefex_nav.errors import UserError
 from shefex_nav.stopping import terminable
 
@@ -22,10 +22,11 @@ try:  # typer carries its own click, under no public name; until 2026 it used th
 except ModuleNotFoundError:
     from click import exceptions as refused
 
+UNREAD = 141  # exit code, as of other programs whose reader has gone (128 + SIGPIPE)
 PROGRAM, TRUST = "shefex-nav", "--trust"
 TRUST_HELP = f"{TRUST} is consent to run the code that a scenario names: plug-ins and own software."
 MACHINE = {  # errors that are no fault of the program, and what could not be done
-    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS), "cannot be written"),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EBADF), "cannot be written"),
     **dict.fromkeys(
         (errno.EIO, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP), "cannot be read or written"
     ),
@@ -64,9 +65,12 @@ class PlainGroup(typer.core.TyperGroup):
             return super().main(args, standalone_mode=False, **more)
 
     def invoke(self, ctx):
-        """Run a command; typer ends one that is interrupted without a word."""
+        """Run a command; typer ends one that is interrupted, or not read to its end, without a word."""
         try:
             return super().invoke(ctx)
+        except BrokenPipeError:
+            sys.stdout = open(os.devnull, "w")  # Python would try again at its end
+            sys.exit(UNREAD)
         except KeyboardInterrupt:
             tell("interrupted")
             raise
