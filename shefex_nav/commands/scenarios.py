@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav import files
 from shefex_nav.commands.printing import print_json, say, stdout
 
 
@@ -94,8 +95,8 @@ def _copy(sources, folder):
                 raise typer.BadParameter(words, param_hint="--copy")
         for target in (one for one in content if not one.exists()):
             target.parent.mkdir(parents=True, exist_ok=True)
-            with target.open("xb") as file:
-                file.write(content[target])
+            with files.whole(target) as half:
+                half.write_bytes(content[target])
             say(f"wrote {target}")
     except OSError as error:
         words = f"{error.filename or folder}: cannot be written: {error.strerror}"

@@ -14,6 +14,7 @@ import typer
 from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import check_picture, check_place, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.files import named
 from shefex_nav.log.mcap_file import is_log
 
 NAMED = "6-names"  # the last of the pictures of --stages
@@ -220,10 +221,11 @@ def _write_stages(grey, record, found, folder, steps=None, shown=None):
     """Draw the steps to an ImageSolution. steps : of `stages.draw`;  shown : of the names, if not grey"""
     from shefex_nav.solve import overlay, stages
 
-    written = stages.draw(grey, record, found, folder, steps)
-    if found.status == "ok":
-        overlay.draw(grey if shown is None else shown, found, folder / f"{NAMED}.png")
-        written.append(f"{NAMED}.png")
+    with named(folder):
+        written = stages.draw(grey, record, found, folder, steps)
+        if found.status == "ok":
+            overlay.draw(grey if shown is None else shown, found, folder / f"{NAMED}.png")
+            written.append(f"{NAMED}.png")
     say(f"wrote {', '.join(written)} to {folder}")
 
 
@@ -273,7 +275,7 @@ def field_of_view(text):
 
 def _degrees(text):
     """Degrees of an angle; None if the text is none."""
-    parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+)\s*([a-z°]*)\s*", text.lower())
+    parts = re.fullmatch(r"\s*([0-9]*\.?[0-9]+(?:e[-+]?[0-9]+)?)\s*([a-z°]*)\s*", text.lower())
     if parts is None or parts[2] not in DEGREES:
         return None
     return float(parts[1]) * DEGREES[parts[2]]

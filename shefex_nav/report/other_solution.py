@@ -87,7 +87,7 @@ def read_csv(path):
                 )
             rows = [_numbers(path, lines.line_num, line, wanted) for line in lines]
     except (Unreadable, csv.Error) as error:
-        raise BadTable(f"{path} {error}") from None
+        raise BadTable(f"{path}: {error}") from None
     if not rows:
         raise BadTable(f"{path}:2: has no row; expected one for each time")
     t_s, r, v, q, P = np.split(np.array(rows), [1, 4, 7, 11], axis=1)

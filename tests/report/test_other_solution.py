@@ -268,7 +268,7 @@ def test_a_table_of_another_filter_is_compared_with_the_log(sky, tmp_path, comma
         ("HEAD\n1,2,3,4,5,6,7,2,0,0,0, \n", "mine.csv: q: norm 2 at T+1.00 s"),
         ("HEAD\n", "mine.csv:2: has no row"),
         ("HEAD\n1,2,3,4,5,6,7,2,0,0,0\n", "mine.csv: q: norm 2 at T+1.00 s"),
-        (None, "mine.csv there is no such file"),
+        (None, "mine.csv: there is no such file"),
     ],
 )
 def test_a_table_that_is_none_is_one_line(sky, text, words, tmp_path, command):

@@ -13,6 +13,7 @@ from shefex_nav.geometry import wgs84
 
 SIGMAS = 1, 2, 3
 FEWEST = 3  # landings of an ellipse
+SAME_M = 1e-3  # rounding of positions
 RARE = 1e-3  # probability below which a count is not by chance
 
 
@@ -78,7 +79,7 @@ def ellipse(body, latitude, longitude):
     level = (r_e - mean_e) @ wgs84.dcm_en(*centre)
     offsets = level[:, :2] - level[:, :2].mean(axis=0)
     variances, directions = np.linalg.eigh(np.cov(offsets.T))
-    if variances[1] <= 0.0:
+    if variances[1] <= SAME_M**2:
         return None
     sigmas = np.sqrt(np.maximum(variances, 0.0))
     along = offsets @ directions / np.maximum(sigmas, 1e-9)
