@@ -198,6 +198,20 @@ def test_small_angles_count_where_the_velocity_is_known_better_than_what_they_ta
     assert not plain(unknown._is_bent)(P, speed, T) and not plain(unknown._is_bent)(P, np.zeros(3), T)
 
 
+@pytest.mark.parametrize("rate", [0.0, 0.05, 0.19, 0.5, 3.0, 9.4])
+def test_of_a_force_that_turns_the_mean_lasts(rate):
+    """Mean over LASTS in axes that do not turn: never larger than said across the turn, the same along it."""
+    axis, force, T = np.array([2.0, -1.0, 2.0]) / 3.0, np.array([7.0, 3.0, -4.0]), 0.01
+    got = np.array(plain(unknown._lasting)(tuple(force * T), tuple(axis * rate * T), T)) / T
+    angles = rate * (np.arange(10_000) + 0.5) * unknown.LASTS / 10_000
+    mean = np.mean([rotation.dcm_from_rotvec(angle * axis) @ force for angle in angles], axis=0)
+    assert got @ axis == pytest.approx(force @ axis)
+    across = [np.linalg.norm(one - (one @ axis) * axis) for one in (mean, got)]
+    bound = min(1.0, 2.0 / (rate * unknown.LASTS)) if rate else 1.0
+    assert across[0] <= across[1] * (1.0 + 1e-6)
+    assert across[1] == pytest.approx(bound * np.linalg.norm(force - (force @ axis) * axis))
+
+
 @pytest.mark.parametrize("before, gain", [(0.01, 0.9), (0.5, 0.6), (2.0, 0.3), (3.0, 0.99)])
 def test_the_best_gain_for_the_sine_of_an_angle(before, gain):
     """By least squares of 400 000 draws: an angle, its sine with noise. No more than the linear gain."""

@@ -20,7 +20,8 @@ as an error of the size of its mean square, in that direction, added to the sigm
 there. A small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t
 whatever h is, and t is what gravity shows. It counts for angles beyond 3 deg, and for smaller ones where a
 force that lasts `LASTS` seconds would take from the velocity what its sigma does not hide: of 2 deg and a
-burn of 400 m/s without GPS it is 0.2 m/s, five times what GPS of 5 cm/s then leaves.
+burn of 400 m/s without GPS it is 0.2 m/s, five times what GPS of 5 cm/s then leaves. Of a force that turns
+with the vehicle, as in a spin, its mean counts then.
 
 **Specific force that is not read.** While the reading of an accelerometer axis k cannot be trusted, the force
 along it is off by an unknown m, of which the filter is given the noise along k alone (`integrity_imu`). Of
@@ -86,8 +87,24 @@ def widen(P, angle, speed, extra, T, q_ib):
             _cut(P, a + k)
             _lose_axis(P, k, angle)
             _lose_direction(P, k)
-    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) > LARGE2 or _is_bent(P, speed, T):
+    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) > LARGE2:
         _add_second_order(P, speed, q_ib)
+        return
+    lasting = _lasting(speed, angle, T)
+    if _is_bent(P, lasting, T):
+        _add_second_order(P, lasting, q_ib)
+
+
+@inner(forceinline=True)
+def _lasting(speed, angle, T):
+    """What of a velocity gained in T keeps its direction for `LASTS`: across the axis of a turn, its mean.
+
+    That of a vector that turns at a rate w is 2 / (w LASTS) of it at most. -> three numbers, body axes
+    """
+    turned = np.sqrt(t3.dot(angle, angle))
+    share = 1.0 if turned * LASTS <= 2.0 * T else 2.0 * T / (turned * LASTS)
+    along = (1.0 - share) * t3.dot(speed, angle) / (turned * turned) if share < 1.0 else 0.0
+    return t3.plus(t3.scaled(share, speed), along, angle)
 
 
 @inner(forceinline=True)
