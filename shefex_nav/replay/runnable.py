@@ -11,10 +11,19 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.log.topics import LogError, of_record
 from shefex_nav.records import Alignment, ImuBlock
 from shefex_nav.replay.dataset import PULLS, TURNS
+from shefex_nav.replay.series import FAR_OFF_M
 
 SIGMAS = 10.0  # [E] by which the alignment may be off
 SLACK_R, SLACK_V = 1e5, 1e3  # [E] m, m/s, beyond them: where sigmas are told too small
 NEAR_S = 1.0  # of the truth that an alignment is compared with
+LARGEST = {  # [E] of an alignment; beyond them nothing is known of a flight, and covariances overflow
+    "r_i": (FAR_OFF_M, "m"),
+    "v_i": (1e6, "m/s"),
+    "sigma_r": (1e9, "m"),
+    "sigma_v": (1e6, "m/s"),
+    "gyro_bias": (TURNS, "rad/s"),
+    "sigma_gyro_bias": (TURNS, "rad/s"),
+}
 
 
 def check(path, data):
@@ -27,6 +36,7 @@ def check(path, data):
     _whole(path, data.imu, begin_s)
     _follow(path, data.imu, begin_s)
     _sensed(path, data.imu)
+    _known(path, data.alignment)
     _placed(path, data)
 
 
@@ -75,6 +85,15 @@ def _sensed(path, imu):
             k = int(bad.argmax())
             words = f"got {size[k]:.4g} {unit} over {imu.dt_s[k]:.4g} s, expected {most:g} {unit} at most"
             raise LogError(f"{path}: {of_record(ImuBlock).topic}: message {k + 1}: {name}: {words}")
+
+
+def _known(path, told):
+    """LogError of an alignment whose numbers are too large to begin with, or none."""
+    for name, (most, unit) in LARGEST.items():
+        size = float(np.linalg.norm(getattr(told, name)))
+        if not size <= most:
+            words = f"got {size:.4g} {unit}, expected {most:g} {unit} at most"
+            raise LogError(f"{path}: {of_record(Alignment).topic}: {name}: {words}")
 
 
 def _placed(path, data):
