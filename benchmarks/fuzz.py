@@ -1,19 +1,18 @@
 """Spoilt scenarios, logs, pictures, recorded data, answers and commands: is each read, or refused in words?
 
-uv run python benchmarks/fuzz.py [scenarios flights extremes logs fields pictures data answers commands ...]
-                                 [--first 0] [--cases 1000] [--minutes M] [--whole N] [--json FILE]
+uv run python benchmarks/fuzz.py [KIND ...] [--first 0] [--cases 1000] [--minutes M] [--whole N] [--json FILE]
 
 Case k of a kind is made from seed k alone: a file that the package or this script brings, with one to three
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
 third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
 are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read; fields
-are logs with other values in them, given to a command; pictures are solved; recorded data are replayed; a
-second is flown with what navigation software answers in its own process; command lines are carried out. Bad:
-an exception that is no UserError, more than 10 s of the processor (of a flight a minute), more than 2 GB
-beside what the process had, a NaN in what a flight or a replay logs, in a warning or in what is said of a
-log. Prints each bad case, then a line a kind. Exit code 1 if there was a bad one. A case that does not end
-ends the study with a traceback; its folder, which is printed at first, then stays, with its number. `--first`
-goes on where another run has ended.
+are logs with other values in them, given to a command; pictures are solved; data (CSV), kf_gins and matlab
+are recorded data, which are replayed; a second is flown with what navigation software answers in its own
+process; command lines are carried out. Bad: an exception that is no UserError, more than 10 s of the
+processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what a flight or a
+replay logs, in a warning or in what is said of a log. Prints each bad case, then a line a kind. Exit code 1
+if there was a bad one. A case that does not end ends the study with a traceback; its folder, which is printed
+at first, then stays, with its number. `--first` goes on where another run has ended.
 """
 
 import argparse
@@ -28,11 +27,12 @@ import tempfile
 import time
 import traceback
 import warnings
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import fuzz_logs
 import fuzz_programs
+import fuzz_recorded
 import mutations
 import numpy as np
 
@@ -53,7 +53,7 @@ FORMATS = "png", "tif", "jpg", "webp", "fits"
 
 
 class Kind:
-    """One kind of file. `folder` : for what is made once and for the case."""
+    """One kind of file. folder : for what is made once and for the case"""
 
     longest_s = 10.0  # of the processor
 
@@ -222,23 +222,23 @@ class Pictures(Kind):
 
 
 class Data(Kind):
-    """Recorded data: the example of a student rocket, its tables or its description."""
+    """Recorded data: the example of a student rocket, its tables or its description spoilt.
 
-    def __init__(self, folder):
+    form : csv, kf_gins, matlab
+    """
+
+    def __init__(self, folder, form="csv"):
         super().__init__(folder)
-        self.source = ROOT / "scenarios" / "replay" / "csv_example.yaml"
-        self.tables = {path.name: path.read_text() for path in (self.source.with_suffix("")).iterdir()}
-        (self.folder / self.source.stem).mkdir()
+        self.form = form
+        source = ROOT / "scenarios" / "replay" / "csv_example.yaml"
+        self.example = fuzz_recorded.Example(_own(source), source.with_suffix(""))
 
     def case(self, rng):
-        described, tables = _own(self.source), dict(self.tables)
-        if rng.integers(3):
-            name = sorted(tables)[rng.integers(len(tables))]
-            tables[name] = mutations.table(rng, tables[name])
-        else:
-            described = mutations.tree(rng, described)
-        for name, text in tables.items():
-            (self.folder / self.source.stem / name).write_text(text)
+        described, files = getattr(self.example, self.form)(rng)
+        for name, content in files.items():
+            path = self.folder / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content)
         (self.folder / "case.yaml").write_text(_text(described))
 
     def read(self, _rng):
@@ -295,6 +295,8 @@ KINDS = {
     "fields": Fields,
     "pictures": Pictures,
     "data": Data,
+    "kf_gins": partial(Data, form="kf_gins"),
+    "matlab": partial(Data, form="matlab"),
     "answers": Answers,
     "commands": Commands,
 }

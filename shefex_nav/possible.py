@@ -34,6 +34,8 @@ RANGES = {  # attribute of the program's records: least, most
     "pdop": (0.0, inf),
     "chain_s": (0.0, 1e6),
     "wall_s": (0.0, 1e9),
+    "dof": (0, 1_000_000),
+    "nis": (0.0, inf),
 }
 EARTH_RATE = 1e-3  # rad/s, at most
 

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -39,7 +40,16 @@ def test_each_command_is_a_file_of_its_name():
             yield before + name
             yield from names(command, f"{name}_") if hasattr(command, "commands") else ()
 
-    shared = {"__init__", "main", "options", "output_files", "printing", "flights", "refusal"}
+    shared = {
+        "__init__",
+        "main",
+        "options",
+        "output_files",
+        "printing",
+        "flights",
+        "refusal",
+        "terminal",
+    }
     files = {path.stem for path in Path(commands.__file__).parent.glob("*.py")}
     assert files - shared == set(names(typer.main.get_command(app)))
 
@@ -397,3 +407,16 @@ def test_an_earlier_run_keeps_its_name(tmp_path, monkeypatch):
         earlier.touch()
         found = run_command._free_name("one", 1)
         assert found == (later.relative_to(tmp_path), earlier.relative_to(tmp_path))
+
+
+def test_threads_that_python_waits_for_at_the_end_are_named(capsys):
+    from shefex_nav.commands import main
+
+    end = threading.Event()
+    thread = threading.Thread(target=end.wait, name="pump")
+    thread.start()
+    main._tell_threads()
+    end.set()
+    thread.join()
+    main._tell_threads()
+    assert capsys.readouterr().err == "done; waiting for threads that own software has not ended: pump\n"

@@ -1,12 +1,16 @@
 """What the command line cannot take is one plain line on stderr, exit code 2, and nothing is computed."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 
+from shefex_nav.commands import printing, terminal
 from shefex_nav.commands.main import main
+from shefex_nav.commands.output_files import OF_CAMPAIGNS
 
 LOG, THERE = "{log}", "{there}"  # files that exist
 
@@ -115,6 +119,50 @@ def test_a_picture_that_is_there_is_kept_unless_it_is_forced(arguments, tmp_path
         said = f"{option}: {picture} exists already; choose another name or add --force\n"
         assert ended.value.code == 2 and (capsys.readouterr().err == said) is (not more)
         assert picture.read_bytes() == b"precious"  # x is missing: nothing is drawn
+
+
+@pytest.mark.parametrize("name", OF_CAMPAIGNS)
+def test_files_of_campaigns_are_not_overwritten_by_force(name, tmp_path, monkeypatch, capsys):
+    path = tmp_path / name
+    path.write_bytes(b"precious")
+    for arguments in (("report", "x", "--html"), ("repeat", "x", "0", "--log")):
+        monkeypatch.setattr("sys.argv", ["shefex-nav", *arguments, str(path), "--force"])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = f"{arguments[-1]}: {path} is a file of a campaign; choose another name\n"
+        assert ended.value.code == 2 and capsys.readouterr().err == said
+        assert path.read_bytes() == b"precious"
+
+
+def test_what_a_terminal_would_obey_is_written_out(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "x.yaml"
+    path.write_text('extends: night_sky\nearth: {"pole\\e]0;T\\a\\u202e": 1}\n')
+    monkeypatch.setattr("sys.argv", ["shefex-nav", "check", str(path)])
+    with pytest.raises(SystemExit):
+        main()
+    assert r"earth.pole\x1b]0;T\x07\u202e: unknown key" in capsys.readouterr().err
+    assert terminal.visible("a\tb\nc é \x9b31m[b]\r") == "a\tb\nc é \\x9b31m[b]\\r"
+    printing.stdout(60).print(Table("[b]\x1b[31mhead", title="\x1b]2;t\x07"))
+    printed = capsys.readouterr().out
+    assert r"[b]\x1b[31m" in printed and r"\x1b]2;t" in printed and "\x1b" not in printed
+
+
+def ends(words, **how):
+    """Exit code and messages of a command of its own process."""
+    done = subprocess.run([sys.executable, "-m", "shefex_nav", *words], stderr=subprocess.PIPE, **how)
+    return done.returncode, done.stderr.decode()
+
+
+def test_a_reader_that_has_gone_is_no_answer():
+    read, write = os.pipe()
+    os.close(read)
+    assert ends(["scenarios"], stdout=write) == (141, "")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file descriptors as there")
+def test_standard_output_that_is_closed_loses_no_result_unsaid():
+    code, said = ends(["scenarios"], preexec_fn=lambda: os.close(1))
+    assert code == 2 and said == "the output cannot be written: Bad file descriptor\n"
 
 
 def test_without_arguments_there_is_help(monkeypatch, capsys):

@@ -122,6 +122,9 @@ class Store:
             _compare(old, plan, self.folder, place)
         elif self.runs.done():
             raise StoreError(f"{self.folder}: there are runs, but no campaign.json that says of what")
+        elif (self.folder / "results.parquet").exists():
+            words = "results.parquet of another campaign, without the rest of it; choose another folder"
+            raise StoreError(f"{self.folder}: there is {words}")
         self._clear()
         head = {
             "format": planning.FORMAT,

@@ -2,6 +2,6 @@
 
 `main.py` puts the commands together, `verify.py` those of `shefex-nav verify`. What several of them need:
 `options.py` (options and how their texts are read), `output_files.py` (where results may be written),
-`printing.py` (how anything is printed), `flights.py` (what is said of flights). `refusal.py` words what the
-command line cannot take.
+`printing.py` (how anything is printed), `terminal.py` (what it may be given), `flights.py` (what
+is said of flights). `refusal.py` words what the command line cannot take.
 """

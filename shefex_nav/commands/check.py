@@ -8,7 +8,7 @@ import typer
 
 from shefex_nav.commands.flights import about, warn
 from shefex_nav.commands.options import Json, Overrides, Scenario
-from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.commands.printing import print_json, say, say_result, stdout
 from shefex_nav.errors import UserError
 
 PLACED = re.compile(
@@ -97,13 +97,13 @@ def _print(scenario, found):
         say(f"star_camera.optics.zero_magnitude_flux: {light.words()}")
     until, whole_s = _flown_until(found.loaded), found.loaded.mission.time_limit
     part = "" if until is None else f"; flown until T{until:+g} s of {whole_s:g} s"
-    typer.echo(f"{scenario}: good{count}{part}")
+    say_result(f"{scenario}: good{count}{part}")
     if found.effects:
         from shefex_nav.report import states
 
         stdout(130).print(states.table(found.effects))
     for line in found.differences:
-        typer.echo(line)
+        say_result(line)
 
 
 def _flown_until(scenario):

@@ -67,12 +67,12 @@ def compare(
 
 def _check_number(given):
     """BadParameter for fewer than two to compare, or more than there are letters for."""
-    from shefex_nav.campaign.compare.sides import LETTERS
+    from shefex_nav.campaign.compare.sides import MOST
 
     if len(given) < 2:
         raise typer.BadParameter(f"only {given[0]}; expected two or more to compare")
-    if len(given) > len(LETTERS):
-        raise typer.BadParameter(f"{len(given)} to compare; expected {len(LETTERS)} at most")
+    if len(given) > MOST:
+        raise typer.BadParameter(f"{len(given)} to compare; expected {MOST} at most")
 
 
 def fly(flights, how):

@@ -9,6 +9,7 @@ Commands import late what they need: the command line starts without it.
 
 import os
 import sys
+import threading
 from typing import Annotated
 
 import typer
@@ -23,7 +24,7 @@ from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
 from shefex_nav.commands.rare import rare
-from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup, forgiving, tell
+from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
 from shefex_nav.commands.repeat import repeat
 from shefex_nav.commands.replay import replay
 from shefex_nav.commands.report import report
@@ -34,6 +35,7 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
+from shefex_nav.commands.terminal import Closed, forgiving, tell
 from shefex_nav.commands.trade import trade
 from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
@@ -99,9 +101,10 @@ def options(
 
 def main():
     """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by who started this
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+    if sys.stderr is None:  # closed by who started this
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    if sys.stdout is None:
+        sys.stdout = Closed()
     sys.stderr = forgiving(sys.stderr)
     search_seldom()
     end_quickly()
@@ -111,3 +114,12 @@ def main():
     except KeyboardInterrupt:
         tell("interrupted")
         sys.exit(130)
+    finally:
+        _tell_threads()
+
+
+def _tell_threads():
+    """Say which threads Python waits for now: those that code of a user's own has not ended."""
+    running = (one for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon)
+    if names := ", ".join(one.name for one in running):
+        tell(f"done; waiting for threads that own software has not ended: {names}")

@@ -25,7 +25,9 @@ def overrides(help):
 
 Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'.")
 StudyOverrides = overrides("Override one value.")
-Workers = Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")]
+Workers = Annotated[
+    int | None, typer.Option(min=1, max=1024, help="Processes on this machine; default one a core.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 OverwriteFigure = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --figure.")]
 OverwriteOut = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")]

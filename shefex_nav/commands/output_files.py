@@ -8,6 +8,7 @@ from pathlib import Path
 
 import typer
 
+OF_CAMPAIGNS = ("campaign.json", "runs.sqlite", "flight.npz", "results.parquet")  # never overwritten
 OTHER_NAME, OR_FORCE = "choose another name", "choose another name or add --force"
 
 
@@ -40,6 +41,8 @@ def check_place(path, option, *, force=False, instead=OTHER_NAME):
 
     instead : what to do in place of overwriting, in words
     """
+    if path.exists() and path.name in OF_CAMPAIGNS:
+        raise typer.BadParameter(f"{path} is a file of a campaign; {OTHER_NAME}", param_hint=option)
     if path.exists() and not force:
         raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option)
     if not path.parent.is_dir():

@@ -7,12 +7,18 @@ from contextlib import contextmanager
 import typer
 
 from shefex_nav import __version__
+from shefex_nav.commands.terminal import visible
 from shefex_nav.progress import bar
 
 
 def say(text):
     """A line for people, on stderr."""
-    typer.echo(text, err=True)
+    typer.echo(visible(text), err=True)
+
+
+def say_result(text):
+    """A line of a result, on stdout."""
+    typer.echo(visible(text))
 
 
 def print_json(found):
@@ -23,11 +29,21 @@ def print_json(found):
 def stdout(width, **more):
     """rich Console of stdout, as wide as the terminal or, where there is none, `width` characters.
 
-    Names and paths of users are shown as they are: brackets in them are no markup.
+    Names and paths of users are shown as they are: brackets in them are no markup, and what a terminal would
+    obey is written out.
     """
     from rich.console import Console
+    from rich.segment import Segment
 
-    return Console(width=None if sys.stdout.isatty() else width, markup=False, **more)
+    class Plain(Console):
+        def render(self, renderable, options=None):
+            for one in super().render(renderable, options):
+                yield one if one.control else Segment(visible(one.text), one.style)
+
+        def on_broken_pipe(self):  # rich would end with 1, which says no
+            raise
+
+    return Plain(width=None if sys.stdout.isatty() else width, markup=False, **more)
 
 
 @contextmanager

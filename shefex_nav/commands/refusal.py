@@ -9,10 +9,11 @@ import os
 import re
 import sys
 from contextlib import nullcontext
-from io import BufferedWriter, FileIO, TextIOWrapper
+from io import TextIOWrapper
 
 import typer.core
 
+from shefex_nav.commands.terminal import tell
 from shefex_nav.errors import UserError
 from shefex_nav.stopping import terminable
 
@@ -21,10 +22,11 @@ try:  # typer carries its own click, under no public name; until 2026 it used th
 except ModuleNotFoundError:
     from click import exceptions as refused
 
+UNREAD = 141  # exit code, as of other programs whose reader has gone (128 + SIGPIPE)
 PROGRAM, TRUST = "shefex-nav", "--trust"
 TRUST_HELP = f"{TRUST} is consent to run the code that a scenario names: plug-ins and own software."
 MACHINE = {  # errors that are no fault of the program, and what could not be done
-    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS), "cannot be written"),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EBADF), "cannot be written"),
     **dict.fromkeys(
         (errno.EIO, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP), "cannot be read or written"
     ),
@@ -63,9 +65,12 @@ class PlainGroup(typer.core.TyperGroup):
             return super().main(args, standalone_mode=False, **more)
 
     def invoke(self, ctx):
-        """Run a command; typer ends one that is interrupted without a word."""
+        """Run a command; typer ends one that is interrupted, or not read to its end, without a word."""
         try:
             return super().invoke(ctx)
+        except BrokenPipeError:
+            sys.stdout = open(os.devnull, "w")  # Python would try again at its end
+            sys.exit(UNREAD)
         except KeyboardInterrupt:
             tell("interrupted")
             raise
@@ -93,33 +98,6 @@ class PlainGroup(typer.core.TyperGroup):
             tell(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}")
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
-
-
-class _Raw(FileIO):
-    """What cannot be written is lost, without an error."""
-
-    def write(self, data):
-        try:
-            return super().write(data)
-        except OSError:
-            return len(data)
-
-
-def forgiving(stream):
-    """Standard error on which a full disk is no error: results are elsewhere, and the exit code stays."""
-    if stream is not sys.__stderr__ or not isinstance(stream, TextIOWrapper):  # one of a test, a notebook
-        return stream
-    raw = _Raw(stream.fileno(), "w", closefd=False)
-    how = {"encoding": stream.encoding, "errors": stream.errors, "write_through": True}
-    return TextIOWrapper(BufferedWriter(raw), **how, line_buffering=True)
-
-
-def tell(words):
-    """Print on stderr; where nothing can be written to it, the exit code has to say it alone."""
-    try:
-        print(words, file=sys.stderr, flush=True)
-    except OSError:
-        sys.stderr = open(os.devnull, "w")  # Python would try again at its end, and end with another code
 
 
 def _check_letters(args):

@@ -10,7 +10,7 @@ import typer
 
 from shefex_nav.commands.options import Json
 from shefex_nav.commands.output_files import check_file
-from shefex_nav.commands.printing import print_json, say
+from shefex_nav.commands.printing import print_json, say, say_result
 
 
 def repeat(
@@ -39,5 +39,5 @@ def repeat(
     if json:
         print_json(repeated.result() | ({"kept": kept} if keep else {}))
     else:
-        typer.echo(repeated.words())
+        say_result(repeated.words())
     raise typer.Exit(0 if repeated.same or kept else 1)

@@ -136,8 +136,11 @@ def _compare(path, flight, fix, known):
     if same and np.isfinite(known.q_ic).all():
         same = np.linalg.norm(rotvec_between(fix.q_ic, known.q_ic)) < SAME_RAD
     if not same:
+        version = flight.known.mission.version
+        why = "the log has been changed, or was flown on another machine or with other libraries"
+        if version != __version__:
+            why = f"the log is of version {version}, this is {__version__}"
         raise LogError(
             f"{path}: frame {fix.number} at T{fix.t_valid_s:+.2f} s comes out otherwise than it was flown: "
-            f"the log is of version {flight.known.mission.version}, this is {__version__}; "
-            "fly its scenario anew, or give the scenario itself"
+            f"{why}; fly its scenario anew, or give the scenario itself"
         )

@@ -177,7 +177,7 @@ class FixedCodec:
         """List of n messages -> the topic's record type, each field an array over n."""
         data = b"".join(messages)
         if len(data) != len(messages) * self._dtype.itemsize:
-            raise LogError(f"topic {self.topic.topic}: message of an unexpected length")
+            self._refuse_length(messages)
         array = np.frombuffer(data, self._dtype)
         for name, constant in self._constants:
             if not np.all(array[name] == np.frombuffer(constant, "u1")):
@@ -188,6 +188,13 @@ class FixedCodec:
             column = np.ascontiguousarray(array[field.name])
             values[field.source] = column.astype(np.int64) if _is_integer(field) else column
         return assemble(self.topic.record, values)
+
+    def _refuse_length(self, messages):
+        """LogError of the first message that is longer or shorter than all are to be."""
+        size = self._dtype.itemsize
+        k, one = next((k, one) for k, one in enumerate(messages) if len(one) != size)
+        place = f"topic {self.topic.topic}: message {k + 1}"
+        raise LogError(f"{place}: got {len(one)} bytes, expected {size}: one of its lists has another length")
 
 
 class EqualCodec:

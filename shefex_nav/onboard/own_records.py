@@ -83,7 +83,7 @@ def _fault(field, array, may_be_infinite):
     """What is wrong with the numbers of a field, in words; '' if nothing is."""
     shape = field.shape
     if array.shape != shape and (array.ndim != len(shape) or -1 not in shape):
-        return f"must be of shape {shape}"
+        return f"must be of shape {shape}".replace("-1", "n")
     if field.kind == "bool":
         return "" if array in (0.0, 1.0) else "must be true or false"
     if field.kind == "double":

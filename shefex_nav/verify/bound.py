@@ -80,13 +80,13 @@ def gravity_process(field, trajectory, earth):
     sigma = float(np.sqrt((difference**2).mean()))
     if sigma == 0.0:
         return 0.0, np.inf
-    changes = [difference[k:] - difference[:-k] for k in range(1, len(difference) // 2 + 1)]
-    correlation = np.array([1.0 - 0.5 * (change**2).mean() / sigma**2 for change in changes])
-    lags_s = t_s[1 : len(changes) + 1] - t_s[0]
-    below = np.flatnonzero(correlation < 1.0 / np.e)
-    if len(below):
-        return sigma, float(lags_s[below[0]])
-    return sigma, float(-lags_s[-1] / np.log(correlation[-1]))
+    last = len(difference) // 2
+    for k in range(1, last + 1):
+        change = difference[k:] - difference[:-k]
+        correlation = 1.0 - 0.5 * (change**2).mean() / sigma**2
+        if correlation < 1.0 / np.e:
+            return sigma, float(t_s[k] - t_s[0])
+    return sigma, float((t_s[0] - t_s[last]) / np.log(correlation))
 
 
 def swing(params, rms, dt_s):

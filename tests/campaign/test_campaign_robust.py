@@ -498,3 +498,10 @@ def test_a_file_is_whole_or_not_there(tmp_path):
         part.write_text("half")
         raise RuntimeError
     assert not list(tmp_path.iterdir())
+
+
+def test_the_table_of_another_campaign_is_not_replaced(scenario, tmp_path):
+    (tmp_path / "results.parquet").write_bytes(b"precious")
+    with pytest.raises(store.StoreError, match=r"there is results\.parquet of another campaign"):
+        fly(scenario, tmp_path)
+    assert (tmp_path / "results.parquet").read_bytes() == b"precious"

@@ -49,9 +49,14 @@ def test_what_is_no_sweep(text, words):
         sweeps.axis(text)
 
 
+def test_each_side_has_a_letter_of_its_own():
+    assert len(set(sides.LETTERS)) == len(sides.LETTERS) == sides.MOST
+    assert sides.LETTERS[0] == "A" and sides.LETTERS[25:28] == ("Z", "AA", "AB")
+
+
 def test_combinations_that_are_too_many_or_told_twice(tmp_path):
-    axes = [sweeps.axis(f"{key}={','.join(f'{n} m' for n in range(1, 7))}") for key in ("a.b", "c.d")]
-    with pytest.raises(SweepError, match="36 combinations; expected 26 at most"):
+    axes = [sweeps.axis(f"{key}={','.join(f'{n} m' for n in range(1, 16))}") for key in ("a.b", "c.d")]
+    with pytest.raises(SweepError, match="225 combinations; expected 200 at most"):
         sweep.planned("night_sky", axes, (), tmp_path)
     with pytest.raises(SweepError, match=r"a\.b: is given twice"):
         sweep.planned("night_sky", [axes[0], axes[0]], (), tmp_path)

@@ -156,7 +156,8 @@ def test_frames_of_another_flight_are_refused(flown_log, monkeypatch):
     data = reader.read(flown_log)
     other = data._replace(mission=data.mission._replace(seed=SEED + 1))
     monkeypatch.setattr(flown.reader, "read", lambda path: other)
-    with pytest.raises(LogError, match=r"run.mcap: frame \d+ at T\+\d.* comes out otherwise"):
+    words = r"run.mcap: frame \d+ at T\+\d.* comes out otherwise than it was flown: the log has been changed"
+    with pytest.raises(LogError, match=words):
         list(flown.shots(flown.of_log(flown_log), flown_log))
 
 

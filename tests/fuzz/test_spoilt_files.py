@@ -18,7 +18,17 @@ FOUND = {  # cases that ended in a traceback once
     ),  # a text or a number that is none, lists, no scenario
     "commands": (10,),  # a brace as an argument
 }
-CASES = {"scenarios": 30, "logs": 60, "fields": 8, "pictures": 8, "data": 12, "answers": 5, "commands": 20}
+CASES = {
+    "scenarios": 30,
+    "logs": 60,
+    "fields": 8,
+    "pictures": 8,
+    "data": 12,
+    "kf_gins": 12,
+    "matlab": 20,
+    "answers": 5,
+    "commands": 20,
+}
 
 
 @pytest.fixture

@@ -96,6 +96,10 @@ NAV_SOLUTION = (
     "from numpy import inf, nan, zeros; from shefex_nav.onboard.own_navigation import solution; return "
     "[solution(Estimate(self.r, self.v, self.q), imu.t_valid_s, zeros(3), self.mission.earth)._replace"
 )
+GATE_RESULT = (
+    "from numpy import zeros; from shefex_nav.records import GateResult; t = imu.t_valid_s; return "
+    "[GateResult(t, t, 'mine', 3, 1.0, 9.0, True, '', zeros(3))._replace"
+)
 WRONG = (
     (
         "if self.ticks == 50: 1 / 0",
@@ -131,6 +135,18 @@ WRONG = (
         r"v_i of its Estimate must be below 1e\+15, got 1e\+15",
     ),
     ("if self.ticks == 50: self.q = 2.0 * self.q", r"must be a unit quaternion, its norm is 2"),
+    (f"{NAV_SOLUTION}(v_e=None)]", "v_e of its NavSolution must be numbers, got None"),
+    (f"{NAV_SOLUTION}(sigma_r_e=1.0)]", r"sigma_r_e of its NavSolution must be of shape \(3,\), got 1.0"),
+    (f"{NAV_SOLUTION}(t_s=None)]", "t_s of its NavSolution must be numbers, got None"),
+    (f"{NAV_SOLUTION}(t_s=nan)]", r"t_s of its NavSolution must be finite, shape \(\), got NaN"),
+    (f"{NAV_SOLUTION}(doubt_attitude=9)]", "doubt_attitude of its NavSolution must be one of 0 to 4, got 9"),
+    (f"{NAV_SOLUTION}(star_aided=2)]", "star_aided of its NavSolution must be true or false, got 2"),
+    (f"{GATE_RESULT}(dof=2.5)]", "dof of its GateResult must be whole, 2147483647 at most, got 2.5"),
+    (f"{GATE_RESULT}(dof=2**31)]", "dof of its GateResult must be whole, 2147483647 at most, got 2147483648"),
+    (f"{GATE_RESULT}(dof=-1)]", "dof of its GateResult must be 0 to"),
+    (f"{GATE_RESULT}(nis=-1.0)]", "nis of its GateResult must be at least 0, got -1"),
+    (f"{GATE_RESULT}(sensor=None)]", "sensor of its GateResult must be a text, got None"),
+    (f"{GATE_RESULT}(innovation=zeros((2, 2)))]", r"innovation of .* must be of shape \(n,\), got array"),
     (f"{NAV_SOLUTION}(v_i=[nan, 0, 0])]", r"v_i of its NavSolution must be finite, shape \(3,\)"),
     (f"{NAV_SOLUTION}(heading=inf)]", r"heading of its NavSolution must be finite"),
     (

@@ -382,7 +382,7 @@ def test_bound_is_the_filters_covariance_where_the_filter_knows_the_world():
         A, B = rng.standard_normal((2, 3, 3))
         R_r, R_v = A @ A.T + np.eye(3), 0.01 * (B @ B.T + np.eye(3))
         fixes.append(GpsFix(t_s, t_s + 0.2, True, r_e, v_e, R_r, R_v, 8, 2.0, ""))
-    P_theta_b = np.radians(0.5) ** 2 * np.diag([1.0, 2.0, 0.5])
+    P_theta_b = np.radians(0.1) ** 2 * np.diag([1.0, 2.0, 0.5])  # of larger ones the second order counts
     alignment = Alignment(0.0, R_0, V_0, Q_0, 3.0, 0.1, P_theta_b)
     reported = filter_alone(trajectory, fixes, nav_params, alignment, 50)
 

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from string import ascii_uppercase
 from typing import NamedTuple
 
 from shefex_nav.campaign import results, store
@@ -10,7 +11,8 @@ from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario import document
 from shefex_nav.scenario import software as own
 
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+MOST = 200  # sides
+LETTERS = tuple(first + second for first in ("", *ascii_uppercase) for second in ascii_uppercase)[:MOST]
 
 
 class Flown(NamedTuple):

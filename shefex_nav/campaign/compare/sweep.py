@@ -28,7 +28,7 @@ def planned(scenario, axes, overrides, out):
     settings : {key: value}
     """
     found = []
-    for settings in sweeps.combinations(axes, len(sides.LETTERS)):
+    for settings in sweeps.combinations(axes, sides.MOST):
         with sweeps.about(settings):
             loaded = load.load(scenario, (*overrides, *sweeps.overrides(settings)))
             software.refuse_reached(loaded)

@@ -1,7 +1,7 @@
 """Attitude that is hardly known: what the linear error model leaves out when its errors are no small angles.
 
-Linear prediction holds for errors of the attitude up to a few degrees. Beyond, six things are put
-right. Where that is not exact, by more uncertainty than it may need.
+Linear prediction holds for errors of the attitude up to a few degrees, of velocity under a long force
+for less. Beyond, six things are put right. Where that is not exact, by more uncertainty than it may need.
 
 **An angle is known modulo a turn.** A variance of more than pi^2/3, that of an angle of which nothing is
 known, means nothing. It is taken back to that, and its ties to other errors fall as the mean of exp(i theta)
@@ -18,7 +18,9 @@ across u is less by 1 - cos h, of which the linear model has nothing. So it is f
 about which the angles have no ties. The loss keeps its direction as long as the force does: it is counted
 as an error of the size of its mean square, in that direction, added to the sigma that the velocity has
 there. A small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t
-whatever h is, and t is what gravity shows.
+whatever h is, and t is what gravity shows. It counts for angles beyond 3 deg, and for smaller ones where a
+force that lasts `LASTS` seconds would take from the velocity what its sigma does not hide: of 2 deg and a
+burn of 400 m/s without GPS it is 0.2 m/s, five times what GPS of 5 cm/s then leaves.
 
 **Specific force that is not read.** While the reading of an accelerometer axis k cannot be trusted, the force
 along it is off by an unknown m, of which the filter is given the noise along k alone (`integrity_imu`). Of
@@ -57,6 +59,8 @@ from shefex_nav.onboard.navigation import eskf
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL
 
 LARGE2 = 0.05**2  # [E] rad^2: below, the second order is less than a fortieth of the first
+LASTS = 10.0  # [E] s, of a force, with no velocity fix meanwhile
+SMALL = 0.1  # [E] of the sigma of the velocity: what it lacks after that time
 UNKNOWN2 = np.pi**2 / 3.0  # rad^2, variance of an angle of which nothing is known
 MARGIN = 1.05  # of that variance, before ties are cut
 BENT2 = 0.2**2  # [E] rad^2, of an angle below which its second order is less than what GPS sees
@@ -82,8 +86,27 @@ def widen(P, angle, speed, extra, T, q_ib):
             _cut(P, a + k)
             _lose_axis(P, k, angle)
             _lose_direction(P, k)
-    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) > LARGE2:
+    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) > LARGE2 or _is_bent(P, speed, T):
         _add_second_order(P, speed, q_ib)
+
+
+@inner(forceinline=True)
+def _is_bent(P, speed, T):
+    """Whether what the velocity lacks by the second order of small angles counts beside its sigma.
+
+    Of a velocity d the mean loss along it is (trace P - d P d / d^2) |d| / 2, that of T goes on for `LASTS`.
+    """
+    a, v = ATT.start, VEL.start
+    length2 = t3.dot(speed, speed)
+    if length2 == 0.0:
+        return False
+    along = 0.0
+    for i in range(3):
+        for j in range(3):
+            along += speed[i] * P[a + i, a + j] * speed[j]
+    lost = 0.5 * (P[a, a] + P[a + 1, a + 1] + P[a + 2, a + 2] - along / length2) * LASTS / T
+    least = min(P[v, v], P[v + 1, v + 1], P[v + 2, v + 2])
+    return lost * lost * length2 > SMALL * SMALL * least
 
 
 @inner

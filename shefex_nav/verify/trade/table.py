@@ -9,7 +9,7 @@ from shefex_nav.report.requirements import words
 from shefex_nav.verify.trade.predict import END, ENTRY, POINTING, STARS
 
 CHEAPEST = "cheapest that meets all that is predicted"
-CORNERS = 4  # settings: a campaign takes 26 combinations
+CORNERS = 4  # settings, of which a campaign flies first and last: 16 combinations
 TITLES = {
     STARS: "Largest predicted errors between star fixes",
     POINTING: "Largest predicted errors while pointing",
