@@ -11,13 +11,12 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.log.topics import LogError, of_record
 from shefex_nav.records import Alignment, ImuBlock
 from shefex_nav.replay.dataset import PULLS, TURNS
-from shefex_nav.replay.series import FAR_OFF_M
 
 SIGMAS = 10.0  # [E] by which the alignment may be off
 SLACK_R, SLACK_V = 1e5, 1e3  # [E] m, m/s, beyond them: where sigmas are told too small
 NEAR_S = 1.0  # of the truth that an alignment is compared with
 LARGEST = {  # [E] of an alignment; beyond them nothing is known of a flight, and covariances overflow
-    "r_i": (FAR_OFF_M, "m"),
+    "r_i": (1e9, "m"),
     "v_i": (1e6, "m/s"),
     "sigma_r": (1e9, "m"),
     "sigma_v": (1e6, "m/s"),

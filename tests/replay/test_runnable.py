@@ -83,8 +83,8 @@ def test_an_alignment_far_from_the_truth(data):
     nothing = data.truth._replace(**{name: getattr(data.truth, name)[:0] for name in data.truth._fields})
     runnable.check("a.mcap", data._replace(alignment=fast, truth=nothing))
     refused(
-        data._replace(alignment=moon._replace(r_i=2.0 * moon.r_i), truth=nothing),
-        "/nav/alignment: r_i: got 8e",
+        data._replace(alignment=moon._replace(r_i=5.0 * moon.r_i), truth=nothing),
+        "/nav/alignment: r_i: got 2e",
     )
 
 
