@@ -6,6 +6,7 @@ import threading
 from contextlib import contextmanager
 
 WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n"
+_waiting = []  # an entry for each `waiting`
 
 
 @contextmanager
@@ -42,6 +43,22 @@ def at_once(asked):
     """KeyboardInterrupt at the second wish, wherever that is. asked : of `wishes`"""
     if len(asked) > 1:
         raise KeyboardInterrupt
+
+
+def at_once_if_waiting(asked):
+    """The same, and at the first wish while the program is `waiting`. asked : of `wishes`"""
+    if _waiting or asked[1:]:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def waiting():
+    """Context in which another program is waited for: nothing is in the middle of being done."""
+    _waiting.append(True)
+    try:
+        yield
+    finally:
+        _waiting.pop()
 
 
 def terminable():

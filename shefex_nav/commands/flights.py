@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 from shefex_nav.errors import SoftwareError
 from shefex_nav.progress import bar
-from shefex_nav.stopping import at_once, wishes
+from shefex_nav.stopping import at_once_if_waiting, wishes
 
 
 @contextmanager
@@ -113,9 +113,10 @@ def _interruptible(records):
     """The same records; Ctrl-C and SIGTERM take effect between two of them, never inside compiled code.
 
     An exception in the middle of something may be lost: Python ignores those that arise in a destructor. The
-    second signal raises it all the same: software of a user's own may never give the next record.
+    second signal raises it all the same: software of a user's own may never give the next record. So does the
+    first while a program of its own is waited for.
     """
-    with wishes(at_once, (signal.SIGINT, signal.SIGTERM)) as asked:
+    with wishes(at_once_if_waiting, (signal.SIGINT, signal.SIGTERM)) as asked:
         for record in records:
             if asked:
                 raise KeyboardInterrupt

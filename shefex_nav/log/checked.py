@@ -75,7 +75,7 @@ RULES = {
     GateResult: Rule(("t_s", "t_valid_s")),
     NavHealth: Rule(("t_s",)),
     Timing: Rule(("t_s",)),
-    Alignment: Rule((*MOTION, "sigma_r", "sigma_v", "P_theta_b")),
+    Alignment: Rule((*MOTION, "sigma_r", "sigma_v", "P_theta_b"), far="r_i"),
     FrameTruth: Rule(("t_valid_s", "q_ic")),
     GpsFix: Rule(("t_valid_s", "r_ea_e", "R_r_e"), where=lambda one: one.valid),
     GpsRanges: Rule(("t_valid_s", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range")),
@@ -108,8 +108,8 @@ def check(path, topic, record, given):
             raise _impossible(f"{path}: {topic}: message {k + 1}: {name}", values[k], expected)
     for field in of_record(record).fields if record in RULES else ():
         _possible(path, topic, field, given)
-    if rule.far and are_arrays:
-        _far(path, topic, rule.far, getattr(given, rule.far))
+    if rule.far:
+        _far(path, topic, rule.far, np.reshape(_each(given, rule.far), (-1, 3)))
     if rule.rows:
         _rows(path, topic, rule.rows, _each(given, rule.rows))
     if rule.increases:

@@ -194,7 +194,7 @@ class FixedCodec:
         size = self._dtype.itemsize
         k, one = next((k, one) for k, one in enumerate(messages) if len(one) != size)
         place = f"topic {self.topic.topic}: message {k + 1}"
-        raise LogError(f"{place}: got {len(one)} bytes, expected {size}: one of its lists has another length")
+        raise LogError(f"{place}: got {len(one)} bytes, expected {size}: {_odd(self.topic, one, size)}")
 
 
 class EqualCodec:
@@ -337,6 +337,23 @@ def varint(value):
         out.append(value & 0x7F | 0x80)
         value >>= 7
     return bytes(out) + bytes([value])
+
+
+def _odd(topic, data, size):
+    """Words about a message that is not of the `size` which all of its topic have, bytes."""
+    from google.protobuf.message import DecodeError
+
+    try:
+        message = message_class(topic).FromString(data)
+    except DecodeError:
+        return f"it is no whole message {topic.schema}"
+    for field in topic.fields:
+        n, wanted = len(getattr(message, field.name)) if field.shape else 1, prod(field.shape)
+        if n != wanted:
+            return f"{field.name} has {n} numbers, expected {wanted}"
+    if len(data) > size:
+        return "another program wrote it in another form"
+    return "another program wrote it and left out the fields that are zero; this reader wants all of them"
 
 
 def _apart(array):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.clock import SAME_S
+from shefex_nav.clock import SAME_S, sample_s
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import GpsFix
@@ -89,6 +89,19 @@ def _same_lever_arm(scenario, path):
         raise DataError(f"{path}: field larm says [{arm}]; write gnss.lever_arm: [{arm}]")
 
 
+def _check_sample_rate(imu, dt_s, stated):
+    """Refuse samples at another rate than is stated, Hz, or None. dt_s : (N - 1,) of an ImuSeries"""
+    step_s = float(np.median(dt_s))
+    if stated is None or abs(step_s * stated - 1.0) <= RATE_TOLERANCE:
+        return
+    words = f"has {1.0 / step_s:.4g} samples a second, data.imu.rate says {stated:g}"
+    if abs(sample_s(imu.t_s) * stated - 1.0) > RATE_TOLERANCE:
+        raise DataError(f"{imu.table.file}: {words}; check it and data.imu.time_unit")
+    steps = f"{dt_s.min():.4g} s to {dt_s.max():.4g} s (median {step_s:.4g} s)"
+    words = f"has {stated:g} samples a second on average, as data.imu.rate says, but steps of {steps}"
+    raise DataError(f"{imu.table.file}: {words}; give the times at which they were measured, not received")
+
+
 def increments(imu, data):
     """Increments of an ImuSeries, in body axes.
 
@@ -97,12 +110,7 @@ def increments(imu, data):
     turn, gain = (body_axes(values, data.axes) for values in (imu.gyro, imu.accelerometer))
     dt_s = np.diff(imu.t_s)
     step_s = float(np.median(dt_s))
-    stated = getattr(data.imu, "rate", None)
-    if stated is not None and abs(step_s * stated - 1.0) > RATE_TOLERANCE:
-        raise DataError(
-            f"{imu.table.file}: has {1.0 / step_s:.4g} samples a second, data.imu.rate says {stated:g}; "
-            "check it and data.imu.time_unit"
-        )
+    _check_sample_rate(imu, dt_s, getattr(data.imu, "rate", None))
     longest = int(np.argmax(dt_s))
     if dt_s[longest] > max(data.longest_gap, 1.5 * step_s):
         words = f"no sample for {dt_s[longest]:.4g} s before this row; data.longest_gap allows"

@@ -16,10 +16,11 @@ CHILD = Path(__file__).with_name("matlab_child.py")
 LONGEST_S = 300.0
 
 
-def read(path, names, optional=()):
+def read(path, names, optional=(), vectors=()):
     """Table of the fields `names` of the one structure in a Matlab file, and its `optional` ones as they are.
 
-    A field of N rows and three columns becomes three columns, `name.0` to `name.2`.
+    vectors : fields of N rows and three columns, which become three columns, `name.0` to `name.2`; the others
+        have one
 
     Returns
     -------
@@ -36,6 +37,9 @@ def read(path, names, optional=()):
             raise DataError(
                 f"{path}: field {name}: expected a column of numbers, got {_found(kinds[name], value)}"
             )
+        if value.shape[1:] != ((3,) if name in vectors else ()):
+            wanted, got = "N x 3" if name in vectors else "N", " x ".join(map(str, value.shape))
+            raise DataError(f"{path}: field {name}: expected {wanted} numbers, a row a sample, got {got}")
         for k, column in enumerate([value] if value.ndim == 1 else value.T):
             columns[f"{name}.{k}" if value.ndim == 2 else name] = np.array(column)
     _same_length(path, columns)

@@ -17,7 +17,7 @@ VELOCITY = ("vel.0", "vel.1", "vel.2")
 
 def read(_, files):
     """(ImuSeries, GnssSeries, TruthSeries or None) of the paths of the files."""
-    table, _ = matlab_file.read(files["imu"], ("t", "wb", "fb"))
+    table, _ = matlab_file.read(files["imu"], ("t", "wb", "fb"), vectors=("wb", "fb"))
     gyro, accelerometer = (table.stack([f"{name}.{k}" for k in range(3)]) for name in ("wb", "fb"))
     imu = ImuSeries(table, table.columns["t"], gyro, accelerometer, "rate")
     return imu, _gnss(files["gnss"]), _truth(files["truth"])
@@ -30,7 +30,7 @@ def lever_arm(path):
 
 
 def _gnss(path):
-    table, others = matlab_file.read(path, ("t", *PLACE, "vel"), ("stdm", "stdv"))
+    table, others = matlab_file.read(path, ("t", *PLACE, "vel"), ("stdm", "stdv"), ("vel",))
     r_e = series.positions(table, PLACE, "geodetic")
     n = len(r_e)
     return series.gnss(
@@ -56,7 +56,7 @@ def _sigma(path, name, others, n):
 def _truth(path):
     if path is None:
         return None
-    table, _ = matlab_file.read(path, ("t", *PLACE, "vel", "roll", "pitch", "yaw"))
+    table, _ = matlab_file.read(path, ("t", *PLACE, "vel", "roll", "pitch", "yaw"), vectors=("vel",))
     r_e = series.positions(table, PLACE, "geodetic")
     velocity = series.velocities(table, VELOCITY, "ned", r_e)
     return TruthSeries(table, table.columns["t"], r_e, velocity, table.stack(("roll", "pitch", "yaw")))

@@ -27,6 +27,7 @@ from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Rea
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import own as external_own
 from shefex_nav.replay import params as external_params
+from shefex_nav.replay import runnable
 from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard, software, surroundings
 from shefex_nav.software import flown
@@ -94,7 +95,7 @@ def open_log(log_path, overrides=()):
 
 def of_data(data, log_path, overrides=()):
     """Recording of a RunData, read from `log_path` or kept in memory under this name."""
-    _check(log_path, data)
+    runnable.check(log_path, data)
     if data.alignment is not None and is_wide(data.alignment):
         raise LogError(
             f"{log_path}: begins with an angle of the attitude that was not known; its flight can be flown "
@@ -148,31 +149,6 @@ def _configuration(data, name, overrides):
     if flies is not None:
         own = partial(flown.navigation, scenario, params, data.alignment, data.mission.earth)
     return params.nav, scenario.source, known, own, software.flown(scenario)
-
-
-def _check(log_path, data):
-    """LogError unless the log has an alignment and every IMU block from it to the end."""
-    if data.alignment is None:
-        raise LogError(f"{log_path}: cannot be run again: it has no alignment to start from")
-    t_s = np.concatenate([[data.alignment.t_valid_s], data.imu.t_valid_s])
-    if len(t_s) == 1:
-        raise LogError(
-            f"{log_path}: cannot be run again: it has no IMU samples; give the log of the flight itself"
-        )
-    length_s = data.imu.dt_s[0] * data.imu.dtheta_b.shape[1]
-    gaps = np.flatnonzero(np.diff(t_s) > 1.5 * length_s)
-    if not len(gaps):
-        return
-    step_s = np.median(np.diff(t_s))
-    if step_s > 1.5 * length_s:
-        raise LogError(
-            f"{log_path}: cannot be run again: it has {1.0 / step_s:.0f} IMU blocks a second of the "
-            f"{1.0 / length_s:.0f} that were measured; fly with --set log.rate='100 Hz'"
-        )
-    raise LogError(
-        f"{log_path}: cannot be run again: IMU samples are missing from T{t_s[gaps[0]]:+.2f} s to "
-        f"T{t_s[gaps[0] + 1]:+.2f} s"
-    )
 
 
 def _received(data):

@@ -19,6 +19,7 @@ from shefex_nav.scenario.quantity import quoted
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 OF_NAMES, OF_FIRST_ROW = "names of columns", "in the first row"  # what the values of a row are counted by
+MOST_NAMES, LONGEST_NAME = 30, 40  # that are told; characters of one
 QUOTE = '"'
 COMMENT = re.compile(r"(?<=[^,;\s]) +#.*")  # behind a name; '#sat' is one
 
@@ -216,8 +217,17 @@ def missing(name, found, kind="column"):
     plain = {one.lower(): one for one in reversed(found)}
     close = difflib.get_close_matches(name.lower(), plain, n=1, cutoff=0.6)
     similar = [plain[one] for one in close]
-    hint = f"did you mean '{similar[0]}'?" if similar else f"there are: {', '.join(found)}"
+    hint = f"did you mean '{similar[0]}'?" if similar else f"there are: {_some(found)}"
     return f"{kind} {quoted(name)} is missing; {hint}"
+
+
+def _some(names):
+    """Names one after the other, those of the first that there is room for."""
+    short = [
+        one if len(one) <= LONGEST_NAME else f"{one[: LONGEST_NAME - 3]}..." for one in names[:MOST_NAMES]
+    ]
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(short) + more
 
 
 def _numbers(path, numbered, indices, names, form, flag=None):
@@ -337,8 +347,9 @@ def _wrong_cell(cell):
 
 
 def _is_number(text):
+    """Whether it is one in a file; float() takes digits of other scripts and 1_000, too."""
     try:
         float(text)
     except ValueError:
         return False
-    return True
+    return text.strip().isascii() and "_" not in text

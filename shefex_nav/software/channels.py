@@ -7,6 +7,7 @@ import subprocess
 import time
 from collections import deque
 
+from shefex_nav import stopping
 from shefex_nav.software.messages import HEAD, split
 
 LARGEST = 65507  # bytes of a datagram
@@ -54,7 +55,7 @@ class Pipe:
             data = _read(self._out, until_s)
             if not data:
                 raise Silent(self._end())
-            self._buffer.add(data)
+            self._buffer.add(data, until_s)
         return message
 
     def _end(self):
@@ -111,7 +112,7 @@ class Stream:
                 raise Silent(f"the connection is gone: {error.strerror}") from None
             if not data:
                 raise Silent("the connection has been closed")
-            self._buffer.add(data)
+            self._buffer.add(data, until_s)
         return message
 
 
@@ -135,7 +136,7 @@ class Datagrams:
                 data, self._to = self._socket.recvfrom(CHUNK)
             except ConnectionError:
                 raise Silent("nobody listens there") from None
-            self._buffer.add(data)
+            self._buffer.add(data, until_s)
             if self._buffer.begun:
                 raise Silent("a datagram of its own ends in the middle of a message")
         return message
@@ -209,7 +210,14 @@ def _read(file, until_s):
 def _wait(read, write, until_s):
     """Until a file can be read or written. Silent"""
     left_s = None if until_s is None else until_s - time.monotonic()
-    if (left_s is not None and left_s <= 0.0) or not any(select.select(read, write, [], left_s)):
+    with stopping.waiting():
+        if (left_s is not None and left_s <= 0.0) or not any(select.select(read, write, [], left_s)):
+            raise Late
+
+
+def check_in_time(until_s):
+    """Late if time.monotonic() is past until_s; None: there is no such time."""
+    if until_s is not None and time.monotonic() > until_s:
         raise Late
 
 
@@ -219,8 +227,8 @@ class Buffer:
     def __init__(self):
         self._data, self._messages = b"", deque()
 
-    def add(self, data):
-        """Bytes that have come."""
+    def add(self, data, until_s=None):
+        """Bytes that have come. Late if they are no whole message yet, and are to be one by until_s."""
         data = self._data + data if self._data else data
         at = 0
         while len(data) - at >= HEAD.size:
@@ -233,6 +241,8 @@ class Buffer:
             self._messages.extend(split(data[at:end]))
             at = end
         self._data = data[at:]
+        if not self._messages:
+            check_in_time(until_s)
 
     @property
     def begun(self):

@@ -14,6 +14,8 @@ from shefex_nav.records import Frame
 from shefex_nav.software import channels, messages
 from shefex_nav.software.messages import Begin, Done, End, Failed, Query, Ready, Solve, Tick
 
+MOST_MESSAGES, MOST_BYTES = 1000, 1 << 26  # of an answer
+
 
 def started(words, sha256):
     """Function that starts a program and opens the channel to it. words : of its command; sha256 : its own"""
@@ -65,17 +67,28 @@ class _Wire:
     def _ask(self, records, last, until_s=None):
         """Send records; what comes until a record of type `last`, that included: list of records."""
         is_tick = until_s is None
-        until_s, found = until_s or time.monotonic() + self._within_s, []
+        until_s = until_s or time.monotonic() + self._within_s
         try:
             self._channel.send(b"".join(map(messages.pack, records)), until_s)
-            while not found or not isinstance(found[-1], last):
-                found.append(self._record(*self._channel.receive(until_s)))
+            return self._until(last, until_s)
         except channels.Late:
             key, limit_s = ("answer_within", self._within_s) if is_tick else ("start_within", self._start_s)
             raise CodeError(f"no answer in time ({key}: {limit_s:g} s)") from None
         except channels.Silent as error:
             raise CodeError(str(error)) from None
-        return found
+
+    def _until(self, last, until_s):
+        """What comes until a record of type `last`, that included: list of records."""
+        found, size = [], 0
+        while len(found) < MOST_MESSAGES and size <= MOST_BYTES:
+            name, body = self._channel.receive(until_s)
+            found.append(self._record(name, body))
+            size += messages.HEAD.size + len(name) + len(body)
+            if isinstance(found[-1], last):
+                return found
+            channels.check_in_time(until_s)  # what has come already is not waited for
+        words = f"sent {len(found)} messages of {size} bytes without {last.__name__}"
+        raise CodeError(f"{words}; {MOST_MESSAGES} messages and {MOST_BYTES >> 20} MiB are the most")
 
     def _one(self, records, kind, t_s):
         """The one record of a type that is the answer to records about a time."""

@@ -122,6 +122,28 @@ def test_fixed_decoding_refuses_other_bytes():
         coder.decode([data, b"\x00" + data[1:]])
 
 
+def test_why_a_message_is_of_another_length_is_told():
+    """Proto3 leaves out what is zero, as every program of others writes it; ours have all fields."""
+    topic = next(t for t in topics.topics() if t.schema == "ImuBlock")
+    rows = [rec.ImuBlock(0.01 * k, 0.01 * k, 0.0025, *np.ones((2, 4, 3)), False) for k in range(3)]
+    data = wire.codec(topic).encode(rows, stamps(rows))
+    message = wire.message_class(topic).FromString(data[1])
+    others = message.SerializeToString()
+    assert len(others) == len(data[1]) - 2  # saturated: tag and value
+    del message.dv_b_m_s[9:]
+    fewer, more = message.SerializeToString(), data[1] + data[1][-2:]
+    for odd, words in (
+        (others, "another program wrote it and left out the fields that are zero; this reader wants all"),
+        (fewer, "dv_b_m_s has 9 numbers, expected 12"),
+        (data[1][:-1], "it is no whole message ImuBlock"),
+        (more, "another program wrote it in another form"),
+    ):
+        with pytest.raises(LogError, match=rf"/imu: message 3: got {len(odd)} bytes, expected .*: {words}"):
+            wire.codec(topic).decode([data[0], data[0], odd])
+    with pytest.raises(LogError, match=r"message 1: got .* left out the fields that are zero"):
+        wire.codec(topic).decode([others, others])
+
+
 def test_wrong_shapes_are_refused():
     coder = wire.codec(next(t for t in topics.topics() if t.schema == "Truth"))
     truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)

@@ -71,6 +71,14 @@ def test_another_rate_than_stated_is_named():
         dataset.increments(imu_series(np.arange(11) / 100.0, np.ones((11, 3))), settings(rate=200.0))
 
 
+def test_times_that_are_not_those_of_the_samples_are_told_apart_from_another_rate():
+    """A logger writes when it got them: two at a time, 200 a second all the same."""
+    t_s = (np.arange(1001) + 0.4 * (np.arange(1001) % 2)) / 200.0
+    words = r"has 200 samples a second on average, .* but steps of 0\.003 s to 0\.007 s \(median 0\.007 s\)"
+    with pytest.raises(DataError, match=words):
+        dataset.increments(imu_series(t_s[:-1], np.ones((1000, 3))), settings(rate=200.0))
+
+
 def test_axes():
     """A sensor with y forward, x right, z up, as surveyors like it."""
     body = dataset.body_axes(np.array([[1.0, 2.0, 3.0]]), ("y", "x", "-z"))

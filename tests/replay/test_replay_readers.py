@@ -4,10 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import csv_folder, dataset, kf_gins, matlab_file, navego, schema_data, series
+from shefex_nav.replay import csv_folder, kf_gins, schema_data, series
 from shefex_nav.scenario.data_table import DataError
 
 IMU = "t_ms,wx,wy,wz,fx,fy,fz\n# a comment\n0,1,2,3,0.1,0.2,-1\n\n5,4,5,6,0.3,0.4,-1.5\n"
@@ -278,50 +277,6 @@ def test_kf_gins_with_too_few_columns(tmp_path):
         kf_gins.read(None, kf_gins_files(tmp_path, "100.0 30 114 20\n"))
 
 
-def navego_files(folder, **changes):
-    """Paths of small files as NaveGo saves them."""
-    t = np.arange(5) / 100.0
-    imu = {"t": t, "wb": np.tile([1.0, 2.0, 3.0], (5, 1)), "fb": np.tile([0.0, 0.0, -9.8], (5, 1))}
-    place = {"lat": np.full(5, 0.5), "lon": np.full(5, 0.2), "h": np.full(5, 30.0), "vel": np.ones((5, 3))}
-    gnss = {
-        "t": t,
-        **place,
-        "stdm": np.array([5.0, 5.0, 10.0]),
-        "stdv": np.full(3, 0.1),
-        "larm": np.zeros((3, 1)),
-    }
-    angles = {name: np.full(5, value) for name, value in (("roll", 0.1), ("pitch", 0.2), ("yaw", 0.3))}
-    parts = {"imu": imu, "gnss": gnss, "truth": {"t": t, **place, **angles}}
-    for name, part in parts.items():
-        savemat(folder / f"{name}.mat", {name: part | changes.get(name, {})})
-    return {name: str(folder / f"{name}.mat") for name in parts}
-
-
-def test_navego(tmp_path):
-    imu, gnss, truth = navego.read(None, navego_files(tmp_path))
-    np.testing.assert_array_equal(imu.gyro[4], [1.0, 2.0, 3.0])
-    np.testing.assert_array_equal(gnss.sigma_r_n[2], [5.0, 5.0, 10.0])
-    np.testing.assert_allclose(gnss.v_e[0], wgs84.dcm_en(0.5, 0.2) @ np.ones(3), atol=1e-12)
-    np.testing.assert_allclose(truth.angles[3], [0.1, 0.2, 0.3])
-    np.testing.assert_array_equal(navego.lever_arm(str(tmp_path / "gnss.mat")), np.zeros(3))
-
-
-def test_navego_without_a_field(tmp_path):
-    files = navego_files(tmp_path)
-    savemat(files["imu"], {"imu": {"t": np.arange(3.0), "wb": np.ones((3, 3)), "fbs": np.ones((3, 3))}})
-    with pytest.raises(DataError, match=r"imu\.mat: field 'fb' is missing; did you mean 'fbs'\?"):
-        navego.read(None, files)
-
-
-@pytest.mark.parametrize("arm", [[1.0, 2.0], [0.1, 0.0, 1e308], [np.nan, 0.0, 0.0]])
-def test_a_lever_arm_that_is_none_is_refused(arm, tmp_path):
-    files = navego_files(tmp_path, gnss={"larm": np.array(arm)})
-    with pytest.raises(
-        DataError, match=r"gnss\.mat: field larm: got .*, expected three lengths of 1000 m at most"
-    ):
-        dataset._same_lever_arm(None, files["gnss"])
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("frame", ["ned", "ecef"])
 def test_a_speed_of_1e308_is_refused_without_a_warning(frame):
@@ -331,57 +286,24 @@ def test_a_speed_of_1e308_is_refused_without_a_warning(frame):
         series.velocities(rows, ("a", "b", "c"), frame, np.full((2, 3), 6.4e6))
 
 
-def test_navego_with_fields_that_differ_in_length(tmp_path):
-    files = navego_files(tmp_path, imu={"wb": np.ones((4, 3))})
-    with pytest.raises(DataError, match=r"fields differ in length: t 5, wb\.0 4"):
-        navego.read(None, files)
+@pytest.mark.parametrize("cell", ["\u0660.\u0665", "\uff11", "1_0"])
+def test_digits_of_other_scripts_and_parted_ones_are_named(tmp_path, cell):
+    """Python's float() takes them, a reader of tables does not."""
+    words = rf"imu\.csv:3: wy: expected a number such as 12\.5, got '{cell}'$"
+    for written in (cell, f'"{cell}"'):
+        imu = f"t_ms,wx,wy,wz,fx,fy,fz\n0,1,2,3,0.1,0.2,-1\n5,4,{written},6,0.3,0.4,-1.5\n"
+        with pytest.raises(DataError, match=words):
+            read_csv(tmp_path, imu=imu)
 
 
-def test_a_text_is_no_matlab_file(tmp_path):
-    (tmp_path / "imu.mat").write_text("t,wx\n")
-    with pytest.raises(DataError, match=r"imu\.mat: cannot be read as a Matlab file"):
-        matlab_file.read(str(tmp_path / "imu.mat"), ("t",))
-
-
-@pytest.mark.parametrize("seed", [46, 80, 246, 384, 1000, 1001])  # the first four crash scipy 1.17
-def test_a_damaged_matlab_file_is_refused_or_read(tmp_path, seed):
-    path = tmp_path / "imu.mat"
-    savemat(path, {"imu": {"t": np.arange(5.0), "wb": np.ones((5, 3)), "fb": np.ones((5, 3))}})
-    content, rng = bytearray(path.read_bytes()), np.random.default_rng(seed)
-    for _ in range(1 + rng.integers(4)):
-        content[rng.integers(124, len(content))] = rng.integers(256)
-    path.write_bytes(content)
-    try:
-        table, _ = matlab_file.read(str(path), ("t", "wb", "fb"))
-    except DataError as error:
-        assert str(path) in str(error)
-    else:
-        assert np.isfinite(table.stack(("t", "wb.0", "fb.2"))).all()
-
-
-@pytest.mark.parametrize(
-    ("value", "got"),
-    [(np.zeros((5, 0)), "none"), (1.0, "a single one"), ("text", "'str"), (np.ones((2, 2, 2)), "3 dim")],
-)
-def test_a_field_that_is_no_column_is_refused(tmp_path, value, got):
-    path = tmp_path / "imu.mat"
-    savemat(path, {"imu": {"t": value, "wb": np.ones((5, 3))}})
-    with pytest.raises(DataError, match=rf"imu\.mat: field t: expected a column of numbers, got {got}"):
-        matlab_file.read(str(path), ("t", "wb"))
-
-
-def test_no_other_file_is_read_than_the_one_that_is_named(tmp_path):
-    savemat(tmp_path / "imu.mat", {"imu": {"t": np.arange(5.0)}})
-    with pytest.raises(DataError, match="imu: cannot be read as a Matlab file"):
-        matlab_file.read(str(tmp_path / "imu"), ("t",))
-
-
-def test_a_crash_of_the_reader_is_a_message(tmp_path, monkeypatch):
-    child = tmp_path / "child.py"
-    child.write_text("import os\nos.abort()\n")
-    monkeypatch.setattr(matlab_file, "CHILD", child)
-    with pytest.raises(DataError, match=r"imu\.mat: is damaged, or no Matlab file: .* crashed"):
-        matlab_file.read(str(tmp_path / "imu.mat"), ("t",))
+def test_of_many_columns_some_are_told(tmp_path):
+    names = [f"c{k}" for k in range(12_000)] + ["c" * 100_000]
+    imu = f"{','.join(names[::-1])}\n" + ",".join("1" for _ in names)
+    with pytest.raises(DataError) as caught:
+        read_csv(tmp_path, imu=imu)
+    (first, *_) = str(caught.value).splitlines()
+    assert "imu.csv:1: column 't_ms' is missing; there are: cccc" in first
+    assert first.endswith("c11972, c11971 and 11971 more") and len(first) < 500
 
 
 def test_a_sigma_of_zero_is_refused(tmp_path):

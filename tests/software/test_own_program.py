@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from operator import attrgetter
 
 import numpy as np
@@ -13,12 +14,12 @@ import pytest
 from own_flights import CLASS, STATISTICAL, flown, same, template
 
 from shefex_nav import plugins
-from shefex_nav.errors import SoftwareError
+from shefex_nav.errors import CodeError, SoftwareError
 from shefex_nav.log import topics, wire
 from shefex_nav.onboard import own_navigation
-from shefex_nav.records import Frame, NavSolution, StarFix
+from shefex_nav.records import Frame, ImuBlock, NavHealth, NavSolution, StarFix
 from shefex_nav.scenario.load import ScenarioError, load
-from shefex_nav.software import messages
+from shefex_nav.software import channels, messages, remote
 from shefex_nav.software.built_in import BuiltIn
 from shefex_nav.software.serve import serve
 
@@ -108,6 +109,73 @@ def test_how_a_program_ends_is_told(tmp_path, here, words):
     software = f"{{command: {sys.executable} {path}, answer_within: 5 s}}"
     with pytest.raises(SoftwareError, match=re.escape(words)):
         flown("night_sky", f"navigation.software={software}", until_s=1.0)
+
+
+def test_an_answer_without_an_end_is_told(tmp_path):
+    """A tick has a few records; a program that sends more and more would fill the memory."""
+    path = tmp_path / "other.py"
+    path.write_text(OTHER.replace("HERE", "return [self.estimate] * 1000"))
+    software = f"{{command: {sys.executable} {path}, answer_within: 60 s}}"
+    words = r"T\+0\.50 s: sent 1000 messages of \d+ bytes without Done; 1000 messages and 64 MiB are the most"
+    with pytest.raises(SoftwareError, match=words):
+        flown("night_sky", f"navigation.software={software}", until_s=1.0)
+
+
+class Endless:
+    """A channel on which the next message always has come already."""
+
+    def __init__(self, record, pause_s=0.0):
+        (self._message,) = messages.split(messages.pack(record))
+        self._pause_s, self.sent = pause_s, 0
+
+    def send(self, data, until_s):
+        pass
+
+    def receive(self, until_s):
+        time.sleep(self._pause_s)
+        self.sent += 1
+        return self._message
+
+    def close(self):
+        pass
+
+
+def asked_of(channel, within_s):
+    """What is said of a program that is asked for a tick."""
+    wire = remote.Remote(lambda until_s: channel, within_s, within_s)
+    wire._channel = channel
+    block = ImuBlock(0.01, 0.01, 0.0025, np.zeros((4, 3)), np.zeros((4, 3)), False)
+    with pytest.raises(CodeError) as caught:
+        wire.step(block, [])
+    return str(caught.value)
+
+
+def test_answer_within_is_that_of_the_whole_answer():
+    """Each message is there at once, or soon, and the last one never."""
+    slow = Endless(NavHealth(0.0, "gps", 0, ""), pause_s=0.02)
+    assert asked_of(slow, 0.1) == "no answer in time (answer_within: 0.1 s)" and slow.sent < 8
+    fast = Endless(NavHealth(0.0, "gps", 0, ""))
+    assert asked_of(fast, 60.0).startswith("sent 1000 messages of") and fast.sent == 1000
+    long = Endless(messages.Failed("")._replace(words="x"))
+    assert asked_of(long, 60.0) == "failed:\nx" and long.sent == 1
+
+
+def test_an_answer_of_too_many_bytes_is_told(monkeypatch):
+    monkeypatch.setattr(remote, "MOST_BYTES", 3 << 20)
+    large = Endless(messages.Pixels(1, 1 << 20, bytes(1 << 20)))
+    assert asked_of(large, 60.0).startswith("sent 3 messages of 31") and large.sent == 3
+
+
+def test_a_message_that_comes_in_parts_has_to_be_whole_in_time():
+    """Bytes that are always there are no answer yet."""
+    now_s, whole = time.monotonic(), messages.pack(messages.Done(1.0))
+    buffer = channels.Buffer()
+    buffer.add(whole[:-1], now_s + 60.0)
+    buffer.add(b"", None)
+    with pytest.raises(channels.Late):
+        buffer.add(b"", now_s)
+    buffer.add(whole[-1:], now_s)  # which has come, late or not
+    assert buffer.next()[0] == "Done" and not buffer.begun
 
 
 def test_a_new_program_names_itself(tmp_path, command):

@@ -1,0 +1,39 @@
+"""When a wish to stop takes effect."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from shefex_nav import stopping
+from shefex_nav.software import channels
+
+
+def send(after_s=0.0):
+    threading.Timer(after_s, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+
+
+def test_the_first_wish_takes_effect_between_two_steps_and_the_second_at_once():
+    with stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1,)) as asked:
+        os.kill(os.getpid(), signal.SIGUSR1)
+        assert len(asked) == 1
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGUSR1)
+
+
+def test_the_first_wish_ends_the_wait_for_another_program():
+    """Which may never answer."""
+    read, write = os.pipe()
+    began_s = time.monotonic()
+    with stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1,)) as asked:
+        send(after_s=0.2)
+        with pytest.raises(KeyboardInterrupt):
+            channels.Stream(read, write).receive(began_s + 30.0)
+        assert len(asked) == 1 and time.monotonic() - began_s < 10.0
+    with stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1,)) as asked:
+        os.kill(os.getpid(), signal.SIGUSR1)  # nothing is waited for any more
+        assert len(asked) == 1
+    os.close(read)
+    os.close(write)
