@@ -54,12 +54,11 @@ def no_flight(monkeypatch):
 def with_runs(result, flown, failed=(), winds=("calm",)):
     """The result of such runs, far apart from each other."""
     places = {"payload": np.radians([[68.0 + 0.01 * run, 21.0 + 0.02 * (run % 3)] for run in flown])}
-    shapes = [studying.ellipses.ellipse(body, *there.T) for body, there in places.items()]
     return result._replace(
         cases=tuple(result.cases[0]._replace(wind=wind) for wind in winds),
         landed=result.landed * len(winds),
         scattered=scatter.Scattered(places, tuple(flown), tuple(failed)),
-        ellipses=tuple(one for one in shapes if one is not None),
+        ellipses=studying.ellipses.of_bodies(places),
         runs=len(flown) + len(failed),
     )
 
