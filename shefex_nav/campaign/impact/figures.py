@@ -32,7 +32,7 @@ def chart(result):
     def project(places):
         return equidistant(*np.asarray(places).T, middle)
 
-    rows = math.ceil((3 + 4 * len(result.landed[0].landings)) / 3)  # of the legend, in three columns
+    rows = math.ceil((5 + 4 * len(result.landed[0].landings)) / 3)  # of the legend, in three columns
     figure, axes = style.single(6.9, f"{result.name}: where it lands", 0.1 + 0.21 * rows)
     base_map(axes, middle, project(shown))
     for k, (way, places) in enumerate(zip(result.landed[0].paths, ways, strict=True)):
@@ -64,7 +64,7 @@ def chart(result):
 def _odd(one):
     """What follows where landings are not normal: what the ellipses hold."""
     inside = ", ".join(map(str, one.inside))
-    return f": not normal, they hold {inside} of {len(one.offsets)}" if one.not_normal else ""
+    return f": not normal, hold {inside} of {len(one.offsets)}" if one.not_normal else ""
 
 
 def _undispersed(result):
