@@ -87,7 +87,9 @@ def _told(found):
 
 def _fields(found):
     """A list of fields and texts."""
-    items = [element("li", element("code", one["field"]), f": {one['text']}") for one in found]
+    items = [
+        element("li", element("code", html.breakable(one["field"])), f": {one['text']}") for one in found
+    ]
     return element("ul", *items)
 
 

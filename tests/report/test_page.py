@@ -14,7 +14,7 @@ from shefex_nav.report import figures, page, page_summary, requirements, table
 
 OPTIONS = synthetic_run.Options(start_s=228.0, end_s=258.0, frame_pixels=False)
 HOSTILE = "\"><script>alert(1)</script><img src=http://example.org/x onerror=alert(2)>&amp;'"
-VOID = {"meta", "img", "br", "hr", "link", "input"}
+VOID = {"meta", "img", "wbr", "br", "hr", "link", "input"}
 
 
 class Reader(HTMLParser):
