@@ -7,7 +7,7 @@ import numpy as np
 from shefex_nav.campaign.impact import ellipses as ellipsing
 from shefex_nav.geometry import wgs84
 from shefex_nav.report.figures import style
-from shefex_nav.report.figures.flight import base_map, equidistant, middle_of
+from shefex_nav.report.figures.flight import base_map, equidistant, legend_below, middle_of
 
 COLOURS = style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE
 MARKERS = "osD^v"
@@ -57,7 +57,7 @@ def chart(result):
     )
     axes.set_xlabel("east of the middle of the map [km]")
     axes.set_ylabel("north [km]")
-    style.legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=9, frameon=False)
+    legend_below(axes)
     return figure
 
 

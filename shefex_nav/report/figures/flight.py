@@ -130,7 +130,8 @@ def ground_track(data):
     middle = middle_of(track.latitude, track.longitude)
     reach = _angle(_unit(track.latitude, track.longitude), middle).max()
     words = f"Ground track ({path.name}), with coast lines"
-    figure, axes = style.single(5.9 if reach > _ROUND else 6.4, words)
+    height, below = (5.9, 0.0) if reach > _ROUND else (6.4, 0.9)
+    figure, axes = style.single(height, words, below)
     if reach > _ROUND:
         _whole_earth(axes, data, path)
     else:
@@ -180,7 +181,7 @@ def _region(axes, data, path, middle):
     _estimated(axes, data, path, lambda lat, lon: equidistant(lat, lon, middle))
     axes.set_xlabel("east of the middle of the track [km]")
     axes.set_ylabel("north [km]")
-    style.legend(axes, loc="upper left")
+    legend_below(axes)
     _name_events(axes, data, path, *xy.T)
 
 
@@ -212,6 +213,11 @@ def _coast(axes, middle, far):
     inside = np.any((x > x0) & (x < x1) & (y > y0) & (y < y1))
     words = f"coast: {coast.WORDS[fine]}" if inside else f"no coast here, by {coast.WORDS[fine]}"
     axes.plot(x, y, color=_LAND, lw=0.9, label=words)
+
+
+def legend_below(axes):
+    """Legend of a map, where it covers nothing of it."""
+    style.legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=9, frameon=False)
 
 
 def _estimated(axes, data, path, project):

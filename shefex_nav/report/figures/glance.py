@@ -3,8 +3,7 @@
 import numpy as np
 
 from shefex_nav import event_words
-from shefex_nav.records import Reason
-from shefex_nav.report import metrics, scale
+from shefex_nav.report import metrics
 from shefex_nav.report.figures import errors, flown, frame, labels, style
 
 _HEIGHT = 5.0  # inches
@@ -68,35 +67,16 @@ def _attitude(panels, data, t_s):
     panels[0].set_title(words if since_s is None else f"{words} since the first star fix")
     since_s = first_s if since_s is None else since_s
     late, late_sigma = found.t_s > since_s, sigma_t_s > since_s
-    fixes_s = [fix.t_valid_s for fix in data.star_fixes if fix.reason == Reason.NONE]
-    known_s = max(fixes_s, default=last_s)
     for k, axes in enumerate(panels):
         style.band(axes, sigma_t_s[late_sigma], sigma[late_sigma, 6 + k] * _DEG)
         style.curve(axes, found.t_s[late], found.attitude_b[late, k] * _DEG, color=style.AXES["xyz"[k]])
         _mark(axes, t_s)
-        in_stars = sigma_t_s[late_sigma] <= known_s
-        _cut(axes, 3.0 * sigma[late_sigma, 6 + k] * _DEG, in_stars, np.abs(found.attitude_b[late, k]) * _DEG)
+        three = 3.0 * sigma[late_sigma, 6 + k] * _DEG
+        errors.cut_by_stars(axes, data, (sigma_t_s[late_sigma], three), found.attitude_b[late, k] * _DEG)
         axes.set_xlim(since_s, last_s)
         axes.set_ylabel("xyz"[k], rotation=0)
         axes.tick_params(labelbottom=k == 2)
     panels[-1].set_xlabel(style.time_label(data))
-
-
-def _cut(axes, band, in_stars, error):
-    """End the scale where the time with star fixes can be seen, and say what lies beyond.
-
-    band : (n,) deg, 3 sigma;  in_stars : (n,) bool, no later than the last star fix;  error : (m,) deg
-    """
-    found = scale.cut_about(band[in_stars], np.concatenate([band, error]))
-    if found is None:
-        return
-    axes.set_ylim(-found.top, found.top)
-    share, largest = 100.0 * np.mean(error > found.top), error.max(initial=0.0)
-    words = f"▲ beyond: 3 σ to {np.nanmax(band):.3g} deg"
-    if share > 0.0:
-        words += f", {'under 1' if share < 1.0 else f'{share:.0f}'} % of the errors, to {largest:.3g} deg"
-    axes.text(0.99, 0.94, words, transform=axes.transAxes, ha="right", va="top", fontsize=8,
-              bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0})  # fmt: skip
 
 
 def _mark(axes, t_s):
