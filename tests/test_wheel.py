@@ -87,6 +87,7 @@ def test_data_of_every_kind_are_in_it(wheel):
             "data/egm96_36x36.csv",
             "data/us76_upper.f8",
             "data/land_110m.json",
+            "data/land_10m.json.gz",
             "report/page.css",
         ),
         *("scenarios/shefex2_andoya.yaml", "scenarios/data/star_tracker_shefex2.json"),

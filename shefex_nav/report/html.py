@@ -1,9 +1,12 @@
 """Pieces of an HTML page. Every text that is not written here is escaped here."""
 
 import base64
+import re
 from html import escape
 from importlib.resources import files
 from typing import NamedTuple
+
+_IN_KEY = re.compile(r"(?<=[a-zA-Z0-9_])\.(?=[a-zA-Z_])")
 
 
 class Safe(NamedTuple):
@@ -31,13 +34,18 @@ def join(parts):
     return Safe("\n".join(text(part) for part in parts))
 
 
+def breakable(value):
+    """A text that may be broken after the dots of a key of a scenario, not after those of numbers. -> Safe"""
+    return value if isinstance(value, Safe) else Safe(_IN_KEY.sub(".<wbr>", text(value)))
+
+
 def table(caption, heads, rows, numbers=()):
     """A table; the first cell of a row is its head, `numbers` are the columns set to the right. -> Safe"""
 
     def cell(tag, k, value, **attributes):
         if k in numbers:
             attributes["class_"] = "number"
-        return element(tag, value, **attributes)
+        return element(tag, breakable(value), **attributes)
 
     parts = [element("caption", caption)] if caption else []
     if heads:

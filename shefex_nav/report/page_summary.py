@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements, table
+from shefex_nav.report import html, requirements, table, vouched
 from shefex_nav.report.html import element
 
 _MOST_INCIDENTS = 40
@@ -62,6 +62,10 @@ def summary(run, found):
             for one in judged
         ]
         parts.append(html.table(f"Requirements {source}", ("requirement", "required", "this run", ""), rows))
+        parts += [
+            element("p", f"{quantity.capitalize()}, met and not usable: {words}.")
+            for quantity, words in vouched.sentences(run.summary, judged)
+        ]
     parts.append(element("h3", "What went wrong, and when"))
     parts.append(_incidents(found))
     return parts
@@ -83,7 +87,9 @@ def _told(found):
 
 def _fields(found):
     """A list of fields and texts."""
-    items = [element("li", element("code", one["field"]), f": {one['text']}") for one in found]
+    items = [
+        element("li", element("code", html.breakable(one["field"])), f": {one['text']}") for one in found
+    ]
     return element("ul", *items)
 
 

@@ -17,6 +17,21 @@ class Cut(NamedTuple):
     largest: float
 
 
+def cut_about(known, shown):
+    """Cut of a scale about zero by the values of a time in which they are known; None where all can be shown.
+
+    known : (n,) values then;  shown : (m,) of the whole curve. The scale ends at FLATTENED times the better
+    part of the former. Values that are not finite do not count.
+    """
+    known, shown = (np.abs(one[np.isfinite(one)]) for one in (np.ravel(known), np.ravel(shown)))
+    if not len(known) or not len(shown):
+        return None
+    top, largest = FLATTENED * float(np.percentile(known, BETTER_PART)), float(shown.max())
+    if top <= 0.0 or largest <= ROOM * top:
+        return None
+    return Cut(top, int(np.count_nonzero(shown > top)), largest)
+
+
 def cut(values):
     """Cut of values of at least zero, (n,); None where all can be shown and the most are still to be seen.
 

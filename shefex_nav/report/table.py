@@ -8,6 +8,7 @@ from shefex_nav.records import QUANTITIES, Doubt
 from shefex_nav.report import columns, doubts, requirements, trust
 from shefex_nav.report.sizes import number
 from shefex_nav.report.star_rows import star_rows
+from shefex_nav.report.vouched import sentences
 
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
@@ -47,7 +48,8 @@ def rows(summary, judged=()):
     yield "navigation", [*_own_rows(own, of), *_navigation_rows(summary["navigation"])]
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
-        yield "requirements", _requirement_rows(judged, is_part)
+        both = [(f"{quantity}, met and not usable", words) for quantity, words in sentences(summary, judged)]
+        yield "requirements", [*_requirement_rows(judged, is_part), *both]
     if told := summary.get("told_otherwise"):
         lines = [(one["field"].removeprefix("navigation.told."), one["text"]) for one in told]
         yield "told otherwise", lines

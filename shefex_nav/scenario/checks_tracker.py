@@ -103,11 +103,13 @@ def _grey_values(scenario):
     ):
         if value > largest:
             words = f"{value:g} DN is above {largest} DN, the largest grey value of {bits} bits"
+            words += "; write automatic" * (path[-1] == "saturation")
             yield ("star_tracker", *path), words
     if bits > 8 and 4.0 * tracker.detection.saturation < largest:
         words = (
             f"{tracker.detection.saturation:g} DN is less than a quarter of {largest} DN, the largest grey "
-            f"value of {bits} bits: most stars would count as saturated; write automatic: {largest} DN"
+            f"value of {bits} bits: most stars would count as saturated; write automatic, which is "
+            f"{largest} DN here"
         )
         yield ("star_tracker", "detection", "saturation"), words
     black = scenario.star_camera.detector.black_level

@@ -54,12 +54,11 @@ def no_flight(monkeypatch):
 def with_runs(result, flown, failed=(), winds=("calm",)):
     """The result of such runs, far apart from each other."""
     places = {"payload": np.radians([[68.0 + 0.01 * run, 21.0 + 0.02 * (run % 3)] for run in flown])}
-    shapes = [studying.ellipses.ellipse(body, *there.T) for body, there in places.items()]
     return result._replace(
         cases=tuple(result.cases[0]._replace(wind=wind) for wind in winds),
         landed=result.landed * len(winds),
         scattered=scatter.Scattered(places, tuple(flown), tuple(failed)),
-        ellipses=tuple(one for one in shapes if one is not None),
+        ellipses=studying.ellipses.of_bodies(places),
         runs=len(flown) + len(failed),
     )
 
@@ -185,3 +184,17 @@ def test_a_motor_that_burns_to_the_ground_has_impact_points_until_then():
     trajectory = SimpleNamespace(t_s=np.arange(0.0, 4.3, 0.1))
     flight = SimpleNamespace(events=events, dropped=(), trajectory=trajectory)
     assert instantaneous._times(flight) == pytest.approx([0.5, 1.5, 2.5, 3.5])
+
+
+def test_the_legend_of_the_map_says_what_its_coast_lacks(result):
+    """Inland too, where no coast is in the map: a launcher in the open sea looked as one there."""
+    for place, said in (([69.29, 16.02], "coast: Natural Earth"), ([23.0, 8.0], "no coast here, by Natural")):
+        there = np.radians([place])
+        points = instantaneous.Points(np.zeros(1), there, there)
+        spot = result.landed[0].landings[0]._replace(latitude=there[0, 0], longitude=there[0, 1])
+        landed = [one._replace(landings=(spot,), paths=()) for one in result.landed]
+        drawn = figures.chart(
+            result._replace(site=tuple(there[0]), points=points, landed=landed, scattered=None, ellipses=())
+        )
+        words = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]
+        assert sum(one.startswith(said) and "smaller islands" in one for one in words) == 1

@@ -46,3 +46,17 @@ def test_what_stays_the_same_is_drawn_flat():
     wide = axes.get_ylim()
     style.no_narrower(axes, 0.2)
     assert axes.get_ylim() == wide
+
+
+def test_a_scale_about_zero_ends_by_the_time_in_which_values_are_known():
+    """3 sigma of 0.06 deg with stars, with one of 40 deg at their begin, then 250 deg under the parachute."""
+    known = np.full(100, 0.06)
+    known[0] = 40.0
+    found = scale.cut_about(known, np.concatenate([known, -np.linspace(0.1, 250.0, 500)]))
+    assert found.top == pytest.approx(3.0 * 0.06) and found.largest == 250.0 and found.count == 501 - 1
+
+
+def test_a_scale_about_zero_that_shows_all_is_not_cut():
+    known = np.full(100, 0.06)
+    assert scale.cut_about(known, np.linspace(-0.2, 0.2, 50)) is None
+    assert scale.cut_about([], known) is None and scale.cut_about(known, [np.nan]) is None

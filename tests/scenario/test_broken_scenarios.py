@@ -159,7 +159,7 @@ BROKEN = {
         "    line_time: 60 us\n    shutter: rolling",
     ),
     "brighter than the detector": (
-        "    saturation: 255 DN",
+        "    saturation: automatic",
         "    saturation: @1023 DN",
         "star_tracker.detection.saturation",
         "1023 DN is above 255 DN, the largest grey value of 8 bits",
@@ -172,14 +172,14 @@ BROKEN = {
         "    bits: 9",
     ),
     "saturation of a detector of 8 bits": (
-        "    saturation: 255 DN",
+        "    saturation: automatic",
         "    saturation: @255.0 DN",
         "star_tracker.detection.saturation",
         "255 DN is less than a quarter of 4095 DN, the largest grey value of 12 bits: most stars would count",
         "    bits: 12",
     ),
     "nothing between black and saturated": (
-        "    saturation: 255 DN",
+        "    saturation: automatic",
         "    saturation: @16 DN",
         "star_tracker.detection.saturation",
         "must be above star_camera.detector.black_level, 16 DN",

@@ -27,7 +27,14 @@ def test_what_is_wrong_is_told_of_the_detector_alone():
     assert said == "--set star_camera.detector.bits: must be at most 16, got 70"
     assert "automatic" in the_message(NAME, [f"{KEY}=automtic"])
     said = the_message(NAME, [f"{KEY}=1000 DN", "star_camera.detector.bits=12"])
-    assert said.endswith("write automatic: 4095 DN")
+    assert said.endswith("write automatic, which is 4095 DN here")
+
+
+@pytest.mark.parametrize("camera", ["prosilica_ec655", "mt9v034_16mm", "ar0134_12mm", "imx250_35mm"])
+def test_a_camera_of_any_depth_goes_into_the_default_mission(camera):
+    """With 255 DN in it, `star_camera.use` alone was refused for every one of more than 8 bits."""
+    loaded = load(NAME, [f"star_camera.use={camera}"])
+    assert loaded.star_tracker.detection.saturation == 2.0**loaded.star_camera.detector.bits - 1.0
 
 
 def test_the_schema_takes_the_word():

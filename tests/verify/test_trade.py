@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from shefex_nav.scenario import load, star_model, sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.verify import bound, bound_model, over_bound
-from shefex_nav.verify.trade import judge, picture, plan, pointing, predict, table, within
+from shefex_nav.verify.trade import judge, picture, plan, pointing, predict, stars, table, within
 from shefex_nav.verify.trade.growth import Growth
 
 NIGHT = [  # instruments at rest for 100 s
@@ -230,6 +231,33 @@ def test_the_command_for_the_corners_can_be_given_to_a_shell():
     assert words[:7] == ["shefex-nav", "campaign", "my flight.yaml", "--runs", "100", "--seed", "7"]
     assert words.count("--sweep") == 4 and "a=1 m,3 m" in words
     assert words[-4:] == ["--set", "e=1 m", "--set", "f=4 m"]
+
+
+def test_the_campaign_at_the_end_flies_the_marked_unit_too():
+    axes = (sweeps.Axis("a", ("1", "2", "3")),)
+    made = study(axes, (1e-4, 2e-4, 9e-3), {"a": {"1": 9.0, "2": 4.0, "3": 1.0}})
+    lines = table.tables(made, plan.Asked("made", axes, costs={"a": {}}))[1]
+    assert made.cheapest.settings == {"a": "2"} and any(line.endswith("--sweep a=1,2,3") for line in lines)
+
+
+@pytest.mark.parametrize(("second_s", "said"), [(400.0, True), (399.0, False), (None, False)])
+def test_a_worst_instant_before_the_second_star_fix_is_told(second_s, said):
+    """At an instant with a fix the errors are those just before it. The instant itself is in the table."""
+    axes = (sweeps.Axis("a", ("1",)),)
+    made = study(axes, (1e-4,), {})
+    (one,) = made.combinations
+    one = one._replace(prediction=one.prediction._replace(second_star_s=second_s))
+    drawn, lines = table.tables(made._replace(combinations=(one,)), plan.Asked("made", axes))
+    words = "attitude at entry: at T+400.0 s, before the second star fix"
+    assert any(words in line for line in lines) == said
+    assert [list(each.columns[-1].cells) for each in drawn[1:]] == [["+400.0"]]
+
+
+def test_a_fix_that_stands_for_several_frames_is_two():
+    fixes = [SimpleNamespace(t_valid_s=t_s) for t_s in (5.0, 6.0)]
+    assert stars.StarFixes(fixes, 30, 20, 1e-5).second_s == 5.0
+    assert stars.StarFixes(fixes, 3, 2, 1e-5).second_s == 6.0
+    assert stars.StarFixes(fixes[:1], 3, 1, 1e-5).second_s is None and stars.NONE.second_s is None
 
 
 def test_a_doubtful_prediction_is_neither_first_nor_the_cheapest():

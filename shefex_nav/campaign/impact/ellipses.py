@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign.impact import normality
 from shefex_nav.geometry import wgs84
 
 SIGMAS = 1, 2, 3
 FEWEST = 3  # landings of an ellipse
 SAME_M = 1e-3  # rounding of positions
-RARE = 1e-3  # probability below which a count is not by chance
 
 
 class Ellipse(NamedTuple):
@@ -28,6 +28,12 @@ class Ellipse(NamedTuple):
     azimuth: float  # rad, of the longer one, north over east, 0 to pi
     offsets: np.ndarray  # (n, 2) m, of the landings from the centre, north and east
     inside: tuple  # how many of them lie within 1, 2, 3 sigma
+    shape: object = None  # normality.Shape; None: not tested
+
+    @property
+    def not_normal(self):
+        """Whether the landings are no sample of a normal distribution."""
+        return self.shape is not None and not self.shape.normal
 
     @property
     def axes_error(self):
@@ -47,16 +53,12 @@ class Ellipse(NamedTuple):
         return np.array([wgs84.geodetic_from_ecef(r)[:2] for r in r_e])
 
 
-def odd(one):
-    """Within how many sigma lie more, or fewer, landings than by chance of a normal distribution; or None."""
-    from scipy.stats import binom
-
-    n = len(one.offsets)
-    for sigmas, inside in zip(SIGMAS, one.inside, strict=True):
-        rare = min(binom.cdf(inside, n, share(sigmas)), binom.sf(inside - 1, n, share(sigmas)))
-        if rare < RARE:
-            return sigmas
-    return None
+def of_bodies(landings):
+    """Ellipses of the bodies that have one, each with its shape: tuple. landings : {body: (n, 2) rad}"""
+    drawn = [ellipse(body, *places.T) for body, places in landings.items()]
+    held = [one for one in drawn if one is not None]
+    shapes = normality.shapes([one.offsets for one in held])
+    return tuple(one._replace(shape=shape) for one, shape in zip(held, shapes, strict=True))
 
 
 def share(sigmas):

@@ -7,7 +7,7 @@ import numpy as np
 from shefex_nav.campaign.impact import ellipses as ellipsing
 from shefex_nav.geometry import wgs84
 from shefex_nav.report.figures import style
-from shefex_nav.report.figures.flight import base_map, equidistant, middle_of
+from shefex_nav.report.figures.flight import base_map, equidistant, legend_below, middle_of
 
 COLOURS = style.BLUE, style.RED, style.GREEN, style.PURPLE, style.ORANGE
 MARKERS = "osD^v"
@@ -32,7 +32,7 @@ def chart(result):
     def project(places):
         return equidistant(*np.asarray(places).T, middle)
 
-    rows = math.ceil((3 + 4 * len(result.landed[0].landings)) / 3)  # of the legend, in three columns
+    rows = math.ceil((5 + 4 * len(result.landed[0].landings)) / 3)  # of the legend, in three columns
     figure, axes = style.single(6.9, f"{result.name}: where it lands", 0.1 + 0.21 * rows)
     base_map(axes, middle, project(shown))
     for k, (way, places) in enumerate(zip(result.landed[0].paths, ways, strict=True)):
@@ -42,7 +42,7 @@ def chart(result):
             words = f"instantaneous impact point, {name}"
             axes.plot(*project(places).T, color=style.BLACK, lw=1.1, ls=dash, label=words)
     for n, (_, one, outline) in enumerate(outlines):
-        words = None if n % len(ellipsing.SIGMAS) else f"1, 2, 3 σ, {one.body}"
+        words = None if n % len(ellipsing.SIGMAS) else f"1, 2, 3 σ, {one.body}{_odd(one)}"
         colour = COLOURS[_number(result, one.body) % 5]
         axes.plot(*project(outline).T, color=colour, lw=1.1, ls="-.", label=words)
     for body, places in runs.items():
@@ -57,8 +57,14 @@ def chart(result):
     )
     axes.set_xlabel("east of the middle of the map [km]")
     axes.set_ylabel("north [km]")
-    style.legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=9, frameon=False)
+    legend_below(axes)
     return figure
+
+
+def _odd(one):
+    """What follows where landings are not normal: what the ellipses hold."""
+    inside = ", ".join(map(str, one.inside))
+    return f": not normal, hold {inside} of {len(one.offsets)}" if one.not_normal else ""
 
 
 def _undispersed(result):
@@ -103,9 +109,9 @@ def _panel(axes, result, one):
         along, across = (
             k * axis / scale * f(angle) for axis, f in zip(one.axes, (np.cos, np.sin), strict=True)
         )
-        share = (
-            f"{k} σ: {100 * ellipsing.share(k):.1f} % of a normal distribution; {n} of {len(north)} inside"
-        )
+        share = f"{k} σ: {n} of {len(north)} inside"
+        if not one.not_normal:
+            share += f"; {100 * ellipsing.share(k):.1f} % of a normal distribution"
         axes.plot(
             s * along + c * across, c * along - s * across, color=style.BLACK, lw=1.2, ls=dash, label=share
         )
@@ -119,7 +125,7 @@ def _panel(axes, result, one):
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"east of the centre [{unit}]")
     axes.set_ylabel(f"north [{unit}]")
-    axes.set_title(f"{one.body}: {len(north)} landings")
+    axes.set_title(f"{one.body}: {len(north)} landings" + ", not normal" * one.not_normal)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False, fontsize=9)
 
 

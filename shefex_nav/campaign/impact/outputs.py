@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.impact import ellipses as ellipsing
-from shefex_nav.campaign.impact import scatter
+from shefex_nav.campaign.impact import normality, scatter
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import columns, geodesic, geography
 from shefex_nav.report.table import number
@@ -100,12 +100,17 @@ def _ellipse(one):
         "standard_error_m": {"north": one.error[0], "east": one.error[1]},
         "semi_axes_1_sigma_m": list(one.axes), "semi_axes_relative_error": one.axes_error,
         "azimuth_of_longer_deg": math.degrees(one.azimuth),
-        "not_normal_at_sigma": ellipsing.odd(one),
+        "normality": _normality(one),
         "levels": [
             {"sigma": k, "contains_of_normal": ellipsing.share(k), "landings_inside": n}
             for k, n in zip(ellipsing.SIGMAS, one.inside, strict=True)
         ],
     }  # fmt: skip
+
+
+def _normality(one):
+    """None: not tested."""
+    return None if one.shape is None else {**one.shape._asdict(), "normal": one.shape.normal}
 
 
 def _points(points):
@@ -150,14 +155,30 @@ def rows(found):
             share = f"holds {100 * level['contains_of_normal']:.1f} % of a normal distribution"
             text = f"semi-axes {axes}, the longer at {one['azimuth_of_longer_deg']:.0f} deg; {share}; "
             yield section, f"{k} sigma", text + f"{level['landings_inside']} of {one['landings']} inside"
-        if (k := one["not_normal_at_sigma"]) is not None:
-            text = f"so many within {k} sigma are not by chance: look at the landings, not at the ellipses"
-            yield section, "not normal", text
+        yield section, *_normal(one)
     for one in found["without_ellipse"]:
         count = f"{one['landings']} landing{'s' * (one['landings'] > 1)}"
         yield "dispersion", one["body"], f"{count}; {one['reason']}"
     for one in found["failed"]:
         yield "did not land", f"run {one['run']}", one["reason"]
+
+
+def _normal(one):
+    """(name, value) of whether an entry of "ellipses" has normal landings, and what follows if not."""
+    found = one["normality"]
+    if found is None:
+        return "normal", f"not tested: fewer than {normality.FEWEST} landings, or all on a line"
+    text = (
+        f"skewness {found['skewness']:.2f} (p {found['p_skewness']:.1g}; normal 0), "
+        f"kurtosis {found['kurtosis']:.2f} (p {found['p_kurtosis']:.1g}; normal 8)"
+    )
+    if found["normal"]:
+        return "normal", f"nothing against it: {text}"
+    inside = ", ".join(str(level["landings_inside"]) for level in one["levels"])
+    follows = (
+        f"the ellipses hold {inside} of {one['landings']}; use these counts, not the shares of a normal one"
+    )
+    return "not normal", f"{text}: {follows}"
 
 
 def _degrees(place):
@@ -188,7 +209,7 @@ def lines_and_places(result):
     for one in result.ellipses:
         lines += [
             geography.Line(
-                f"{one.body}, {k} sigma, {100 * ellipsing.share(k):.1f} %",
+                f"{one.body}, {k} sigma, {_held(one, k)}",
                 _of_places(one.outline(k), result.ground),
             )
             for k in ellipsing.SIGMAS
@@ -199,6 +220,13 @@ def lines_and_places(result):
             at = _of_places(np.array([[one.latitude, one.longitude]]), result.ground)[0]
             places.append(geography.Place(one.body, one.t_s, f"impact; wind: {case.wind}", at))
     return lines, places
+
+
+def _held(one, k):
+    """What the ellipse of k sigma holds: of a normal distribution, or counted where the landings are not."""
+    if one.not_normal:
+        return f"not normal: {one.inside[ellipsing.SIGMAS.index(k)]} of {len(one.offsets)} landings"
+    return f"{100 * ellipsing.share(k):.1f} %"
 
 
 def _of_places(places, height):

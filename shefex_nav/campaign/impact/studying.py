@@ -54,11 +54,11 @@ def study(asked, tell=lambda words: None):
     if asked.runs:
         most = asked.workers or min(cores(), max(1, asked.runs // RUNS_OF_A_WORKER))
         found = scatter.scatter(cases, asked.runs, asked.seed, ground, most, tell)
-        shapes = tuple(ellipses.ellipse(body, *places.T) for body, places in found.landings.items())
+        shapes = ellipses.of_bodies(found.landings)
     site = own.launch.latitude, own.launch.longitude
     return outputs.Result(
         own.mission.name, asked.seed, ground, site, tuple(cases), landed, tuple(aimed), points, found,
-        tuple(one for one in shapes if one is not None), asked.runs,
+        shapes, asked.runs,
     )  # fmt: skip
 
 

@@ -37,8 +37,8 @@ CATALOGUE = (
     ),
     Entry(
         "ground_track", "flight.ground_track", "flight",
-        "Where both are known, true and estimated track differ by metres and lie on each other. Coast lines: "
-        "Natural Earth, 1:110 million, without small islands.",
+        "Where both are known, true and estimated track differ by metres and lie on each other. The legend "
+        "says which islands the coast lines lack; no line says on which side land is.",
     ),
     Entry(
         "attitude_control", "flight.attitude_control", "flight",

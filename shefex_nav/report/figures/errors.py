@@ -11,7 +11,8 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
-from shefex_nav.report import local_level, metrics
+from shefex_nav.records import Reason
+from shefex_nav.report import local_level, metrics, scale
 from shefex_nav.report.figures import style
 from shefex_nav.report.pairing import same_times
 from shefex_nav.report.track import earth_fixed
@@ -104,6 +105,27 @@ def part_since(data):
     return since_s if since_s is not None and begin_s + 1.0 < since_s < end_s - 1.0 else None
 
 
+def cut_by_stars(axes, data, band, error):
+    """End the scale of an attitude where the time with star fixes can be seen, and say what lies beyond.
+
+    band : times (n,) s and 3 sigma (n,) deg;  error : (m,) deg
+    """
+    fixes_s = [fix.t_valid_s for fix in data.star_fixes if fix.reason == Reason.NONE]
+    (t_s, three), size = band, np.abs(error)
+    found = scale.cut_about(three[t_s <= max(fixes_s, default=np.inf)], np.concatenate([three, size]))
+    if found is None:
+        return
+    axes.set_ylim(-found.top, found.top)
+    share, largest = 100.0 * np.mean(size > found.top), np.nanmax(size, initial=0.0)
+    words = f"▲ beyond: 3 σ to {np.nanmax(three):.3g} deg"
+    if share > 0.0:
+        words += f", {'under 1' if share < 1.0 else f'{share:.0f}'} % of the errors, to {largest:.3g} deg"
+    axes.text(
+        0.99, 0.94, words, transform=axes.transAxes, ha="right", va="top", fontsize=8,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+    )  # fmt: skip
+
+
 def _three(data, words, names, unit, series):
     """Three errors over time; a second column since the first star fix, at its own scale."""
     t_s, error, sigma_t_s, sigma = series
@@ -128,6 +150,8 @@ def _three(data, words, names, unit, series):
             style.limits(
                 axes, [error[settled, k], 3.0 * sigma[settled_sigma, k], -3.0 * sigma[settled_sigma, k]]
             )
+            if c and unit == "deg":  # stars give the attitude; position and velocity are of GPS
+                cut_by_stars(axes, data, (sigma_t_s[late_sigma], 3.0 * sigma[late_sigma, k]), error[late, k])
         rows[k, 0].set_ylabel(f"{name} [{unit}]")
     style.legend_above(rows[0, 0])
     return figure

@@ -13,6 +13,8 @@ from shefex_nav.report.track import earth_fixed
 
 _ROUND = np.radians(60.0)  # a track that reaches farther is drawn on a map of the whole Earth
 _ABOUT = 0.18  # shown around a track, over its size
+_FINE = np.radians(10.0)  # half width of a map below which its coast is the fine one
+_LAND = "#8a6d3b"
 _SMALLEST = 20e3  # m, of a map
 _GRID_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0)
 _PRINCIPAL = ("lift_off", "apogee", "entry", "impact", "landing")  # named first
@@ -128,7 +130,8 @@ def ground_track(data):
     middle = middle_of(track.latitude, track.longitude)
     reach = _angle(_unit(track.latitude, track.longitude), middle).max()
     words = f"Ground track ({path.name}), with coast lines"
-    figure, axes = style.single(5.9 if reach > _ROUND else 6.4, words)
+    height, below = (5.9, 0.0) if reach > _ROUND else (6.4, 0.9)
+    figure, axes = style.single(height, words, below)
     if reach > _ROUND:
         _whole_earth(axes, data, path)
     else:
@@ -178,7 +181,7 @@ def _region(axes, data, path, middle):
     _estimated(axes, data, path, lambda lat, lon: equidistant(lat, lon, middle))
     axes.set_xlabel("east of the middle of the track [km]")
     axes.set_ylabel("north [km]")
-    style.legend(axes, loc="upper left")
+    legend_below(axes)
     _name_events(axes, data, path, *xy.T)
 
 
@@ -194,13 +197,27 @@ def base_map(axes, middle, xy):
     axes.set(xlim=(centre[0] - half[0], centre[0] + half[0]), ylim=(centre[1] - half[1], centre[1] + half[1]))
     axes.grid(False)
     far = 1.5 * float(np.hypot(*half)) / (wgs84.A / 1e3)
-    for line in coast.lines():
-        lon, lat = np.radians(line).T
-        near = _angle(_unit(lat, lon), middle) < min(far + 0.2, 2.5)
-        drawn = equidistant(lat, lon, middle)
-        drawn[~near] = np.nan
-        axes.plot(*drawn.T, color="#8a6d3b", lw=0.9)
+    _coast(axes, middle, far)
     _graticule(axes, middle, far)
+
+
+def _coast(axes, middle, far):
+    """Coast lines within an angle [rad] of the middle of a map, with words about them for its legend."""
+    fine = far < _FINE
+    lon, lat = np.radians(coast.broken(fine)).T
+    near = _unit(lat, lon) @ middle > np.cos(min(far + 0.2, 2.5))  # not at the breaks, which are NaN
+    shown = near | np.isnan(lat)
+    drawn = np.where(near[:, None], equidistant(lat, lon, middle), np.nan)[shown]
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    x, y = drawn.T
+    inside = np.any((x > x0) & (x < x1) & (y > y0) & (y < y1))
+    words = f"coast: {coast.WORDS[fine]}" if inside else f"no coast here, by {coast.WORDS[fine]}"
+    axes.plot(x, y, color=_LAND, lw=0.9, label=words)
+
+
+def legend_below(axes):
+    """Legend of a map, where it covers nothing of it."""
+    style.legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, fontsize=9, frameon=False)
 
 
 def _estimated(axes, data, path, project):
@@ -256,7 +273,8 @@ def _grid_line(axes, line, name, *, edge):
 def _whole_earth(axes, data, path):
     """The track over longitude and latitude, broken where it crosses the antimeridian."""
     for line in coast.lines():
-        axes.plot(*line.T, color="#8a6d3b", lw=0.7)
+        axes.plot(*line.T, color=_LAND, lw=0.7)
+    axes.plot([], [], color=_LAND, lw=0.7, label=f"coast: {coast.WORDS[False]}")
     longitude, latitude = np.degrees(path.track.longitude), np.degrees(path.track.latitude)
     jumps = np.flatnonzero(np.abs(np.diff(longitude)) > 180.0) + 1
     broken = np.insert(longitude, jumps, np.nan), np.insert(latitude, jumps, np.nan)

@@ -71,6 +71,8 @@ def _attitude(panels, data, t_s):
         style.band(axes, sigma_t_s[late_sigma], sigma[late_sigma, 6 + k] * _DEG)
         style.curve(axes, found.t_s[late], found.attitude_b[late, k] * _DEG, color=style.AXES["xyz"[k]])
         _mark(axes, t_s)
+        three = 3.0 * sigma[late_sigma, 6 + k] * _DEG
+        errors.cut_by_stars(axes, data, (sigma_t_s[late_sigma], three), found.attitude_b[late, k] * _DEG)
         axes.set_xlim(since_s, last_s)
         axes.set_ylabel("xyz"[k], rotation=0)
         axes.tick_params(labelbottom=k == 2)

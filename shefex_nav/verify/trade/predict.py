@@ -69,10 +69,16 @@ class Prediction(NamedTuple):
     taken_over: tuple  # settings of camera and star tracker to which its statistics were not fitted
     largest: tuple = ()  # of Errors: STARS if there are two star fixes, POINTING if that is required
     while_pointing: pointing.Largest | None = None  # None: nothing is required of it, or it never points
+    second_star_s: float | None = None  # time of the second star fix; None: there are no two
 
     def at(self, what):
         """Errors of ENTRY, END, STARS or POINTING; None where the flight has none."""
         return next((one for one in (*self.errors, *self.largest) if one.what == what), None)
+
+    def before_stars(self, what):
+        """Whether the attitude of Errors is from before the second star fix, or just before it."""
+        errors, since_s = self.at(what), self.second_star_s
+        return errors is not None and since_s is not None and errors.t_s <= since_s + SAME_S
 
 
 class Shared:
@@ -132,6 +138,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
         _taken_over(scenario),
         largest,
         while_pointing,
+        seen.second_s,
     )
 
 

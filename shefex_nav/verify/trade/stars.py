@@ -39,6 +39,12 @@ class StarFixes(NamedTuple):
     solved: int  # of these with an attitude
     sigma: float  # rad, median over the fixes, of one frame across the boresight; NaN without any
 
+    @property
+    def second_s(self):
+        """Time of the second fix, s; None if there are no two. One that stands for several frames is both."""
+        wanted = 2 if self.solved == len(self.fixes) else 1
+        return self.fixes[wanted - 1].t_valid_s if len(self.fixes) >= wanted else None
+
 
 NONE = StarFixes((), 0, 0, np.nan)
 

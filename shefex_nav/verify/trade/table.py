@@ -6,6 +6,7 @@ import string
 
 from shefex_nav.report import columns
 from shefex_nav.report.requirements import words
+from shefex_nav.verify.trade import judge
 from shefex_nav.verify.trade.predict import END, ENTRY, POINTING, STARS
 
 CHEAPEST = "cheapest that meets all that is predicted"
@@ -53,6 +54,7 @@ def _combination(one, is_cheapest):
         "star_frames": prediction.star_frames,
         "star_fixes": prediction.star_fixes,
         "star_sigma_arcsec": _arcsec(prediction.star_sigma),
+        "second_star_fix_s": prediction.second_star_s,
         "warnings": list(prediction.warnings),
         "doubtful": prediction.doubtful,
         "statistics_of_other_settings": list(prediction.taken_over),
@@ -125,10 +127,11 @@ def _sizes(study, what):
     rows = []
     for rank, one in enumerate(study.combinations, 1):
         errors = one.prediction and one.prediction.at(what)
-        cells = ["-"] * 6 if errors is None else _errors_of(errors)
+        cells = ["-"] * 7 if errors is None else [*_errors_of(errors), f"{errors.t_s:+.1f}"]
         rows.append((str(rank), *one.settings.values(), *cells))
     attitude = (">attitude [deg]", ">about x", ">about y", ">about z")
-    heads = ("", *study.combinations[0].settings, *attitude, ">position [m]", ">velocity [m/s]")
+    others = (">position [m]", ">velocity [m/s]", ">attitude at T [s]")
+    heads = ("", *study.combinations[0].settings, *attitude, *others)
     return columns.table(f"{TITLES[what]}, 1 sigma", heads, rows)
 
 
@@ -151,6 +154,7 @@ class _Notes:
             texts = [f"no prediction: {one.refused}"]
         else:
             texts = [f"check warns: {text}" for text in one.prediction.warnings]
+            texts += _before_stars(one)
             if one.prediction.taken_over:
                 texts.append(
                     "the star tracker's statistics were fitted to other settings, its shares of stars found "
@@ -161,6 +165,17 @@ class _Notes:
     def lines(self):
         """One line for each letter."""
         return [f"{letter}: {text}" for text, letter in self._letters.items()]
+
+
+def _before_stars(one):
+    """Texts about required attitudes whose worst instant is before the second star fix. Combination"""
+    return [
+        f"{each.name.replace('_', ' ')}: at T{one.prediction.at(what).t_s:+.1f} s, before the second star "
+        "fix; it says nothing of the attitude that stars give"
+        for each in one.judged
+        for what, quantity in (judge.PREDICTED[each.name],)
+        if quantity == "attitude" and one.prediction.before_stars(what)
+    ]
 
 
 def _letter(k):
@@ -196,7 +211,7 @@ def _lines(study, asked, required):
         else:
             settings = ", ".join(f"{key} {value}" for key, value in best.settings.items())
             found.append(f"* {CHEAPEST}: {settings}, {best.cost:g}.")
-    return [*found, *CAUTION, f"Monte Carlo of the corner points: {corners(asked)}"]
+    return [*found, *CAUTION, f"Monte Carlo of the corner points: {corners(asked, study.cheapest)}"]
 
 
 CAUTION = (
@@ -209,10 +224,15 @@ CAUTION = (
 )
 
 
-def corners(asked):
-    """Command that flies the first and the last value of four settings, and the first value of others."""
+def corners(asked, cheapest=None):
+    """Command that flies first and last value of four settings, the first of others, and the cheapest's own.
+
+    plan.Asked;  cheapest : the Combination that is marked, or None
+    """
     words = ["shefex-nav", "campaign", asked.scenario, "--runs", "100", "--seed", str(asked.seed)]
     for k, one in enumerate(asked.axes):
-        ends = f"{one.key}={one.values[0]},{one.values[-1]}", f"{one.key}={one.values[0]}"
-        words += ["--sweep", ends[0]] if k < CORNERS else ["--set", ends[1]]
+        marked = {cheapest.settings[one.key]} if cheapest else set()
+        flown = {one.values[0], *([one.values[-1]] if k < CORNERS else []), *marked}
+        text = f"{one.key}={','.join(value for value in one.values if value in flown)}"
+        words += ["--sweep" if k < CORNERS or len(flown) > 1 else "--set", text]
     return shlex.join([*words, *(word for text in asked.overrides for word in ("--set", text))])
