@@ -14,7 +14,7 @@ LEAST_WHOLE, MOST_WHOLE = -(2**63), 2**64 - 1  # that a table holds
 COUNTS = frozenset(
     ("frames", "in_window", "solved", "fixes", "wrong", "samples", "misleading_events", "dof")
 )  # fmt: skip
-COUNTED = frozenset(("outside", "no_fix"))  # objects whose values are counts
+COUNTED = frozenset(("outside", "no_fix", "no_fix_outside"))  # objects whose values are counts
 SHARED = frozenset(("doubts",))  # objects whose values are shares
 NOT_NEGATIVE = frozenset(
     ("rms", "max", "p99", "over_level", "usable_h", "nees", "propellant_kg", "max_speed_m_s", "range_km",
