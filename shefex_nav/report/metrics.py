@@ -19,6 +19,7 @@ Definitions
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else faster
   than 2 deg/s, whatever `star_tracker.highest_rate` is.
+- `full_table_share` is of all frames in which objects were found: those with `most_objects` of them.
 - The star phase is from the first frame in the window to the last, whatever software flies.
 - `star_aided` has the errors from the second star fix to the end: an attitude begins with two that agree.
 - `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.

@@ -82,6 +82,7 @@ def summarise(data, known):
         "wrong": int((angle > WRONG_ANGLE).sum()),
         "no_fix": dict(sorted(no_fix.items())),  # in the window
         "no_fix_outside": dict(sorted(_no_fix(data, outside).items())),
+        "full_table_share": _full_table(data, known.scenario),
         "objects_without_fix": _median(
             len(fix.detections.flux_dn) for fix in _refused(data, window, Reason.TOO_FEW_STARS)
         ),
@@ -129,6 +130,14 @@ def _median(values):
 def _brightest_mean(scenario):
     """Mean grey value above which a frame counts as saturated; None without a Scenario."""
     return None if scenario is None else float(scenario.star_tracker.exposure.brightest_mean)
+
+
+def _full_table(data, scenario):
+    """Share of the frames with objects in which there is room for no more; None without a Scenario."""
+    counts = np.array([len(fix.detections.flux_dn) for fix in data.star_fixes])
+    if scenario is None or not counts.any():
+        return None
+    return float(np.mean(counts[counts > 0] >= scenario.star_tracker.detection.most_objects))
 
 
 def _outside(data, window, limits):

@@ -8,6 +8,7 @@ from shefex_nav.report.sizes import number
 from shefex_nav.report.star_metrics import WINDOW_RATE
 
 TOO_FAST = f"faster than the window's {math.degrees(WINDOW_RATE):g} deg/s"
+OFTEN = 0.5  # of the frames
 MANY = 0.2  # of the frames: refused for one reason, which is explained
 
 
@@ -30,6 +31,9 @@ def star_rows(star):
     if star["no_fix"]:
         yield "no fix in the window", _counted(star["no_fix"])
         yield from _why(star)
+    if (share := star.get("full_table_share")) is not None and share > OFTEN:
+        words = f"as many as are kept, in {100.0 * share:.0f} % of the frames: fainter stars are left out"
+        yield "objects", f"{words} (star_tracker.detection.most_objects)"
     error = star["error_arcsec"]
     mean = error.get("mean")
     across = None if mean is None else math.hypot(*mean[:2]) / math.sqrt(2.0)  # rms of two axes
