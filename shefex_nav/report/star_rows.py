@@ -65,7 +65,8 @@ def _why(star):
 
 def _of_residuals(_):
     words = "stars lie farther from their places than their centroids are said to be wrong by; "
-    return f"{words}is the lens as it is told? star_tracker.centroid_floor allows for it"
+    words = f"{words}are focal length and distortion of the lens as they are told "
+    return f"{words}(navigation.told.star_camera.optics)? star_tracker.centroid_floor allows for it"
 
 
 def _of_few_stars(star):
