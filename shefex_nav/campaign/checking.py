@@ -71,7 +71,8 @@ FLIGHT = {
 STAR_TRACKER = {
     **dict.fromkeys(("frames", "in_window", "solved", "fixes", "wrong"), COUNT),
     "outside": {ANY: COUNT},
-    "no_fix": {ANY: COUNT},
+    **dict.fromkeys(("no_fix", "no_fix_outside"), {ANY: COUNT}),
+    "full_table_share": SHARE,
     "objects_without_fix": POSITIVE,
     "saturated_dn": {ANY: NUMBER},
     "error_arcsec": {

@@ -26,6 +26,7 @@ class Checked(NamedTuple):
     effects: object  # of states that were chosen, for their table
     differences: list  # lines
     lens: list  # lines about its distortion and what is told of it
+    notes: list  # lines about what the star camera sees
 
 
 def check(
@@ -67,7 +68,7 @@ def checked(scenario, overrides, against):
 
         differences = other.lines(loaded, against)
     from shefex_nav import prepare
-    from shefex_nav.report import programme
+    from shefex_nav.report import programme, star_light
 
     with about(scenario, loaded):
         aboard.check_own_blocks(loaded)
@@ -78,22 +79,21 @@ def checked(scenario, overrides, against):
     if left := lens.words(loaded.star_camera, told.as_told(loaded).star_camera):
         seen.append(f"{dotted(left[0])}: {left[1]}")
     seen = [line for line in seen if line is not None]
-    return Checked(loaded, list(found), list(told.lines(loaded)), effects, list(differences), seen)
+    told_lines, notes = list(told.lines(loaded)), star_light.notes(loaded)
+    return Checked(loaded, list(found), told_lines, effects, list(differences), seen, notes)
 
 
 def _print(scenario, found):
     """For people; the warnings are printed already."""
-    from shefex_nav.scenario import field_of_view, starlight
+    from shefex_nav.scenario import starlight
 
     n = len(found.warnings)
     count = f", with {n} warning{'s' if n > 1 else ''}" if n else ""
     for line in found.told:
         say(f"told otherwise: {line}")
-    for line in found.lens:
+    for line in (*found.lens, *found.notes):
         say(line)
     if light := starlight.of_section(found.loaded.star_camera):
-        width, height, _ = field_of_view.degrees(found.loaded.star_camera)
-        say(f"star_camera: a field of view of {width:.3g} x {height:.3g} deg")
         say(f"star_camera.optics.zero_magnitude_flux: {light.words()}")
     until, whole_s = _flown_until(found.loaded), found.loaded.mission.time_limit
     part = "" if until is None else f"; flown until T{until:+g} s of {whole_s:g} s"
@@ -124,13 +124,12 @@ def _of_good(scenario, found):
     ]
     told = [_of_line(one) for one in found.told]
     until_s = _flown_until(found.loaded)
-    return _object(scenario, warnings, told, found.differences, lens=found.lens, flown_until_s=until_s)
+    more = {"lens": found.lens, "notes": found.notes, "flown_until_s": until_s}
+    return _object(scenario, warnings, told, found.differences, more=more)
 
 
-def _object(
-    scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), lens=(), flown_until_s=None
-):
-    """JSON object."""
+def _object(scenario, warnings=(), told_otherwise=(), differences=(), *, errors=(), more=None):
+    """JSON object. more : of a scenario without errors, lens, notes, flown_until_s"""
     return {
         "scenario": str(scenario),
         "good": not errors,
@@ -138,8 +137,7 @@ def _object(
         "warnings": list(warnings),
         "told_otherwise": list(told_otherwise),
         "differences": list(differences),
-        "lens": list(lens),
-        "flown_until_s": flown_until_s,
+        **({"lens": [], "notes": [], "flown_until_s": None} if more is None else more),
     }
 
 

@@ -1,18 +1,22 @@
 """`shefex-nav instruments`: IMUs, receivers and star cameras that a scenario may use by name.
 
-Exit codes: 0 done, 2 an unknown name.
+Exit codes: 0 done, 2 an unknown name, or a file that is no instrument.
 """
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from shefex_nav.commands.printing import print_json, stdout
 
+ENDING = ".yaml"
+
 
 def instruments(
     name: Annotated[
-        str | None, typer.Argument(help="Explain this one in place of the list, e.g. stim300.")
+        str | None,
+        typer.Argument(help="Explain this one in place of the list, e.g. stim300, or a file of your own."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print it as one JSON object on stdout.")] = False,
 ):
@@ -26,10 +30,14 @@ def instruments(
     if name is None:
         _list(instrument_sheets, instrument_sheets.sheets(), json)
         return
-    try:
-        found = instrument_sheets.sheet(name.removesuffix(".yaml"))
-    except KeyError:
-        raise typer.BadParameter(_unknown(name.removesuffix(".yaml")), param_hint="NAME") from None
+    stem = Path(name).name.removesuffix(ENDING)
+    if name.endswith(ENDING) and Path(name).is_file():
+        found = instrument_sheets.of_file(stem, name)
+    else:
+        try:
+            found = instrument_sheets.sheet(name.removesuffix(ENDING))
+        except KeyError:
+            raise typer.BadParameter(_unknown(name), param_hint="NAME") from None
     if json:
         print_json(found.as_json())
     else:
@@ -40,6 +48,8 @@ def _unknown(name):
     """Words about a name that no instrument has."""
     from shefex_nav.scenario import instruments, shipped
 
+    if name != (name := name.removesuffix(ENDING)):
+        return f"there is no file '{name}{ENDING}', and no instrument '{name}' comes with the program"
     known = list(instruments.files())
     like = shipped.alike(name, known)
     near = f"did you mean {' or '.join(like)}? " if like else ""

@@ -123,7 +123,7 @@ def _shot(world, frame, truth, fix):
     C_ic = np.ascontiguousarray(move.C_ci.T)
     turns = [rotvec_between(truth.q_ic, quat_from_dcm(np.ascontiguousarray(C.T))) for C in move.path.C_ci]
     weight = np.ones(len(turns))
-    if len(turns) > 1:  # the trapezoidal rule
+    if len(turns) > 1:  # the trapezoidal rule, for which `motion.during` has made the steps
         weight[[0, -1]] = 0.5
     q_mean = quat_multiply(truth.q_ic, quat_from_rotvec(np.average(turns, axis=0, weights=weight)))
     return Shot(frame, truth, fix, q_mean, C_ic.T @ move.omega_ib_i, move.v_i)

@@ -60,13 +60,25 @@ def sheets():
 
 def sheet(name):
     """Sheet of an instrument of the package; KeyError if there is none of that name."""
+    from shefex_nav.scenario import instruments
+
+    return of_file(name, instruments.files()[name])
+
+
+def of_file(name, path):
+    """Sheet of the instrument `name` in a file; ScenarioError, or OSError, if it is none."""
     from shefex_nav.scenario import document, instruments, load
 
-    path = instruments.files()[name]
     with open(path, encoding="utf-8") as stream:
         text = stream.read()
-    own = document.parse(text, path)
-    tree, kind = own.tree, own.tree[instruments.KIND]
+    try:
+        own = document.parse(text, path)
+    except document.BadText as error:
+        raise load.ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
+    tree, kind = own.tree, own.tree.get(instruments.KIND)
+    if kind not in KINDS:
+        words = f"one begins with '{instruments.KIND}: ' and one of {', '.join(KINDS)}"
+        raise load.ScenarioError([f"{path}: is no file of an instrument: {words}"])
     loaded, _, _ = load.load_as(lambda provided: instruments.SECTIONS[kind,], path)
     values = tuple(_values(own, text.splitlines()))
     computed, compared = _COMPUTED[kind](_Shown(values), tree, loaded)
@@ -92,7 +104,8 @@ def _values(own, lines):
         value = own.tree
         for part in path:
             value = value[part]
-        if not path or path[0] in head or isinstance(value, dict):
+        in_list = any(isinstance(part, int) for part in path)  # which is shown whole
+        if not path or path[0] in head or in_list or isinstance(value, dict):
             continue
         said = lines[mark.line - 1].partition(" # ")[2]
         assumed = ASSUMED in said
@@ -132,14 +145,12 @@ def _gps(shown, tree, loaded):
 
 
 def _star_camera(shown, tree, loaded):
-    from shefex_nav.scenario import starlight
+    from shefex_nav.scenario import field_of_view, starlight
 
     optics, detector = loaded.optics, loaded.detector
     light = starlight.of_camera(tree)
     flux = optics.zero_magnitude_flux or light.flux
-    across, down = (field_of_view(n * detector.pixel_size, optics.focal_length)
-                    for n in (detector.columns, detector.rows))  # fmt: skip
-    view = f"{math.degrees(across):.1f} x {math.degrees(down):.1f} deg"
+    view = "{:.1f} x {:.1f} deg".format(*field_of_view.degrees(loaded)[:2])
     faintest = f"{faintest_magnitude(flux, optics, detector):.1f} mag"
     computed = {
         "field of view": view,
@@ -164,11 +175,6 @@ _COMPUTED = {"imu": _imu, "gps": _gps, "star_camera": _star_camera}
 def _compared(kind, rows):
     """{head of the list: words} of what stands behind name, unit and grade."""
     return dict(zip((head.removeprefix(">") for head in HEADS[kind][3:]), map(str, rows), strict=True))
-
-
-def field_of_view(width, focal_length):
-    """Angle across a detector behind a lens, rad. m, m"""
-    return 2.0 * math.atan(0.5 * width / focal_length)
 
 
 def faintest_magnitude(flux, optics, detector):

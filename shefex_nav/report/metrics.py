@@ -9,13 +9,17 @@ Definitions
 - A star fix is wrong if it is given as good and more than 0.5 deg off, in the window or out of it.
 - The window is where the true rate is at most 2 deg/s and the true exclusion angles are met. A tick of the
   camera without a frame counts in it if both neighbours do.
+- `no_fix` counts why frames of the window gave none, `no_fix_outside` the others.
 - `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
-  rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is that of
-  the principal point and of a lens that is told otherwise.
+  rate; its scatter and its NEES are those of the fixes (with their own covariance) less the run's mean error,
+  which is that of the principal point and of a lens that is told otherwise. The truth of a fix is the
+  attitude at the instant of its frame, not the mean of the exposure.
 - Errors of star fixes are in the camera's own axes and have no part of its mounting: `mounting_error_deg` is
   the rotation from the nominal to the true mounting, which an attitude of the body has.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
-- `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else too fast.
+- `outside` counts the frames out of the window: too near to the Sun, else to the Earth's limb, else faster
+  than 2 deg/s, whatever `star_tracker.highest_rate` is.
+- `full_table_share` is of all frames in which objects were found: those with `most_objects` of them.
 - The star phase is from the first frame in the window to the last, whatever software flies.
 - `star_aided` has the errors from the second star fix to the end: an attitude begins with two that agree.
 - `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.

@@ -8,6 +8,7 @@ from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
 from shefex_nav.report import html, requirements, table, vouched
 from shefex_nav.report.html import element
+from shefex_nav.report.star_rows import rates
 
 _MOST_INCIDENTS = 40
 _DASH = "–"
@@ -252,25 +253,20 @@ def tables(run, section):
     if section == "star tracker" and run.summary["star_tracker"]["by_rate"]:
         rows = [_rate_row(row) for row in run.summary["star_tracker"]["by_rate"]]
         heads = (
-            "true rate [deg/s]",
-            "frames",
-            "with a fix",
-            "wrong",
-            "across [arcsec rms]",
-            "about [arcsec rms]",
+            *("true rate [deg/s]", "frames", "with a fix", "wrong"),
+            *("across, per axis [arcsec rms]", "about [arcsec rms]"),
+            *("across, scatter [arcsec]", "about, scatter [arcsec]", "NEES of 3"),
         )
-        yield html.table(
-            "Success by rate, outside the exclusion angles", heads, rows, numbers=(1, 2, 3, 4, 5)
-        )
+        title = "Success by rate, outside the exclusion angles; scatter and NEES without the mean of the run"
+        yield html.table(title, heads, rows, numbers=range(1, 9))
     if section == "navigation" and run.summary["navigation"]["at_entry"]:
         yield _entry_table(run.summary["navigation"]["at_entry"])
 
 
 def _rate_row(row):
-    high = row["to_deg_s"]
-    name = f"above {row['from_deg_s']:g}" if high is None else f"{row['from_deg_s']:g} to {high:g}"
-    rms = (_number(row[key], 1, "") for key in ("cross_axis_rms_arcsec", "boresight_rms_arcsec"))
-    return name, row["frames"], row["solved"], row["wrong"], *rms
+    keys = "cross_axis_rms", "boresight_rms", "cross_axis_scatter", "boresight_scatter"
+    sizes = (_number(row[f"{key}_arcsec"], 1, "") for key in keys)
+    return rates(row), row["frames"], row["solved"], row["wrong"], *sizes, _number(row["nees"], 1, "")
 
 
 def _entry_table(entry):

@@ -139,6 +139,7 @@ def _by_itself(scenario):
     found = _of_epoch(scenario.mission.epoch) + _of_acceptance(scenario.star_tracker)
     if words := lens.off_axis(scenario.star_camera):
         found.append(Warned(("star_camera", "optics", "principal_point"), words))
+    found += [Warned(*one) for one in star_sight.too_fast(scenario)]
     return found + of_parts(scenario)
 
 

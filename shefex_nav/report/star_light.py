@@ -27,6 +27,8 @@ from shefex_nav.world.camera import detector
 BLOCK = 3.0  # pixels, side of the sums that are searched (onboard.startracker.background)
 SPHERE = 4.0 * math.pi
 SURE = 20.0  # stars in the field on average: there are pairs enough
+DEEPER = 1.2  # mag [E]: stars of a third of the light
+LISTED = 8.0  # mag, the faintest star of the program's table
 
 
 class Light(NamedTuple):
@@ -35,6 +37,7 @@ class Light(NamedTuple):
     in_field: float  # stars of the catalogue in the field of view, on average
     faintest: float  # V that is found of a star at rest
     found: float  # stars of the catalogue as bright as that, in the field of view, on average
+    drawn: float  # stars that are drawn and found, in the field of view, on average
     empty_dn: float  # mean grey value of the empty sky in the shortest exposure
     field_deg: tuple  # (2,) width and height of the field of view
 
@@ -44,9 +47,9 @@ def of(scenario):
     camera, tracker = settings(scenario.star_camera), settings(scenario.star_tracker)
     chip, optics = camera.detector, camera.optics
     half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
+    share = _solid_angle(*half) / SPHERE
     year = ephemeris.julian_year(scenario.mission.epoch)
     known = _known(tracker.catalogue, year)
-    share = _solid_angle(*half) / SPHERE
     if share * len(known.hip) < SURE:
         _check_pairs(tracker.catalogue, year, 2.0 * math.atan(math.hypot(*half)))
     faintest = _faintest(camera, tracker)
@@ -55,6 +58,7 @@ def of(scenario):
         share * len(known.hip),
         faintest,
         share * int(np.count_nonzero(known.vmag <= faintest)),
+        share * _brighter(min(faintest, camera.stars.faintest)),
         chip.black_level + chip.background * tracker.exposure.shortest / electrons_per_dn,
         field_of_view.degrees(camera)[:2],
     )
@@ -63,7 +67,12 @@ def of(scenario):
 @lru_cache(maxsize=8)  # `trade` asks for hundreds of cameras with one catalogue
 def _known(of_catalogue, julian_year):
     """OnboardCatalogue of settings.Catalogue."""
-    return catalogue.build(of_catalogue, stars.load_catalogue(8.0), julian_year)
+    return catalogue.build(of_catalogue, stars.load_catalogue(LISTED), julian_year)
+
+
+def _brighter(vmag):
+    """How many stars are as bright as that, or brighter."""
+    return int(np.count_nonzero(stars.load_catalogue(LISTED).vmag <= vmag))
 
 
 @lru_cache(maxsize=64)
@@ -123,3 +132,43 @@ def warnings(scenario):
             "raise brightest_mean"
         )
         yield ("star_tracker", "exposure", "brightest_mean"), words
+
+
+def notes(scenario):
+    """Lines about what the star camera of a scenario sees, and what is made for one that sees less.
+
+    Nothing of it is wrong; a camera with more light gains from larger values.
+    """
+    width, height, _ = field_of_view.degrees(scenario.star_camera)
+    field = f"star_camera: a field of view of {width:.3g} x {height:.3g} deg"
+    if not scenario.star_tracker.enabled or scenario.star_tracker.software != BUILT_IN:
+        return [field]
+    seen, tracker = of(scenario), settings(scenario.star_tracker)
+    longest, drawn_to = 1e3 * tracker.exposure.longest, scenario.star_camera.stars.faintest
+    lines = [f"{field}, finds stars to V {seen.faintest:.1f} (at rest, in {longest:g} ms)"]
+    reached = min(seen.faintest, LISTED)
+    if drawn_to < LISTED and seen.faintest - drawn_to > DEEPER:
+        words = f"stars are drawn to V {drawn_to:g} alone; write {math.ceil(reached):g} mag"
+        lines.append(f"star_camera.stars.faintest: {words} for a sky as full as this camera sees it")
+    known_to = tracker.catalogue.faintest
+    if reached - known_to > DEEPER and tracker.identification.deepest is None:
+        deep = min(reached - 1.0, drawn_to)
+        words = f"the star tracker knows stars to V {known_to:g}, {seen.in_field:.0f} in the field on average"
+        if deep > known_to:
+            more = _solid_angle_share(scenario) * _brighter(deep)
+            lines.append(
+                f"star_tracker.catalogue.faintest: {words}; {deep:.1f} mag knows {more:.0f}, or "
+                f"star_tracker.identification.deepest: {deep:.1f} mag names them once a frame is identified"
+            )
+    if seen.drawn > tracker.detection.most_objects:
+        words = f"{tracker.detection.most_objects} objects are kept, the brightest, of {seen.drawn:.0f} stars"
+        more = 10 * math.ceil(0.15 * seen.drawn)
+        lines.append(f"star_tracker.detection.most_objects: {words} in the field on average; write {more}")
+    return lines
+
+
+def _solid_angle_share(scenario):
+    """Part of the sky in the field of view."""
+    chip, optics = scenario.star_camera.detector, scenario.star_camera.optics
+    half = (0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows))
+    return _solid_angle(*half) / SPHERE

@@ -23,7 +23,7 @@ from shefex_nav.report.sizes import largest, rms
 
 WRONG_ANGLE = math.radians(0.5)
 WINDOW_RATE = math.radians(2.0)  # rad/s
-RATES_DEG_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, math.inf)  # bounds of by_rate
+RATES_DEG_S = 0.0, 0.25, 0.75, 1.25, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, math.inf  # bounds of by_rate
 _ARCSEC = math.degrees(1.0) * 3600.0
 
 
@@ -67,14 +67,8 @@ def window_frames(data):
 def summarise(data, known):
     """What `metrics.summarise` has of the star tracker. known : Configured of the run"""
     window, n_missing = window_frames(data)
-    reasons = {fix.number: fix.reason for fix in data.star_fixes}
-    no_fix = Counter({"no_frame": n_missing} if n_missing else {})
-    for number in window:
-        reason = reasons.get(number)
-        if reason is None:
-            no_fix["no_result"] += 1
-        elif reason != Reason.NONE:
-            no_fix[Reason(reason).name.lower()] += 1
+    no_fix = _no_fix(data, window) + Counter({"no_frame": n_missing})
+    outside = {frame.number for frame in data.frame_truths} - window
     errors = star_errors(data)
     angle = np.linalg.norm(errors.rotation_c, axis=1)
     in_window = np.isin(errors.number, list(window))
@@ -86,7 +80,9 @@ def summarise(data, known):
         "solved": int(in_window.sum()),
         "fixes": len(angle),  # of the whole flight
         "wrong": int((angle > WRONG_ANGLE).sum()),
-        "no_fix": dict(sorted(no_fix.items())),
+        "no_fix": dict(sorted(no_fix.items())),  # in the window
+        "no_fix_outside": dict(sorted(_no_fix(data, outside).items())),
+        "full_table_share": _full_table(data, known.scenario),
         "objects_without_fix": _median(
             len(fix.detections.flux_dn) for fix in _refused(data, window, Reason.TOO_FEW_STARS)
         ),
@@ -110,6 +106,17 @@ def summarise(data, known):
     }
 
 
+def _no_fix(data, numbers):
+    """Why frames of these numbers gave no fix: Counter of reasons."""
+    reasons = {fix.number: fix.reason for fix in data.star_fixes}
+    found = (reasons.get(number) for number in numbers)
+    return Counter(
+        "no_result" if reason is None else Reason(reason).name.lower()
+        for reason in found
+        if reason != Reason.NONE
+    )
+
+
 def _refused(data, window, reason):
     """Fixes of frames in the window that gave none for a reason."""
     return (fix for fix in data.star_fixes if fix.number in window and fix.reason == reason)
@@ -123,6 +130,14 @@ def _median(values):
 def _brightest_mean(scenario):
     """Mean grey value above which a frame counts as saturated; None without a Scenario."""
     return None if scenario is None else float(scenario.star_tracker.exposure.brightest_mean)
+
+
+def _full_table(data, scenario):
+    """Share of the frames with objects in which there is room for no more; None without a Scenario."""
+    counts = np.array([len(fix.detections.flux_dn) for fix in data.star_fixes])
+    if scenario is None or not counts.any():
+        return None
+    return float(np.mean(counts[counts > 0] >= scenario.star_tracker.detection.most_objects))
 
 
 def _outside(data, window, limits):
@@ -148,8 +163,9 @@ def by_rate(data, errors):
     """Frames and fixes by the true rate: list of dicts, slowest first, of the intervals that have frames.
 
     RunData, its StarErrors -> from_deg_s, to_deg_s (None: no limit), frames, solved, wrong, and of the fixes
-    that are not wrong cross_axis_rms_arcsec, boresight_rms_arcsec and nees, the mean squared normalised
-    error of three degrees of freedom, without the mean error of the run.
+    that are not wrong cross_axis_rms_arcsec (per axis), boresight_rms_arcsec; and without the mean error of
+    the run cross_axis_scatter_arcsec (per axis), boresight_scatter_arcsec and nees, the mean squared
+    normalised error of three degrees of freedom.
     """
     frames = [frame for frame in data.frame_truths if frame.exclusion_met]
     number = np.array([frame.number for frame in frames], dtype=int)
@@ -176,6 +192,8 @@ def by_rate(data, errors):
                 "wrong": int((fixed & wrong).sum()),
                 "cross_axis_rms_arcsec": rms(rotation[:, :2].ravel()) * _ARCSEC,
                 "boresight_rms_arcsec": rms(rotation[:, 2]) * _ARCSEC,
+                "cross_axis_scatter_arcsec": rms((rotation - mean)[:, :2].ravel()) * _ARCSEC,
+                "boresight_scatter_arcsec": rms((rotation - mean)[:, 2]) * _ARCSEC,
                 "nees": float(np.mean(squares)) if squares else None,
             }
         )

@@ -5,9 +5,11 @@ import math
 from rich.text import Text
 
 from shefex_nav.report.sizes import number
+from shefex_nav.report.star_metrics import WINDOW_RATE
 
+TOO_FAST = f"faster than the window's {math.degrees(WINDOW_RATE):g} deg/s"
+OFTEN = 0.5  # of the frames
 MANY = 0.2  # of the frames: refused for one reason, which is explained
-FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
 
 
 def star_rows(star):
@@ -21,22 +23,26 @@ def star_rows(star):
     if outside := star.get("outside"):
         beyond = star["fixes"] - star["solved"]
         solved = f"; {beyond} solved all the same" if beyond else ""
-        yield "outside it", f"{sum(outside.values())}: {_outside(outside)}{solved}"
+        none = star.get("no_fix_outside")
+        none = f"; no fix: {_counted(none)}" if none else ""
+        yield "outside it", f"{sum(outside.values())}: {_outside(outside)}{solved}{none}"
     yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
     yield from _rate_rows(star["by_rate"])
     if star["no_fix"]:
-        reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
-        yield "no fix", ", ".join(reasons)
+        yield "no fix in the window", _counted(star["no_fix"])
         yield from _why(star)
+    if (share := star.get("full_table_share")) is not None and share > OFTEN:
+        words = f"as many as are kept, in {100.0 * share:.0f} % of the frames: fainter stars are left out"
+        yield "objects", f"{words} (star_tracker.detection.most_objects)"
     error = star["error_arcsec"]
     mean = error.get("mean")
     across = None if mean is None else math.hypot(*mean[:2]) / math.sqrt(2.0)  # rms of two axes
     about = None if mean is None else abs(mean[2])
-    for name, key, constant, of in (
-        ("across", "cross_axis_rms", across, " (principal point)"),
-        ("about", "boresight_rms", about, ""),
+    for name, key, constant, of, per in (
+        ("across", "cross_axis_rms", across, " (principal point)", " per axis"),
+        ("about", "boresight_rms", about, "", ""),
     ):
-        yield f"error {name} the boresight", _parts(error[key], constant, of)
+        yield f"error {name} the boresight", _parts(error[key], constant, of, per)
     if (mounting := star.get("mounting_error_deg")) is not None:
         size = number(math.hypot(*mounting), 3, "deg")
         yield "mounting error", f"{size}, in the attitude of the body alone: not in the errors above"
@@ -59,7 +65,8 @@ def _why(star):
 
 def _of_residuals(_):
     words = "stars lie farther from their places than their centroids are said to be wrong by; "
-    return f"{words}is the lens as it is told? star_tracker.centroid_floor allows for it"
+    words = f"{words}are focal length and distortion of the lens as they are told "
+    return f"{words}(navigation.told.star_camera.optics)? star_tracker.centroid_floor allows for it"
 
 
 def _of_few_stars(star):
@@ -80,19 +87,24 @@ def _of_saturated(star):
     return f"the mean grey value {is_above} above {above}: {lower}"
 
 
-def _parts(rms, constant, of):
+def _counted(counts):
+    """{reason: count} in words."""
+    return ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in counts.items())
+
+
+def _parts(rms, constant, of, per):
     """An error of star fixes, arcsec, and how much of it is the run's mean. of : where that is from"""
     if constant is None or rms is None:
-        return number(rms, 1, '" rms')
+        return number(rms, 1, f'" rms{per}')
     scatter = math.sqrt(max(rms**2 - constant**2, 0.0))
-    return f'{number(rms, 1)}" rms: constant {number(constant, 1)}"{of}, scatter {number(scatter, 1)}"'
+    return f'{number(rms, 1)}" rms{per}: constant {number(constant, 1)}"{of}, scatter {number(scatter, 1)}"'
 
 
 def _outside(counts):
     """Why frames are out of the window, in words."""
     words = {"sun": "too near to the Sun", "sun_and_earth_limb": "to both Sun and Earth's limb"}
     words |= {"earth_limb": "to the Earth's limb"}
-    words |= {"excluded": "too near to Sun or limb", "rate": "too fast"}  # a log that does not say to which
+    words |= {"excluded": "too near to Sun or limb", "rate": TOO_FAST}  # a log that does not say to which
     near = next((name for name in words if name in counts), None)
     if near in ("sun_and_earth_limb", "earth_limb"):
         words[near] = f"too near {words[near]}"
@@ -100,11 +112,25 @@ def _outside(counts):
 
 
 def _rate_rows(by_rate):
-    """Success against rate, of a star tracker that fixes well beyond the window's 2 deg/s."""
-    if not any(row["solved"] for row in by_rate if row["from_deg_s"] >= FAST_DEG_S):
+    """Success and errors against the true rate, of frames that were taken at more than one."""
+    if len(by_rate) < 2:
         return
-    for row in by_rate:
-        low, high = row["from_deg_s"], row["to_deg_s"]
-        name = f"solved above {low:.0f} deg/s" if high is None else f"solved at {low:.0f} to {high:.0f} deg/s"
-        share = 100.0 * row["solved"] / row["frames"]
-        yield name, f"{row['solved']} of {row['frames']} ({share:.1f} %)"
+    rows = list(by_rate)
+    while len(rows) > 1 and not (rows[-1]["solved"] or rows[-2]["solved"]):  # none is fixed: one row
+        last = rows.pop()
+        rows[-1] = rows[-1] | {"to_deg_s": last["to_deg_s"], "frames": rows[-1]["frames"] + last["frames"]}
+    for row in rows:
+        words = f"{row['solved']} of {row['frames']} solved"
+        if row["wrong"]:
+            words += f", {row['wrong']} wrong"
+        if row["nees"] is not None:
+            across, about = (row.get(f"{name}_scatter_arcsec") for name in ("cross_axis", "boresight"))
+            words += f'; scatter {number(across, 1)}" across per axis, {number(about, 1)}" about; '
+            words += f"NEES {number(row['nees'], 1)} of 3"
+        yield f"at {rates(row)} deg/s", words
+
+
+def rates(row):
+    """Interval of rates of a row of `by_rate`, in words."""
+    low, high = row["from_deg_s"], row["to_deg_s"]
+    return f"more than {low:g}" if high is None else f"{low:g} to {high:g}"

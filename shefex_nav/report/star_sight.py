@@ -1,5 +1,7 @@
 """Where the star camera looks while a programme points it: too near to the Sun, or to the Earth's limb?
 
+And whether the programme turns it faster than its star tracker takes frames (`too_fast`).
+
 Frames within the exclusion angles are taken and tried all the same, and are not of the star tracker's window.
 So a programme that points the camera there has a star tracker that counts nothing.
 """
@@ -9,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.scenario.software import BUILT_IN
 
 TURNS = "point", "point_inertial", "point_nadir"  # kinds of tasks that turn the star camera elsewhere
 STEP_S = 1.0
@@ -66,6 +69,23 @@ def excluded(scenario, seen, looks):
         if inside.mean() > share:
             name = _aims(looks, float(np.median(pointed.t_s[inside])))
             yield ("programme", name), _words(what, pointed.t_s, angle, limit, inside)
+
+
+def too_fast(scenario):
+    """Warnings: (path in the scenario, text) of tasks whose rates leave the star tracker without attitude."""
+    tracker = scenario.star_tracker
+    if not tracker.enabled or tracker.software != BUILT_IN:
+        return
+    for name, task in scenario.tasks:
+        if task.task != "dwell" or task.end <= tracker.on or task.start >= tracker.off:
+            continue
+        rate = float(np.hypot(task.boresight_rate, task.cross_rate))
+        if rate > tracker.highest_rate:
+            words = (
+                f"turns at {np.degrees(rate):.3g} deg/s; frames taken faster than star_tracker.highest_rate"
+            )
+            limit = f"{np.degrees(tracker.highest_rate):.3g} deg/s"
+            yield ("programme", name), f"{words}, {limit}, give no attitude: turn more slowly, or raise it"
 
 
 def _aims(looks, t_s):

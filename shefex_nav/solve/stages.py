@@ -168,9 +168,20 @@ def _residuals(figure, grey, record, solution):
         )  # fmt: skip
     for k in np.argsort([star.vmag for star in solution.matched])[:12]:
         axes.annotate(name_of(solution.matched[k].hip), at[k], color=BLUE, fontsize=8)
+    _scale(axes, grey.shape, scale)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.03), ncols=2)
     axes.set_title(
         f"detection minus star, {scale:.0f} times as long; rms {best.residual_px:.2f} px; "
         f"covariances times {best.multiple:.2g}, floor {best.floor_px:.2f} px"
     )
     return True
+
+
+def _scale(axes, shape, scale):
+    """A bar in the lower left corner, as long as a residual of so many pixels is drawn."""
+    longest_px = 0.1 * shape[1] / scale
+    power = 10.0 ** np.floor(np.log10(longest_px))
+    size_px = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= longest_px)
+    x, y = 0.03 * shape[1], 0.96 * shape[0]
+    axes.plot([x, x + scale * size_px], [y, y], color=ORANGE, lw=3)
+    axes.annotate(f"{size_px:g} px", (x, y), (0, 5), textcoords="offset points", color=ORANGE, fontsize=10)

@@ -18,10 +18,12 @@ WHY = {
     "no_match": "the objects found fit no stars of the catalogue, for any field of view {looked}; perhaps "
     "they are no stars; where a landscape hides stars among its lights, crop the picture to the sky or tell "
     "--camera",
-    "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told; without "
-    "--camera its field of view is found as well",
-    "focal_length": "the stars contradict the focal length of the camera that is told",
-    "residuals": "the identified stars do not fit one attitude; is the focal length of the camera right?",
+    "no_match_told": "the objects found fit no stars of the catalogue with the camera that is told: is its "
+    "focal length another, or its lens bent (distortion)? Without --camera both are found as well",
+    "focal_length": "the stars contradict the focal length of the camera that is told, or its distortion: a "
+    "lens that is bent and told as a pinhole looks like another focal length",
+    "residuals": "the identified stars do not fit one attitude; are focal length and distortion of the "
+    "camera right?",
     "rolling": "rows are exposed one after the other; without the rate of the camera there is no attitude",
     "saturated": "the picture is too bright for the star tracker of the camera that is told",
     "smeared": "the spots are no points: the camera turned faster than star_tracker.highest_rate, or the "

@@ -86,6 +86,24 @@ def test_rate_is_that_of_the_attitudes(turning):
         assert np.linalg.norm(rotvec_between(shot.q_mean, shot.truth.q_ic)) < np.radians(0.01)
 
 
+def test_mean_attitude_is_that_of_the_whole_exposure(turning):
+    """Mean of the turns since the instant, at each sample of the trajectory; it differs from none of them."""
+    world, differences = turning.flight.world, []
+    trajectory, q_bc = world.flight.trajectory, world.camera.q_bc
+    for shot in turning.shots:
+        half_s, t_s = 0.5 * shot.frame.exposure_s, shot.frame.t_valid_s
+        rows = np.flatnonzero(np.abs(trajectory.t_s - t_s) < half_s + 1e-9)
+        if abs((trajectory.t_s[rows[-1]] - trajectory.t_s[rows[0]]) - 2.0 * half_s) > 1e-6:
+            continue  # the exposure is no whole number of samples
+        turns = [rotvec_between(shot.truth.q_ic, quat_multiply(trajectory.q_ib[k], q_bc)) for k in rows]
+        weights = np.r_[0.5, np.ones(len(rows) - 2), 0.5]
+        mean = np.average(turns, axis=0, weights=weights)
+        found = rotvec_between(shot.truth.q_ic, shot.q_mean)
+        assert np.linalg.norm(found - mean) < 1e-8 + 0.02 * np.linalg.norm(mean)
+        differences.append(np.linalg.norm(mean))
+    assert len(differences) > 20 and max(differences) > 1e-6
+
+
 def test_fits_has_pixels_header_and_wcs(turning):
     hole = turning.flight.scenario.star_camera.detector
     epoch, checked = turning.flight.scenario.mission.epoch, 0

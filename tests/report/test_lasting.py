@@ -154,14 +154,17 @@ def test_check_flies_the_parachute_and_names_the_line(command, tmp_path):
     )
     result = command("check", mine)
     assert (result.code, result.out) == (0, f"{mine}: good, with 1 warning\n")
-    (line,) = result.err.splitlines()
+    line, seen = result.err.splitlines()
+    assert seen.startswith("star_camera: a field of view of ")
     names = "gyro_g_sensitivity, accel_scale and accel_misalignment"
     assert line.startswith(
         f"warning: {mine}:3:11: navigation.states: {names} are missing: the vehicle hangs on"
     )
 
     mine.write_text(f"extends: {NIGHT_SKY}\n")
-    assert command("check", mine) == (0, f"{mine}: good\n", "")
+    result = command("check", mine)
+    assert (result.code, result.out) == (0, f"{mine}: good\n")
+    assert result.err.startswith("star_camera: ") and len(result.err.splitlines()) == 1
 
 
 def test_run_tells_it_before_and_in_its_result(command, tmp_path):

@@ -315,8 +315,9 @@ def test_check_names_file_and_line(command, tmp_path):
     )
     result = command("check", mine)
     assert result.code == 0 and result.out == f"{mine}: good, with 5 warnings\n"
-    lines = result.err.splitlines()
+    *lines, seen = result.err.splitlines()
     assert len(lines) == 5 and all(line.startswith("warning: ") for line in lines)
+    assert seen.startswith("star_camera: a field of view of ")
     motors = next(line for line in lines if "spin_motors" in line)
     assert motors.startswith(f"warning: {mine}:6:9: vehicle.spin_motors.at: 390 s is ")
     assert f"{DEFAULT}:" in lines[0] and f"change it in {mine}" in lines[0]

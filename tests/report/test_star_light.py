@@ -78,7 +78,36 @@ def test_check_of_a_lens_prints_its_field_of_view(tmp_path, capsys, monkeypatch)
     assert not ended.value.code
     chip, focal_length = (659 * 9.9, 493 * 9.9), 24.95e3  # um
     width, height = (2.0 * math.degrees(math.atan(0.5 * side / focal_length)) for side in chip)
-    assert f"star_camera: a field of view of {width:.3g} x {height:.3g} deg" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"star_camera: a field of view of {width:.3g} x {height:.3g} deg, finds stars to V " in said
+
+
+def noted(*overrides):
+    """{field: text} of what is noted of the default camera with overrides."""
+    lines = star_light.notes(load.load("shefex2_andoya", overrides))
+    return dict(line.split(": ", 1) for line in lines)
+
+
+def test_keys_that_are_made_for_a_camera_with_less_light_are_named():
+    """Ten times the light is 2.5 magnitudes: drawn to V 7, known to 5.5, forty objects kept."""
+    flux = 10.0 * load.load("shefex2_andoya").star_camera.optics.zero_magnitude_flux
+    lens = f"star_camera.optics.zero_magnitude_flux={flux} electron/s"
+    assert list(noted()) == ["star_camera"] and "finds stars to V 6.5 (" in noted()["star_camera"]
+    found = noted(lens)
+    assert "finds stars to V 9.0 (at rest, in 50 ms)" in found["star_camera"]
+    assert "drawn to V 7 alone; write 8 mag" in found["star_camera.stars.faintest"]
+    known = load_catalogue(8.0).vmag
+    of_sphere = 4.0 * math.pi / ((659 * 9.9e-3 / 24.95) * (493 * 9.9e-3 / 24.95))
+    seventh = np.count_nonzero(known <= 7.0) / of_sphere
+    words = found["star_tracker.catalogue.faintest"]
+    assert float(words.split("knows ")[2].split(",")[0]) == pytest.approx(seventh, rel=0.04)
+    assert "identification.deepest: 7.0 mag" in words
+    kept = found["star_tracker.detection.most_objects"]
+    assert kept.startswith("40 objects are kept, the brightest, of ")
+    assert int(kept.split("write ")[1]) == pytest.approx(1.5 * seventh, abs=16.0)
+    deeper = ("star_camera.stars.faintest=8 mag", "star_tracker.catalogue.faintest=7 mag")
+    assert list(noted(lens, *deeper, "star_tracker.detection.most_objects=300")) == ["star_camera"]
+    assert list(noted(lens, "star_tracker.enabled=false")) == ["star_camera"]
 
 
 def test_too_narrow_a_field():

@@ -62,3 +62,22 @@ def test_samples_are_about_a_second_apart():
     t_s = np.arange(0.0, 10.0, 0.0025)
     seen = star_sight.sight(t_s, np.zeros((len(t_s), 4)), np.zeros((len(t_s), 3)))
     np.testing.assert_allclose(np.diff(seen.t_s), 1.0, atol=0.003)
+
+
+def test_a_programme_that_turns_faster_than_the_star_tracker_takes_frames():
+    """Rates about the boresight and across it are at right angles: 3 and 4 deg/s are 5."""
+    rates = [
+        f"programme.pointing.{key}" for key in ("boresight_rate=3 deg/s", "cross_rate=4 deg/s", "ramp=2 s")
+    ]
+    found = {}
+    for limit in (4.9, 5.1):
+        scenario = load.load("orbit", [*rates, f"star_tracker.highest_rate={limit} deg/s"])
+        found[limit] = list(star_sight.too_fast(scenario))
+    assert found[5.1] == []
+    ((path, text),) = found[4.9]
+    assert path == ("programme", "pointing") and "turns at 5 deg/s" in text and "4.9 deg/s, give no" in text
+    off = [*rates, "star_tracker.highest_rate=1 deg/s", "star_tracker.enabled=false"]
+    assert list(star_sight.too_fast(load.load("orbit", off))) == []
+    assert [
+        one.field for one in programme.warnings(load.load("orbit", [*rates]), programme.Flown((), 0.0, 9.0))
+    ]

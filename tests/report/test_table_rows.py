@@ -77,7 +77,9 @@ def test_the_constant_part_of_star_errors_is_told_apart(log):
     star = metrics.summarise(reader.read(log))["star_tracker"]
     star["error_arcsec"] |= {"cross_axis_rms": 4.0, "boresight_rms": 5.0, "mean": [3.0, 4.0, -3.0]}
     found = dict(star_rows(star))
-    assert found["error across the boresight"] == ('4.0" rms: constant 3.5" (principal point), scatter 1.9"')
+    assert found["error across the boresight"] == (
+        '4.0" rms per axis: constant 3.5" (principal point), scatter 1.9"'
+    )
     assert found["error about the boresight"] == '5.0" rms: constant 3.0", scatter 4.0"'
     star["error_arcsec"] |= {"cross_axis_rms": None, "mean": None}
     assert dict(star_rows(star))["error across the boresight"] == "-"
@@ -93,6 +95,7 @@ def test_the_mounting_error_has_a_row_of_its_own(log):
 def test_frames_too_near_to_both_sun_and_limb_are_told(log):
     star = metrics.summarise(reader.read(log))["star_tracker"]
     star |= {"outside": {"sun": 1, "sun_and_earth_limb": 2, "earth_limb": 3}, "fixes": star["solved"]}
+    star["no_fix_outside"] = {}
     words = dict(star_rows(star))["outside it"]
     assert words == "6: 1 too near to the Sun, 2 to both Sun and Earth's limb, 3 to the Earth's limb"
     star |= {"outside": {"sun_and_earth_limb": 2}, "fixes": star["solved"] + 1}
@@ -100,6 +103,30 @@ def test_frames_too_near_to_both_sun_and_limb_are_told(log):
         dict(star_rows(star))["outside it"]
         == "2: 2 too near to both Sun and Earth's limb; 1 solved all the same"
     )
+
+
+def test_success_by_rate_has_rows_where_the_rates_differ(log):
+    star = metrics.summarise(reader.read(log))["star_tracker"]
+    slow = {"from_deg_s": 0.0, "to_deg_s": 0.25, "frames": 9, "solved": 8, "wrong": 1, "nees": 2.94}
+    slow |= {"cross_axis_scatter_arcsec": 0.32, "boresight_scatter_arcsec": 2.9}
+    fast = {"from_deg_s": 15.0, "to_deg_s": None, "frames": 4, "solved": 0, "wrong": 0, "nees": None}
+    rows = dict(star_rows(star | {"by_rate": [slow, fast]}))
+    words = '8 of 9 solved, 1 wrong; scatter 0.3" across per axis, 2.9" about; NEES 2.9 of 3'
+    assert rows["at 0 to 0.25 deg/s"] == words
+    assert rows["at more than 15 deg/s"] == "0 of 4 solved"
+    none = slow | {"solved": 0, "wrong": 0, "nees": None}
+    rows = dict(star_rows(star | {"by_rate": [slow, none | {"from_deg_s": 3.0, "to_deg_s": 4.0}, fast]}))
+    assert rows["at more than 3 deg/s"] == "0 of 13 solved" and len([n for n in rows if "deg/s" in n]) == 2
+    assert not any("deg/s" in name for name in dict(star_rows(star | {"by_rate": [slow]})))
+
+
+def test_frames_without_a_fix_are_told_in_the_window_and_out_of_it(log):
+    star = metrics.summarise(reader.read(log))["star_tracker"]
+    star |= {"outside": {"rate": 30}, "fixes": star["solved"] + 8, "no_fix_outside": {"smeared": 22}}
+    rows = dict(star_rows(star | {"no_fix": {"no_match": 2}}))
+    assert rows["no fix in the window"] == "2 no match"
+    words = "30: 30 faster than the window's 2 deg/s; 8 solved all the same; no fix: 22 smeared"
+    assert rows["outside it"] == words
 
 
 def noticed(source, from_s, until_s, reason):

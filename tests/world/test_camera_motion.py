@@ -192,6 +192,22 @@ def accelerated():
     return trajectory._replace(q_ib=np.array(q), omega_ib_b=omega_b)
 
 
+@pytest.mark.parametrize("step_px", [1e3, 3.0, 1.0, 0.3])  # of 15 px: 1, 9, 26 and 87 steps
+def test_steps_have_the_mean_of_a_path_whose_rate_changes(step_px):
+    """Mean of alpha t^2 / 2 over T: alpha T^2 / 24. The chord of one step has three times as much."""
+    device, trajectory = build(CLEAN), accelerated()
+    times = row_times(0.05, 0.0, 493)
+    move = motion.during(device.pinhole, trajectory, device.q_bc, T_S + 0.025, times, step_px)
+    change = -20.0 * np.array([8.0, 6.0, 0.0]) * DEG  # rad/s^2, in camera axes
+    q_ic = [rotation.quat_from_dcm(np.ascontiguousarray(C.T)) for C in (move.C_ci, *move.path.C_ci)]
+    turns = [rotation.rotvec_between(q_ic[0], q) for q in q_ic[1:]]
+    weight = np.ones(len(turns))
+    weight[[0, -1]] = 0.5
+    np.testing.assert_allclose(
+        np.average(turns, axis=0, weights=weight), change * 0.05**2 / 24.0, rtol=0.01, atol=1e-7
+    )
+
+
 @pytest.mark.parametrize("line_s", [0.0, LINE_S])
 def test_rates_in_a_frame_are_those_of_its_samples(line_s):
     """Mean and greatest rate, and steps as short as the fastest of them wants, in array expressions."""

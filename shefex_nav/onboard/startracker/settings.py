@@ -180,7 +180,10 @@ class StarTracker(Settings):
         "s", "30 ms", "processing, from picture in memory to attitude", non_negative=True, at_most="1 s"
     )
     highest_rate: float = quantity(
-        "rad/s", "2.5 deg/s", "frames taken faster are smeared and give no attitude", positive=True
+        "rad/s",
+        "2.5 deg/s",
+        "frames taken faster give no attitude; the window of reports ends at 2 deg/s, whatever this is",
+        positive=True,
     )
     centroid_floor: float = quantity(
         "pix", "0.05 pix", "error of every centroid that no pixel's noise tells", non_negative=True

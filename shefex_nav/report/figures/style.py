@@ -16,6 +16,7 @@ import numpy as np
 from shefex_nav import files
 from shefex_nav.records import Phase
 from shefex_nav.report import scale
+from shefex_nav.report.figures.steered import steered
 from shefex_nav.report.pairing import stretches
 
 BLACK, GREY = "#000000", "#767676"
@@ -234,7 +235,10 @@ def phase_pieces(truth):
 
 
 def phase_strip(axes, data, span_s):
-    """Bars of the phases of the mission, named where there is room between the ends of span_s."""
+    """Bars of the phases of the mission, named where there is room between the ends of span_s.
+
+    Where tasks of a programme steer, these are named.
+    """
     t_s = data.truth.t_s
     axes.set_ylim(0.0, 1.0)
     axes.axis("off")
@@ -242,12 +246,16 @@ def phase_strip(axes, data, span_s):
     for phase, piece in phase_pieces(data.truth):
         start, end = float(t_s[piece.start]), float(t_s[min(piece.stop, len(t_s) - 1)])
         axes.broken_barh([(start, end - start)], (0.0, 1.0), color=PHASES[phase], lw=0)
-        start, end = max(start, span_s[0]), min(end, span_s[1])
-        name = phase.name.lower()
-        if (end - start) / per_inch > 0.08 * len(name) + 0.05:
-            colour = "white" if phase in _DARK else "black"
-            middle = 0.5 * (start + end)
-            axes.text(middle, 0.45, name, ha="center", va="center", fontsize=9, color=colour, clip_on=True)
+        colour = "white" if phase in _DARK else "black"
+        for name, begin, until in steered(data.events, phase, start, end):
+            if begin > start:
+                axes.axvline(begin, color=colour, lw=0.8)
+            begin, until = max(begin, span_s[0]), min(until, span_s[1])
+            if (until - begin) / per_inch > 0.08 * len(name) + 0.05:
+                middle = 0.5 * (begin + until)
+                axes.text(
+                    middle, 0.45, name, ha="center", va="center", fontsize=9, color=colour, clip_on=True
+                )
 
 
 def envelope(values, most=MOST_POINTS):

@@ -3,6 +3,10 @@
 In: the trajectory, the mounting, the times of the rows; or a constant rate. Out: attitudes at steps so close
 that the image of a star moves by less than `step_px` from one to the next, from the opening of the first row
 to the closing of the last, and the vehicle's state at the frame's instant.
+
+A picture is drawn in straight steps. While the rate changes, their chords lie beside the path: with n steps
+of an exposure T their mean is alpha T^2 / 12 n^2 from that of the path, which is itself alpha T^2 / 24 from
+the instant. So the steps are turned by what is missing, and what is drawn has the mean of the path.
 """
 
 from typing import NamedTuple
@@ -20,6 +24,8 @@ from shefex_nav.geometry.rotation import (
 )
 from shefex_nav.geometry.shutter import RowTimes, duration_s, instant_after_s
 from shefex_nav.world.camera.render import Path
+
+POINTS = 8  # of an exposure, at least, from which its mean is taken
 
 
 class Motion(NamedTuple):
@@ -142,11 +148,34 @@ def moved(camera, states, q_bc, samples, steps):
     attitudes_at(q_ib, q_bc, start + length * np.arange(n + 1) / n, C_ci)
     attitudes_at(q_ib, q_bc, np.array([middle]), C_ci_mid)
     C_ci_mid = C_ci_mid[0].copy()
+    _give_mean(q_ib, q_bc, start, length, C_ci)
     k = min(int(middle), r_i.shape[0] - 2)
     part = middle - k  # linear interpolation: within 0.1 mm at 100 m/s^2 and 400 Hz
     r_mid_i, v_mid_i = r_i[k] + part * (r_i[k + 1] - r_i[k]), v_i[k] + part * (v_i[k + 1] - v_i[k])
     omega_mid_i = C_ci_mid.T @ (mean_b @ C_bc)
     return C_ci, C_ci_mid, r_mid_i, v_mid_i, omega_mid_i, rate
+
+
+@inner
+def _give_mean(q_ib, q_bc, start, length, C_ci):
+    """Turn C_ci (n + 1, 3, 3) of n equal steps so that the mean of their chords is that of the path.
+
+    The mean of the path is Simpson's rule over POINTS parts or more.
+    """
+    n = C_ci.shape[0] - 1
+    parts = n * 2 * ((POINTS - 1) // (2 * n) + 1)
+    finer = np.empty((parts + 1, 3, 3))
+    attitudes_at(q_ib, q_bc, start + length * np.arange(parts + 1) / parts, finer)
+    M = np.zeros((3, 3))  # mean of the path less that of the chords
+    for k in range(parts + 1):
+        M += (1.0 if k in (0, parts) else 2.0 + 2.0 * (k % 2)) / (3.0 * parts) * finer[k]
+    for k in range(n + 1):
+        M -= (0.5 if k in (0, n) else 1.0) / n * C_ci[k]
+    D = M @ C_ci[n // 2].T  # - skew of the turn that is missing, and of second order a symmetric part
+    turn = dcm_from_rotvec(0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])).T
+    turn = np.ascontiguousarray(turn)
+    for k in range(n + 1):
+        C_ci[k] = turn @ C_ci[k]
 
 
 @inner

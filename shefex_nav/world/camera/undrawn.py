@@ -187,11 +187,11 @@ def _on_detector(hole, C_ci, hip, u_i, electrons):
 
 @inner
 def _mean_places(hole, path_ci, C_ci, xy_px):
-    """Places of light in the mean of a path (m, 3, 3), from those at its middle (3, 3): (n, 2) px.
+    """Places of light in the mean of a path of one step, from those at its middle (3, 3): (n, 2) px.
 
-    Elsewhere than in the middle while the rate changes: Simpson's rule over an exposure of all rows at once.
+    Elsewhere than in the middle while the rate changes; the step (2, 3, 3) has the mean of the path.
     """
-    mean_ci = (path_ci[0] + 4.0 * C_ci + path_ci[-1]) / 6.0
+    mean_ci = 0.5 * (path_ci[0] + path_ci[1])
     D = mean_ci @ C_ci.T  # 1 - skew of the turn from the middle to the mean
     bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
     out = xy_px.copy()
