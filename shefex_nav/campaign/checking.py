@@ -71,7 +71,7 @@ FLIGHT = {
 STAR_TRACKER = {
     **dict.fromkeys(("frames", "in_window", "solved", "fixes", "wrong"), COUNT),
     "outside": {ANY: COUNT},
-    **dict.fromkeys(("no_fix", "no_fix_outside"), {ANY: COUNT}),
+    **{key: {ANY: COUNT} for key in ("no_fix", "no_fix_outside")},
     "full_table_share": SHARE,
     "objects_without_fix": POSITIVE,
     "saturated_dn": {ANY: NUMBER},
