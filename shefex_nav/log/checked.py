@@ -39,6 +39,7 @@ from shefex_nav.records import (
 
 LEAST_RADIUS = 6.3e6  # m, of the ground
 LEAST_STEP = 1e-9  # s, or of a number
+LATEST_S = 2e9  # of a mission; as nanoseconds since 1970 a log can hold it
 MOST_SAMPLES = 1000  # of the IMU in a message
 
 
@@ -94,7 +95,8 @@ def check(path, topic, record, given):
     for name in rule.finite if _is_of_plug_in(record) else _numbers(record):
         values = _of_arrays(attrgetter(name)(given)) if are_arrays else _of_list(given, name)
         if name in rule.finite:
-            bad, expected = _bad(name, values) & where, f"numbers below {LARGEST:g}"
+            most = LATEST_S if name.startswith("t_") else LARGEST
+            bad, expected = _bad(name, values, most) & where, f"numbers below {most:g}"
         elif name in rule.unless_nan:
             bad = _bad(name, values) & where & ~np.isnan(values).all(axis=1)
             expected = f"numbers below {LARGEST:g}"
@@ -194,9 +196,9 @@ def _of_list(given, name):
     return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 0)
 
 
-def _bad(name, values):
+def _bad(name, values, most=LARGEST):
     """Impossible rows: (N, n) -> (N,) bool"""
-    bad = ~(np.abs(values) < LARGEST).all(axis=1)
+    bad = ~(np.abs(values) < most).all(axis=1)
     if name.startswith("q_"):
         bad |= ~(np.abs(np.linalg.norm(np.where(bad[:, None], 0.0, values), axis=1) - 1.0) < UNIT)
     return bad

@@ -9,7 +9,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.log.topics import LogError, of_record
-from shefex_nav.records import Alignment, ImuBlock
+from shefex_nav.records import Alignment, GpsFix, ImuBlock
 from shefex_nav.replay.dataset import PULLS, TURNS
 
 SIGMAS = 10.0  # [E] by which the alignment may be off
@@ -37,6 +37,7 @@ def check(path, data):
     _sensed(path, data.imu)
     _known(path, data.alignment)
     _placed(path, data)
+    _alike(path, data.gps)
 
 
 def _cannot(path, words):
@@ -111,3 +112,12 @@ def _placed(path, data):
             words = f"is {off:.4g} {unit} from the truth at T{truth.t_s[k]:+.2f} s"
             place = f"{path}: {of_record(Alignment).topic}: {name}"
             raise LogError(f"{place}: {words}, expected {most:.4g} {unit} at most")
+
+
+def _alike(path, fixes):
+    """LogError of fixes of which some have a height and some have none: one receiver gives one kind."""
+    kinds = [fix.horizontal for fix in fixes if fix.valid]
+    if len(set(kinds)) > 1:
+        k = [fix.valid and fix.horizontal != kinds[0] for fix in fixes].index(True)
+        words = f"got {bool(fixes[k].horizontal)}, expected {bool(kinds[0])} as of the fixes before"
+        raise LogError(f"{path}: {of_record(GpsFix).topic}: message {k + 1}: horizontal: {words}")

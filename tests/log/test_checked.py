@@ -18,7 +18,7 @@ from shefex_nav.replay.dataset import NONSENSE
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=236.0)
 WRONG = (
-    ("truth", "t_s", np.nan, r"got \[nan\], expected numbers below 1e\+15"),
+    ("truth", "t_s", np.nan, r"got \[nan\], expected numbers below 2e\+09"),
     ("truth", "r_i", np.inf, "got .*inf.*, expected numbers"),
     ("truth", "f_b", 1e16, r"got .*1.e\+16.*, expected numbers"),
     ("truth", "q_ib", 0.0, "got .*, expected a unit quaternion"),
@@ -209,6 +209,15 @@ def test_a_time_far_away_is_named(data):
     """What is computed once a second would fill the memory."""
     with pytest.raises(LogError, match=r"t_s: goes from 231.* to 1000000000 s, expected 1e\+06 s at most"):
         check(changed(data.truth, "t_s", -1, 1e9))
+
+
+def test_a_time_that_no_log_holds_is_named(data):
+    """As nanoseconds it has more than 64 bits; a replay would write it."""
+    fixes = [data.gps[0], data.gps[0]._replace(t_valid_s=1e14)]
+    with pytest.raises(
+        LogError, match=r"message 2: t_valid_s: got \[1\.e\+14\], expected numbers below 2e\+09"
+    ):
+        check(fixes, type(fixes[0]))
 
 
 def test_lists_that_should_be_of_one_length_are_named(data):

@@ -107,3 +107,13 @@ def test_an_alignment_at_the_centre_of_the_earth_is_not_read(data):
         checked.check("a.mcap", "/nav/alignment", Alignment, [centre])
     checked.check("a.mcap", "/nav/alignment", Alignment, [data.alignment])
     checked.check("a.mcap", "/nav/alignment", Alignment, [])
+
+
+def test_fixes_with_and_without_a_height(data):
+    """The innovations of one sensor would be of three axes, then of two."""
+    fixes = list(data.gps)
+    fixes[3] = fixes[3]._replace(horizontal=True)
+    refused(data._replace(gps=fixes), r"/gps/fix: message 4: horizontal: got True, expected False")
+    fixes[3] = fixes[3]._replace(valid=False)
+    runnable.check("a.mcap", data._replace(gps=fixes))
+    runnable.check("a.mcap", data._replace(gps=[fix._replace(horizontal=True) for fix in data.gps]))
