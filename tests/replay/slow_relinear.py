@@ -132,8 +132,9 @@ def _on(nav, before, x, step):
     layout = nav.layout
     begin_s, end_s = (step.imu.length_s - (step.imu.t_end_s - t_s) for t_s in (step.t_begin_s, step.t_end_s))
     part = step.imu, begin_s, end_s
-    Phi, _ = prediction.growth(nav.constants, layout, unpack(step.t_begin_s, x), *part)
-    there, P = prediction.advance(nav.constants, x, step.t_begin_s, before.P, *part)
+    Phi, Q = prediction.growth(nav.constants, layout, unpack(step.t_begin_s, x), *part)
+    there, _ = prediction.advance(nav.constants, x, step.t_begin_s, before.P, *part)
+    P = Phi @ before.P @ Phi.T + Q  # of what is not linear nothing is left about this trajectory
     d = difference(layout, there, step.x)
     J, mean = right_jacobian(d[ATT]), Phi @ before.mean - d
     Phi[ATT], mean[ATT], P[ATT] = J @ Phi[ATT], J @ mean[ATT], J @ P[ATT]
