@@ -122,11 +122,11 @@ def state_at(blocks, states, t_s):
     return NavState(t_s, r_i, v_i, q_ib, *states[n][4:]), felt(states[n], imu, t_s - states[n].t_s)[0]
 
 
-def alignment(state, rng=None):
-    """Alignment with errors of 3 m, 0.01 m/s, 0.1 deg; without errors if there is no generator."""
-    P_theta_b = (0.1 * DEG) ** 2 * np.eye(3)
+def alignment(state, rng=None, sigma_deg=0.1):
+    """Alignment with errors of 3 m, 0.01 m/s and of the attitude; without errors if there is no generator."""
+    P_theta_b = (sigma_deg * DEG) ** 2 * np.eye(3)
     noise = np.zeros((3, 3)) if rng is None else rng.standard_normal((3, 3))
-    q_ib = rotation.quat_multiply(state.q_ib, rotation.quat_from_rotvec(0.1 * DEG * noise[2]))
+    q_ib = rotation.quat_multiply(state.q_ib, rotation.quat_from_rotvec(sigma_deg * DEG * noise[2]))
     return Alignment(
         state.t_s, state.r_i + 3.0 * noise[0], state.v_i + 0.01 * noise[1], q_ib, 3.0, 0.01, P_theta_b
     )

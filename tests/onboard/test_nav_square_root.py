@@ -15,6 +15,7 @@ BLOCKS_ON = {
     "21": ("gyro_roll_column", "mounting"),
     "42": ("gyro_scale", "gyro_misalignment", "gyro_g_sensitivity", "accel_scale", "mounting", "lever_arm"),
 }
+LINEAR_DEG = 0.02  # of larger attitude errors the second order counts under thrust
 SIGMAS = {"gyro_g_sensitivity": 1e-6, "lever_arm": 0.1}
 
 
@@ -23,7 +24,7 @@ def flight(names):
     sigmas = {name: np.full(OPTIONAL[name], SIGMAS.get(name, 1e-4)) for name in names}
     params, records = PARAMS._replace(states=names, sigma_blocks=sigmas), []
     rng = np.random.default_rng(4)
-    nav = fusion.start(params, alignment(STATES[0], rng), EARTH, records.append)
+    nav = fusion.start(params, alignment(STATES[0], rng, LINEAR_DEG), EARTH, records.append)
     P = nav.history[0].P
     fixes = [("gps", gps_fix(BLOCKS, STATES, float(t), 0.2, rng)) for t in range(1, 30)]
     fixes += [("star_tracker", star_fix(BLOCKS, STATES, 22.0031 + 0.1 * k, 0.1, rng)) for k in range(70)]

@@ -94,10 +94,14 @@ def squared_errors(params, theta_c, scan, knows, bias=0.0, sigma=1e-4 * DEG, n_f
 @pytest.mark.parametrize("params, scan", [(EXACT, "sequential"), (EXACT, "streaks"), (ROLLING, "streaks")])
 def test_a_rate_that_changes_in_the_exposure(params, scan, theta_c):
     """Mean of ten normalised squared errors: chi-square of 30 dof over ten, 99.9 %, and 1.4 for what the
-    model of bent streaks leaves out. With the mean rate alone it is far above.
+    model of bent streaks leaves out. With the mean rate alone it is far above. Of 2400 such frames 13 have no
+    attitude (seed 77, streaks), so one of ten may have none.
     """
-    low, high = chi2.ppf([0.0005, 0.9995], 3 * FRAMES) / FRAMES
-    assert low / 1.4 < np.mean(squared_errors(params, theta_c, scan, knows=True)) < 1.4 * high
+    found = squared_errors(params, theta_c, scan, knows=True)
+    solved = found[np.isfinite(found)]
+    assert len(solved) >= FRAMES - 1
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * len(solved)) / len(solved)
+    assert low / 1.4 < np.mean(solved) < 1.4 * high
     assert np.mean(squared_errors(params, theta_c, scan, knows=False)) > 3.0 * high
 
 

@@ -115,13 +115,13 @@ def test_about_its_own_estimates_it_is_the_filter(nav):
     """Every step of a filter with GPS and stars, about the filter's own path: mean and P are the filter's."""
     rng, steps = np.random.default_rng(4), []
     state = correct(nav.layout, FLIGHT[1][0], np.zeros(nav.layout.n))
-    running = fusion.start(nav.params, alignment(state), EARTH, recorder=steps.append)
+    running = fusion.start(nav.params, alignment(state, sigma_deg=0.02), EARTH, recorder=steps.append)
     for k, block in enumerate(FLIGHT[0]):
         fusion.advance(running, block)
         if k == 150:
             fusion.fuse(running, [("gps", gps_fix(*FLIGHT, 1.437, 0.0, rng))])
     fusion.finish(running)
-    first = fusion.start(nav.params, alignment(state), EARTH)
+    first = fusion.start(nav.params, alignment(state, sigma_deg=0.02), EARTH)
     x, filtered = relinear.origin(first, first.history[0], np.zeros(nav.layout.n))
     for step in steps:
         seen = relinear.step_of(step, pack(step.state_after))
