@@ -16,8 +16,10 @@ from shefex_nav.fields import UNIT
 
 LARGEST_OTHER = 1e30  # of a number that may be NaN; what is computed of it is a number yet
 LONGEST_S = 1e6  # from the first to the last time of a topic
+LEAST_EIGENVALUE = 1e-15  # of correlations: less is rounding
 SAME = 1e-6  # of the product of two sigmas, by which a covariance may be off
 COVARIANCES = "P", "P_c", "R_r_e", "R_v_e", "P_theta_b"
+DIVIDED = "P", "P_c"  # of these, by which errors are divided
 ROTATIONS = "C_iq", "C_re", "C_bc"
 RANGES = {  # attribute of the program's records: least, most
     "launch_latitude": (-pi / 2.0, pi / 2.0),
@@ -50,6 +52,8 @@ def rule(field):
     if isinstance(field.kind, EnumMeta):
         members = [int(one) for one in field.kind]
         return partial(_no_member, members), f"one of {min(members)} to {max(members)}"
+    if name in DIVIDED:
+        return _not_definite, "a covariance"
     if name in COVARIANCES:
         return _no_covariance, "a covariance"
     if name in ROTATIONS:
@@ -79,6 +83,22 @@ def _no_rotation(values):
     C = values.reshape(-1, 3, 3)
     off = np.abs(np.einsum("kij,kil->kjl", C, C) - np.eye(3)).max(axis=(1, 2))
     return ~(off < UNIT) | ~(np.linalg.det(C) > 0.0)
+
+
+def _not_definite(values):
+    """Records whose matrix (N, n n) is no covariance, or one that is singular; NaN says nothing."""
+    bad = _no_covariance(values)
+    told = np.flatnonzero(~bad & np.isfinite(values).all(axis=1))
+    n = math.isqrt(values.shape[1])
+    P = values[told].reshape(-1, n, n)
+    sigma = np.sqrt(np.einsum("kii->ki", P))
+    sigma[sigma == 0.0] = 1.0  # then the row is zero, and so is a pivot
+    correlations = P / (sigma[:, :, None] * sigma[:, None, :])
+    try:
+        np.linalg.cholesky(correlations)
+    except np.linalg.LinAlgError:  # at least one
+        bad[told] = np.linalg.eigvalsh(correlations)[:, 0] <= LEAST_EIGENVALUE
+    return bad
 
 
 def _no_covariance(values):

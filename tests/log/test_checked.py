@@ -25,6 +25,7 @@ WRONG = (
     ("nav", "v_i", np.nan, "got .*nan.*, expected numbers"),
     ("nav", "q_ib", 0.9, "got .*0.9 0.9.*, expected a unit quaternion"),
     ("imu", "dtheta_b", np.nan, "got .*nan.*, expected numbers"),
+    ("covariance", "P", 1e9, "got .*, expected a covariance"),  # of rank one
     ("imu", "t_valid_s", 1e300, r"got .*e\+300.*, expected numbers"),
     ("frames", "exposure_s", np.nan, "got .*nan.*, expected numbers"),
 )
