@@ -54,6 +54,7 @@ SHARE = Rule(NUMBERS, 0.0, 1.0 + ROUNDING, "a share from 0 to 1")
 TRUTH = Rule(frozenset((bool,)), 0, 1, "true or false")
 NOTHING = Rule(frozenset(), 0, 0, "a number in place of a list or an object")
 A_LIST = NOTHING._replace(words="a list")
+OBJECTS = Rule(frozenset((str,)), 0, 0, "a list of objects")  # JSON in a table
 AN_OBJECT = NOTHING._replace(words="a list or an object in place of a value")
 RUN = Rule(frozenset((int,)), 0, MOST_RUNS - 1, f"the number of a run, 0 to {MOST_RUNS - 1}")
 
@@ -135,6 +136,7 @@ SUMMARY = {
     "star_tracker": STAR_TRACKER,
     "navigation": NAVIGATION,
     **dict.fromkeys(("requirements", "told_otherwise"), A_LIST),
+    "warnings": OBJECTS,
 }
 AT_MOST = tuple(
     (f"summary.star_tracker.{few}", f"summary.star_tracker.{many}")

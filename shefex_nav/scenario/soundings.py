@@ -19,6 +19,8 @@ from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 
 RADIUS = 6356766.0  # m
 APART = 50.0  # m; rows that are closer to the one before are left out
+FARTHEST_ZONE_S = 18 * 3600.0  # of any place from UTC
+LARGEST = 1e9  # of any number of a level, whatever its unit
 NEAREST = timedelta(minutes=90)  # of an hour of a forecast to lift-off
 LOWEST, HIGHEST = -1e3, 100e3  # m, of what is a height of a wind that was measured or forecast
 WANTED = {
@@ -229,7 +231,7 @@ def _open_meteo(path, text, epoch):
         raise SoundingError(f"{path}: begins as JSON and is none: {error}") from None
     hourly, units = (_asked(path, answer, key, dict) for key in ("hourly", "hourly_units"))
     offset = answer.get("utc_offset_seconds", 0)
-    if not isinstance(offset, int | float):
+    if not isinstance(offset, int | float) or not abs(offset) <= FARTHEST_ZONE_S:
         raise _unlike(path, f"utc_offset_seconds is {offset!r}")
     times = [_utc(path, one, timedelta(seconds=offset)) for one in _asked(path, hourly, "time", list)]
     levels = [match.group(1) for name in hourly if (match := LEVEL.match(name))]
@@ -249,7 +251,10 @@ def _utc(path, text, offset):
         there = datetime.fromisoformat(text)
     except (ValueError, TypeError):
         raise _unlike(path, f"the time {text!r} is not of ISO 8601") from None
-    return there - offset if there.tzinfo is None else there.astimezone(UTC).replace(tzinfo=None)
+    try:
+        return there - offset if there.tzinfo is None else there.astimezone(UTC).replace(tzinfo=None)
+    except OverflowError:
+        raise _unlike(path, f"the time {text!r} is at the end of all dates") from None
 
 
 def _level(path, hourly, units, level, k):
@@ -260,8 +265,8 @@ def _level(path, hourly, units, level, k):
     for name in names.values():
         column = _asked(path, hourly, name, list)
         value = column[k] if k < len(column) else None
-        if isinstance(value, str | list | dict):
-            raise _unlike(path, f"hourly.{name} holds {value!r}")
+        if isinstance(value, str | list | dict | bool) or (value is not None and not abs(value) < LARGEST):
+            raise _unlike(path, f"hourly.{name} holds {value!r:.60}")
         values.append(math.nan if value is None else float(value))
     return read.row(f"level {level} hPa", *values)
 

@@ -6,6 +6,8 @@ from shefex_nav.campaign import against, plan
 from shefex_nav.campaign.store import HEAD
 from shefex_nav.scenario import load
 
+KNOWN = {"sampling": "random", "flight": "shared", "rate": 1.0}
+
 
 def test_values_with_their_places(tmp_path, default_scenario):
     path = tmp_path / "top.yaml"
@@ -25,7 +27,12 @@ def test_values_with_their_places(tmp_path, default_scenario):
 def test_a_campaign_in_its_folder(tmp_path, default_scenario):
     scenario = load.load(default_scenario)
     flown = {"format": plan.FORMAT, "source": scenario.source.replace("86.43 deg", "80 deg")}
-    head = {name: types[0]() for name, types in HEAD.items()} | flown | {"runs": 1}
+    head = (
+        {name: types[0]() for name, types in HEAD.items()}
+        | {"sampling": "random", "flight": "shared", "rate": 1.0}
+        | flown
+        | {"runs": 1}
+    )
     (tmp_path / "campaign.json").write_text(json.dumps(head), encoding="utf-8")
     assert against.lines(scenario, tmp_path)[1:] == [
         f"{scenario.place(('launch', 'elevation'))}: launch.elevation: 80 deg -> 86.43 deg"

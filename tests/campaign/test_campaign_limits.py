@@ -1,18 +1,32 @@
 """What of a campaign is refused because it would fill the memory, or is nested without end."""
 
 import json
+import math
 
 import pytest
 
 from shefex_nav.campaign import results, running, store, table
 
-HEAD = {name: types[0]() for name, types in store.HEAD.items()} | {"format": 2}
+HEAD = {
+    **{name: types[0]() for name, types in store.HEAD.items()},
+    "format": 2, "sampling": "random", "flight": "shared", "rate": 1.0, "runs": 1,
+}  # fmt: skip
 DEEP = 100_000
 HEADS = {
     "[" * DEEP: "cannot be read: too many lists and objects within each other",
     '{"a":' * DEEP: "cannot be read: too many lists and objects within each other",
     "{}": "its format is None",
     json.dumps(HEAD | {"runs": 10_000_001}): "runs: got 10000001, expected 1 to 10000000",
+    json.dumps(HEAD | {"seed": -5}): "seed: got -5, expected 0 to",
+    json.dumps(HEAD | {"rate": 3e6}): "rate: got 3000000.0, expected 1e-6 to 100 Hz",
+    json.dumps(HEAD | {"rate": math.nan}): "rate: got nan, expected",
+    json.dumps(HEAD | {"wall_s": math.nan}): "wall_s: got nan, expected",
+    json.dumps(HEAD | {"sampling": "zz"}): "sampling: got 'zz', expected random or latin_hypercube",
+    json.dumps(HEAD | {"timed": {}}): "timed: got {}, expected a number of runs",
+    json.dumps(HEAD | {"timed": {"runs": 10**400, "wall_s": 1}}): "timed: got {'runs': 1000",
+    json.dumps(HEAD | {"timed": {"runs": 1, "wall_s": 1e-320}}): "timed: got",
+    json.dumps(HEAD | {"dispersions": {"x": [1]}}): "dispersions: got {'x': [1]}, expected an object",
+    json.dumps(HEAD | {"asked_before": ["x"]}): "asked_before: got ['x'], expected a list",
     json.dumps(HEAD | {"runs": "x"}): "runs: got str, expected int",
     json.dumps(HEAD | {"runs": None}): "runs: got NoneType, expected int",
 }

@@ -233,6 +233,7 @@ def test_what_is_no_campaign_is_refused(tmp_path):
     ):
         open_campaign(tmp_path)
     head = {name: types[0]() for name, types in store.HEAD.items()}
+    head |= {"sampling": "random", "flight": "shared", "rate": 1.0}
     head |= {"format": FORMAT, "runs": 3, "source": "mission: {}"}
     (tmp_path / "campaign.json").write_text(json.dumps(head))
     with pytest.raises(store.StoreError, match="no run"):

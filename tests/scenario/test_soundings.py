@@ -106,6 +106,8 @@ def test_the_scenario_flies_in_them(tmp_path):
         (forecast(hourly={"time": ["2011-02-22T13:00"]}), "no wind_speed_...hPa in hourly"),
         (forecast().replace('"2011-02-22T14:00"', "1298383200"), "time 1298383200 is not of ISO 8601"),
         (forecast(utc_offset_seconds="an hour"), "utc_offset_seconds is 'an hour'"),
+        (forecast(utc_offset_seconds=1e15), r"utc_offset_seconds is 1000000000000000\.0"),
+        (forecast(utc_offset_seconds=float("nan")), "utc_offset_seconds is nan"),
         ("a,b\n1,2\n", "no column for height and direction and speed"),
         (CSV.replace("wind speed_m/s", "wind speed_furlong"), "'furlong'; expected one of m/s"),
         (PLAIN + "1,2,3\n", "1 rows with height"),
