@@ -19,9 +19,8 @@ about which the angles have no ties. The loss keeps its direction as long as the
 as an error of the size of its mean square, in that direction, added to the sigma that the velocity has
 there. A small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t
 whatever h is, and t is what gravity shows. It counts for angles beyond 3 deg, and for smaller ones where a
-force that lasts `LASTS` seconds would take from the velocity what its sigma does not hide: of 2 deg and a
-burn of 400 m/s without GPS it is 0.2 m/s, five times what GPS of 5 cm/s then leaves. Of a force that turns
-with the vehicle, as in a spin, its mean counts then.
+force that lasts `LASTS` seconds takes more than `SMALL` sigmas from the velocity. An angle of 2 deg takes
+0.2 m/s from a burn of 400 m/s. Of a force that turns with the vehicle, as in a spin, the mean counts.
 
 **Specific force that is not read.** While the reading of an accelerometer axis k cannot be trusted, the force
 along it is off by an unknown m, of which the filter is given the noise along k alone (`integrity_imu`). Of
