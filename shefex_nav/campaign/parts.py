@@ -157,8 +157,16 @@ def flights(campaign):
             f"{one.latitude_deg:.3f} N {one.longitude_deg:.3f} E; {one.inside} of {one.samples} runs inside; "
             f"height {one.altitude_km:.2f} km, sigma {one.covariance_km2[2, 2] ** 0.5:.3g} km"
         )
+        if one.shape is not None and not one.shape.normal:
+            words += f"; {_odd(one.shape)}: use the count of runs inside, not 95 %"
         rows.append((f"95 % ellipse at {one.what}", words))
     return Part("Star tracker and flight", (), tuple(rows)) if rows else None
+
+
+def _odd(shape):
+    """What speaks against a normal dispersion."""
+    skew = f"skewness {shape.skewness:.2f}, p {shape.p_skewness:.1g}"
+    return f"not normal ({skew}; kurtosis {shape.kurtosis:.2f}, p {shape.p_kurtosis:.1g}; normal: 0 and 8)"
 
 
 NOTHING_TO_JUDGE = "nothing to judge: the software gives none"

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign import normality
 from shefex_nav.report import intervals
 from shefex_nav.report.requirements import words
 
@@ -93,6 +94,7 @@ class Ellipse(NamedTuple):
     semi_axes_km: tuple  # of the horizontal 95 % ellipse, the long one first
     azimuth_deg: float  # of its long axis, from north to east, 0 to 180
     inside: int  # runs in it
+    shape: normality.Shape | None = None  # whether the places are normal; None: not tested
 
 
 # (name, column or columns whose largest size counts, unit)
@@ -206,7 +208,8 @@ def ellipses(campaign):
         places = places[np.isfinite(places).all(axis=1) & campaign.succeeded]
         if len(places) >= FEWEST and (found := ellipse(what, places)) is not None:
             result.append(found)
-    return result
+    shapes = normality.shapes([one.offsets_km[:, :2] for one in result])
+    return [one._replace(shape=shape) for one, shape in zip(result, shapes, strict=True)]
 
 
 def ellipse(what, places):

@@ -6,7 +6,7 @@ import pytest
 import synthetic_campaign
 from scipy import stats
 
-from shefex_nav.campaign import convergence, statistics
+from shefex_nav.campaign import convergence, parts, statistics
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.report import intervals
 
@@ -139,6 +139,20 @@ def test_the_ellipse_of_a_known_dispersion(campaign):
     assert one.azimuth_deg == pytest.approx(synthetic_campaign.TURN_DEG, abs=4.0)
     assert stats.binomtest(one.inside, one.samples, 0.95).pvalue > 1e-3
     assert abs(one.offsets_km.mean(axis=0)).max() < 1e-9
+    assert one.shape.normal
+
+
+def test_a_dispersion_in_two_clusters_is_called_not_normal(campaign, monkeypatch):
+    rows = parts.flights(campaign).rows
+    assert "not normal" not in dict(rows)["95 % ellipse at apogee"]
+    place = "summary.flight.at_apogee.latitude_deg"
+    held = campaign.numbers
+    monkeypatch.setattr(
+        campaign, "numbers", lambda name: held(name) + (name == place) * (np.arange(len(campaign)) % 5 == 0)
+    )
+    (one,) = statistics.ellipses(campaign)
+    assert not one.shape.normal
+    assert "not normal (skewness" in dict(parts.flights(campaign).rows)["95 % ellipse at apogee"]
 
 
 def test_the_ellipse_of_few_runs_holds_the_next_one_as_often_as_it_says():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from shefex_nav.campaign.impact import ellipses, normality, outputs
+from shefex_nav.campaign import normality
+from shefex_nav.campaign.impact import ellipses, outputs
 
 
 def by_definition(xy):
@@ -41,6 +42,14 @@ def test_p_values_of_many_are_those_of_the_published_limits():
         kurtosis = 8.0 * (n - 1) / (n + 1) + norm.isf(p / 2.0) * np.sqrt(64.0 / n)
         found = normality.p_values(6.0 * chi2.isf(p, 4) / n, kurtosis, n)
         np.testing.assert_allclose(found, p, atol=0.02)
+
+
+def test_p_values_go_on_smoothly_where_the_limits_begin():
+    n = normality.MANY
+    for skewness, kurtosis in ((12.0 / n, 8.1), (20.0 / n, 7.8)):
+        drawn = normality.p_values(skewness, kurtosis, n - 1)
+        # the distribution of the kurtosis is still a little skew
+        np.testing.assert_allclose(normality.p_values(skewness, kurtosis, n), drawn, atol=0.03)
 
 
 @pytest.mark.parametrize("n", [10, 30, 200])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign.impact import normality
+from shefex_nav.campaign import normality
 from shefex_nav.geometry import wgs84
 
 SIGMAS = 1, 2, 3

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign import normality
 from shefex_nav.campaign.impact import ellipses as ellipsing
-from shefex_nav.campaign.impact import normality, scatter
+from shefex_nav.campaign.impact import scatter
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import columns, geodesic, geography
 from shefex_nav.report.table import number

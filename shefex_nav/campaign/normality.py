@@ -1,11 +1,13 @@
-"""Whether landings are normally distributed: Mardia's skewness and kurtosis in two dimensions.
+"""Whether places are normally distributed: Mardia's skewness and kurtosis in two dimensions.
 
 K. V. Mardia, Measures of multivariate skewness and kurtosis with applications, Biometrika 57 (1970) 519-530.
 Both stay the same under any affine map, so of normal samples they depend on the size of the sample alone: the
-p values are counted among drawn normal samples of that size and are right for few landings too, where the
+p values are counted among drawn normal samples of that size and are right for few places too, where the
 limits of many (chi-squared with 4 degrees of freedom; normal) call up to four times too many samples odd.
+From MANY on the limits are taken: of 6000 samples of 3000 they call 0.97 % and 1.0 % odd at 1 %.
 """
 
+import math
 from functools import cache
 from typing import NamedTuple
 
@@ -13,19 +15,20 @@ import numpy as np
 
 from shefex_nav.campaign.over_time import holm
 
-FEWEST = 10  # landings that are tested
-FLAT = 1e-6  # ratio of the axes below which landings lie on a line, and nothing is tested
-LEVEL = 0.01  # share of studies with normal landings alone that are called not normal
+FEWEST = 10  # places that are tested
+MANY = 3000  # from here on the limits are used
+FLAT = 1e-6  # ratio of the axes below which places lie on a line, and nothing is tested
+LEVEL = 0.01  # share of studies with normal places alone that are called not normal
 SAMPLES = 9999  # normal ones that are drawn; the least p value is 1 in SAMPLES + 1
-AT_ONCE = 2_000_000  # landings drawn together
+AT_ONCE = 2_000_000  # places drawn together
 
 
 class Shape(NamedTuple):
-    """How far the landings of a body are from a normal distribution."""
+    """How far a set of places is from a normal distribution."""
 
     skewness: float  # 0 of a normal distribution
     kurtosis: float  # 8 of a normal distribution
-    p_skewness: float  # Holm, of all bodies and both figures
+    p_skewness: float  # Holm, of all sets and both figures
     p_kurtosis: float
 
     @property
@@ -35,9 +38,9 @@ class Shape(NamedTuple):
 
 
 def shapes(offsets):
-    """Shape of each body: list; None where there are too few landings, or all lie on a line.
+    """Shape of each set: list; None where there are too few places, or all lie on a line.
 
-    offsets : list of (n, 2) m, landings of each body
+    offsets : list of (n, 2), places of each set (landings of a body, say) in a plane, in one unit
     """
     tested = [k for k, xy in enumerate(offsets) if len(xy) >= FEWEST and not _flat(xy)]
     figures = [mardia(offsets[k]) for k in tested]
@@ -65,7 +68,12 @@ def mardia(xy):
 
 
 def p_values(skewness, kurtosis, n):
-    """Probability of a larger skewness, and of a kurtosis farther out, of n normal landings."""
+    """Probability of a larger skewness, and of a kurtosis farther out, of n normal places."""
+    if n >= MANY:
+        from scipy import special
+
+        out = abs(kurtosis - 8.0 * (n - 1) / (n + 1)) / math.sqrt(64.0 / n)
+        return float(special.chdtrc(4.0, n * skewness / 6.0)), float(2.0 * special.ndtr(-out))
     b1, b2 = _of_normal(n)
     tails = (b2 >= kurtosis).sum(), (b2 <= kurtosis).sum()
     p_skewness = (1 + (b1 >= skewness).sum()) / (SAMPLES + 1)
