@@ -227,10 +227,23 @@ def test_a_bad_override_is_refused(default_scenario):
         shefex_nav.Scenario.load(default_scenario, {"star_tracker.latency": "0.03"})
 
 
+def test_a_scenario_is_flown_by_its_name_too():
+    by_name = shefex_nav.fly("night_sky", seed=3, until_s=0.5)
+    loaded = shefex_nav.fly(shefex_nav.Scenario.load("night_sky"), seed=3, until_s=0.5)
+    assert np.array_equal(by_name.imu.dtheta_b, loaded.imu.dtheta_b)
+    with pytest.raises(ScenarioError, match="nowhere"):
+        shefex_nav.fly("nowhere.yaml")
+
+
+def test_a_notebook_shows_the_closing_table(sky):
+    shown = sky._repr_mimebundle_()
+    assert shown["text/plain"] == repr(sky) and "attitude" in shown["text/html"]
+
+
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ({"scenario": "mission.yaml"}, "Scenario.load"),
+        ({"scenario": 7}, "path of one or the name"),
         ({"seed": 1.5}, "whole number"),
         ({"seed": -1}, "whole number"),
         ({"until_s": -50.0}, "after the start"),

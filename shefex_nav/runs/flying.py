@@ -7,6 +7,7 @@ import time
 import weakref
 from contextlib import nullcontext
 from numbers import Real
+from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,7 +38,7 @@ def _check(scenario, seed, until_s, pace):
     if pace is not None and not 0.0 < pace < math.inf:
         raise ValueError(f"pace {pace!r}: expected mission time over real time, above 0, such as 1.0")
     if not hasattr(scenario, "mission"):
-        raise TypeError(f"a Scenario is flown, not {scenario!r}: load it with Scenario.load(path)")
+        raise TypeError(f"{scenario!r}: expected a Scenario, the path of one or the name of a shipped one")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
     earliest_s = thinning.earliest_end(scenario.mission.start)
@@ -76,7 +77,7 @@ def fly(
 
     Parameters
     ----------
-    scenario : Scenario
+    scenario : Scenario, path of its YAML file, or name of a shipped one (as of `Scenario.load`)
     seed : int
     until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same, and the
         log says that it was not seen. None: look to the end
@@ -91,6 +92,10 @@ def fly(
     -------
     Run; LogError if the log cannot be written, FlightError if the vehicle cannot be flown
     """
+    if isinstance(scenario, str | PathLike):
+        from shefex_nav.scenario.load import Scenario
+
+        scenario = Scenario.load(scenario)
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
     from shefex_nav.report import programme

@@ -87,6 +87,10 @@ class Run:
         own = "".join(f", {name}" for _, name, _ in mission.software)
         return f"<Run {mission.scenario}, seed {mission.seed}{own}, {end}, {kept}>"
 
+    def _repr_mimebundle_(self, include=None, exclude=None, **_):
+        """The closing table, where a notebook shows what the last line of a cell is."""
+        return self.table()._repr_mimebundle_(include or (), exclude or ()) | {"text/plain": repr(self)}
+
     @cached_property
     def scenario(self):
         """The Scenario that was flown; None of external data, or where this version cannot read that text."""
