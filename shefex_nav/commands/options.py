@@ -9,7 +9,7 @@ Scenario = Annotated[
     str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
 ]
 DispersedScenario = Annotated[
-    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. campaign.")
+    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_dispersed.")
 ]
 Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
