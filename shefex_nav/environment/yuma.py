@@ -18,6 +18,7 @@ import numpy as np
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.environment.gnss import Constellation
+from shefex_nav.numerals import number
 
 GM_GPS = 3.986005e14  # m^3/s^2, of the navigation message
 OMEGA_GPS = 7.2921151467e-5  # rad/s
@@ -42,7 +43,6 @@ FIELDS = (  # attribute, name in the file, lowest and highest value allowed
     ("week", "week", 0, 8191),
 )
 WHOLE = {"prn", "health", "week"}
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.I)
 
 
 class BadYuma(Exception):
@@ -126,9 +126,7 @@ def _short(text):
 
 def _item(text, attribute, low, high, line, column):
     """Item of a value; ValueError with words for people."""
-    if not _NUMBER.fullmatch(text):
-        raise ValueError(f"expected a number, got {_short(text) if text else 'nothing'}")
-    value = float(text)
+    value = number(text)
     if attribute in WHOLE and value != int(value):
         raise ValueError(f"expected a whole number, got {text}")
     if not low <= value <= high:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import numerals
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
 from shefex_nav.fields import LARGEST, UNIT
@@ -100,19 +101,13 @@ def _numbers(path, number, line, names):
     if any(cell.strip() for cell in more) or None in cells:  # whose value is which is not known
         count = len(cells) + len(more) - cells.count(None)
         raise BadTable(f"{path}:{number}: {count} values, but {len(cells)} names of columns")
-    try:
-        return [float(line[name]) for name in names]
-    except (TypeError, ValueError):
-        bad = next(name for name in names if not _is_number(line[name]))
-        raise BadTable(f"{path}:{number}: {bad}: {line[bad]!r}; expected a number") from None
-
-
-def _is_number(text):
-    try:
-        float(text)
-    except (TypeError, ValueError):
-        return False
-    return True
+    found = []
+    for name in names:
+        try:
+            found.append(numerals.number(line[name]))
+        except ValueError as error:
+            raise BadTable(f"{path}:{number}: {name}: {error}") from None
+    return found
 
 
 def _checked(given):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
+from shefex_nav.numerals import is_number
 from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 from shefex_nav.scenario.quantity import quoted
 
@@ -118,7 +119,7 @@ def _without_torn_end(path, text, whole, rows, indices, form):
     if open_end and number == len(whole.splitlines()):
         cells = _cells(last, form.separator)
         at_end = max(indices) == len(cells) - 1
-        is_cut = len(cells) < form.width or (at_end and not _is_number(cells[-1]))
+        is_cut = len(cells) < form.width or (at_end and not is_number(cells[-1]))
         if nulls or is_cut:
             words.append("the last line was not written to its end")
             rows = rows[:-1]
@@ -261,7 +262,7 @@ def _values(numbered, indices, form):
 
 def _unquoted(line, separator):
     """A line without quotes; what is no number becomes a question mark."""
-    cells = (cell if _is_number(cell) else "?" for cell in _cells(line, separator))
+    cells = (cell if is_number(cell) else "?" for cell in _cells(line, separator))
     return (separator or " ").join(cells)
 
 
@@ -273,9 +274,9 @@ def _with_nan(numbered, form, flag):
     out = []
     for number, line in numbered:
         cells = form.filled(line)
-        if flag < len(cells) and _is_number(cells[flag]) and float(cells[flag]) == 0.0:
+        if flag < len(cells) and is_number(cells[flag]) and float(cells[flag]) == 0.0:
             cells += [""] * (form.width - len(cells))
-            line = (form.separator or " ").join(cell if _is_number(cell) else "nan" for cell in cells)
+            line = (form.separator or " ").join(cell if is_number(cell) else "nan" for cell in cells)
         out.append((number, line))
     return out
 
@@ -336,7 +337,7 @@ def _halves(cells, form):
 
 def _wrong_cell(cell):
     """Kind and words of what is wrong with a cell; None if it is a number."""
-    if _is_number(cell):
+    if is_number(cell):
         return None
     if DECIMAL_COMMA.fullmatch(cell):
         words = f"'{cell}' has a decimal comma; write {cell.replace(',', '.')}, with a point"
@@ -344,12 +345,3 @@ def _wrong_cell(cell):
     if cell:
         return "word", f"expected a number such as 12.5, got {quoted(cell)}"
     return "nothing", "expected a number such as 12.5, got nothing"
-
-
-def _is_number(text):
-    """Whether it is one in a file; float() takes digits of other scripts and 1_000, too."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return text.strip().isascii() and "_" not in text

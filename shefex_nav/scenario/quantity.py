@@ -17,6 +17,7 @@ from typing import Annotated, Any
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.numerals import NUMBER
 from shefex_nav.scenario import decimal_comma
 from shefex_nav.scenario.unit_factors import FACTORS, OF_TURNS
 
@@ -29,7 +30,7 @@ LARGEST_OF = {  # [E] nothing in a mission is as large
 SMALLEST = 1e-40  # [E] of a value but zero, for the same reason
 MOST_COUNT = 1_000_000_000  # of a whole number: kernels count in 32 or 64 bits
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
+_NUMBER = re.compile(rf"\s*({NUMBER.pattern}|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
 MOST_WRITTEN = 9  # [E] digits of a number that somebody has typed
 _LOOSE_NUMBER = re.compile(r"(?<![\w^*/(+-])[\d.]")  # a second number that astropy would multiply in
 _COMPASS = re.compile(r"(?:deg|°)?\s*([NSEW])")  # of a latitude or longitude

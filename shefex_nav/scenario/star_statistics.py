@@ -152,7 +152,7 @@ def contradictions(scenario):
         yield ("star_tracker", "model"), words
     others = [path for path, value in wanted.items() if path in found and not _holds(value, found[path])]
     for path in others[:MOST]:
-        place = tuple(int(part) if part.isdigit() else part for part in path.split("."))
+        place = tuple(int(part) if part.isascii() and part.isdigit() else part for part in path.split("."))
         spec = _spec(type(scenario), place)
         words = (
             f"is {_text(found[path], spec)}, the statistics of the star tracker were fitted to "

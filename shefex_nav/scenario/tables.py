@@ -4,17 +4,15 @@ The first line that is no comment names the columns, with their units in the nam
 """
 
 import difflib
-import math
-import re
 from typing import NamedTuple
 
+from shefex_nav import numerals
 from shefex_nav.scenario.document import Mark
 from shefex_nav.scenario.quantity import quoted
 
 ALIKE = 0.6  # of difflib: names that may be meant for each other
 SEPARATORS = {";": "semicolons", "\t": "tabs"}  # of spreadsheets in other languages
 MOST_ERRORS = 5  # of one file; a table of the wrong kind is wrong in every line
-NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.I)
 
 
 class BadTable(Exception):
@@ -47,10 +45,10 @@ class Cell(NamedTuple):
 
 def number(text, name, mark):
     """Cell of a piece of text; BadTable if it is no finite number."""
-    if not NUMBER.fullmatch(text) or not math.isfinite(float(text)):
-        got = quoted(text) if text else "nothing"
-        raise BadTable([(mark, f"{name}: expected a number such as 12.5, got {got}")])
-    return Cell(text, float(text), mark)
+    try:
+        return Cell(text, numerals.number(text), mark)
+    except ValueError as error:
+        raise BadTable([(mark, f"{name}: {error}")]) from None
 
 
 def cells(line, number_of_line, file, separator=","):

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import numerals
+
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of pictures and of the sky
 DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
 MINUTE = 1.0 / (365.25 * 1440.0)  # year
@@ -91,9 +93,11 @@ def _number(header, key):
     if value is None:
         return None
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = float("nan")
-    if not isfinite(number):
-        raise ValueError(f"{key}: expected a number, got {value!r}")
-    return number
+        if isinstance(value, bool):  # T and F of a FITS header
+            raise ValueError(f"expected a number, got {value}")
+        found = numerals.number(value) if isinstance(value, str) else float(value)
+        if not isfinite(found):
+            raise ValueError(f"expected a finite number, got {value}")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{key}: {error}") from None
+    return found

@@ -12,6 +12,7 @@ import numpy as np
 
 from shefex_nav.geometry import frames
 from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.numerals import number
 from shefex_nav.scenario.data_table import DataError, Table
 from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 from shefex_nav.trajectory import placing
@@ -171,12 +172,9 @@ def _row(path, n, words, widths):
         many = " or ".join(map(str, widths))
         raise DataError(f"{path}:{n}: expected an epoch and {many} numbers, got {len(words)} words")
     try:
-        row = [float(word) for word in words[1:]]
-    except ValueError:
-        raise DataError(f"{path}:{n}: expected an epoch and numbers, got '{' '.join(words)[:60]}'") from None
-    if not np.all(np.isfinite(row)):
-        raise DataError(f"{path}:{n}: must be finite numbers")
-    return row
+        return [number(word) for word in words[1:]]
+    except ValueError as error:
+        raise DataError(f"{path}:{n}: expected an epoch and {len(words) - 1} numbers: {error}") from None
 
 
 def _once(message, epoch):

@@ -6,6 +6,7 @@ Trajectories are files Atmos_<case>_sim_<simulator>.csv, models are .dml files, 
 """
 
 import csv
+import math
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
+from shefex_nav.fields import LARGEST
+from shefex_nav.numerals import number
 
 _TRAJECTORY = re.compile(r"(?:\w+_)?(Atmos|Orbit)_([0-9A-Za-z]+)(?:_\w+)?_sim_([0-9A-Za-z]+)\.csv")
 
@@ -63,20 +66,46 @@ def model_path(files, name):
 
 
 def read_series(path):
-    """Series of a trajectory file; what is no number in it is an error, an empty cell is NaN."""
+    """Series of a trajectory file; what is no number in it is an error, an empty cell is NaN.
+
+    Times do not go down; two rows may have one, as simulators write them where a phase ends.
+    """
     try:
         with open(path, encoding="utf-8-sig", newline="") as lines:
-            names, *rows = [row for row in csv.reader(lines) if row] or [[]]
-        values = np.array([[float(cell.strip() or "nan") for cell in row] for row in rows])
+            reader = csv.reader(lines)
+            names, *rows = [(reader.line_num, row) for row in reader if row] or [(1, [])]
     except (OSError, ValueError, csv.Error) as error:
         raise NescDataError(f"{path}: cannot be read as a trajectory: {error}") from None
-    names = [name.strip() for name in names]
-    if names[:1] != ["time"] or values.ndim != 2 or len(values) < 2 or values.shape[1] != len(names):
+    names = [name.strip() for name in names[1]]
+    if names[:1] != ["time"] or len(rows) < 2:
         raise NescDataError(f"{path}: a trajectory has a line of titles, time first, and at least two rows")
+    values = np.array([_row(path, n, names, row) for n, row in rows])
+    for k in np.flatnonzero(~(np.diff(values[:, 0], prepend=-np.inf) >= 0.0))[:1]:
+        words = (
+            f"time: got {rows[k][1][0].strip() or 'nothing'}, expected one not before that of the row above"
+        )
+        raise NescDataError(f"{path}:{rows[k][0]}: {words}")
     columns = {}
     for k, name in enumerate(names[1:], start=1):
         columns.setdefault(name, values[:, k])  # one simulator writes a column twice
     return Series(values[:, 0], columns)
+
+
+def _row(path, n, names, cells):
+    """Numbers of a row, NaN of empty cells: list."""
+    if len(cells) != len(names):
+        raise NescDataError(f"{path}:{n}: {len(cells)} values, but {len(names)} titles")
+    found = []
+    for name, cell in zip(names, cells, strict=True):
+        try:
+            found.append(number(cell) if cell.strip() else math.nan)
+        except ValueError as error:
+            raise NescDataError(f"{path}:{n}: {name}: {error}") from None
+        if abs(found[-1]) > LARGEST:
+            raise NescDataError(
+                f"{path}:{n}: {name}: expected a number below {LARGEST:g}, got {cell.strip()}"
+            )
+    return found
 
 
 def on_grid(series, t_s, name):

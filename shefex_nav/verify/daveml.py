@@ -16,6 +16,7 @@ import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.errors import UserError
+from shefex_nav.numerals import number
 
 FOOT = 0.3048  # m, exact
 SLUG = 0.45359237 * STANDARD_GRAVITY / FOOT  # kg: pound-force s^2/ft, both pounds by definition
@@ -75,7 +76,9 @@ def read(path):
         variables = {v.identifier: v for v in map(_variable, _children(root, "variableDef"))}
         shared = _shared(root)
         tables = dict(_function(f, shared) for f in _children(root, "function"))
-    except (KeyError, ValueError) as error:
+    except KeyError as error:
+        raise DaveMlError(f"{path}: {error.args[0]} is missing") from None
+    except ValueError as error:
         raise DaveMlError(f"{path}: {error}") from None
     return Model(str(path), variables, tables)
 
@@ -123,16 +126,28 @@ def _value(model, identifier, known, asked):
         table = model.tables[identifier]
         value = _interpolate(table, other(table.argument))
     elif variable.calculation is not None:
-        try:
-            value = float(_mathml(variable.calculation, other))
-        except (ArithmeticError, TypeError) as error:
-            raise DaveMlError(f"{model.path}: {identifier} cannot be calculated: {error}") from None
+        value = _calculated(model, identifier, other)
     elif variable.initial is not None:
         value = variable.initial
     else:
         raise DaveMlError(f"{model.path}: {identifier} is an input and was not given")
     known[identifier] = _limited(variable, value)
     return known[identifier]
+
+
+def _calculated(model, identifier, other):
+    """Value of the expression of a variable; a number is a finite one."""
+    try:
+        value = float(_mathml(model.variables[identifier].calculation, other))
+    except DaveMlError:
+        raise
+    except RecursionError:
+        raise DaveMlError(f"{model.path}: {identifier} is nested too deep") from None
+    except (ArithmeticError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise DaveMlError(f"{model.path}: {identifier} cannot be calculated: {error}") from None
+    if not math.isfinite(value):
+        raise DaveMlError(f"{model.path}: {identifier} cannot be calculated: it becomes {value}")
+    return value
 
 
 def _interpolate(table, x):
@@ -162,15 +177,15 @@ def _child(element, tag):
 
 def _numbers(element):
     """Numbers of a text, parted by commas and white space: (n,)."""
-    return np.array([float(x) for x in "".join(element.itertext()).replace(",", " ").split()])
+    return np.array([number(x) for x in "".join(element.itertext()).replace(",", " ").split()])
 
 
 def _attribute(element, name, default):
     text = element.get(name)
     try:
-        return default if text is None else float(text)
-    except ValueError:
-        raise ValueError(f"{element.get('varID')}: {name}={text!r} is no number") from None
+        return default if text is None else number(text)
+    except ValueError as error:
+        raise ValueError(f"{element.get('varID')}: {name}: {error}") from None
 
 
 def _variable(element):
@@ -194,7 +209,10 @@ def _variable(element):
 
 def _shared(root):
     """Break points and tables that functions refer to: {identifier: numbers or element}."""
-    shared = {b.attrib["bpID"]: _numbers(_child(b, "bpVals")) for b in _children(root, "breakpointDef")}
+    shared = {
+        b.attrib["bpID"]: _numbers(_only(b, b.attrib["bpID"], "bpVals"))
+        for b in _children(root, "breakpointDef")
+    }
     shared |= {t.attrib["gtID"]: t for t in _children(root, "griddedTableDef")}
     return shared
 
@@ -233,7 +251,7 @@ def _function(element, shared):
 def _only(element, name, tag):
     found = _children(element, tag)
     if len(found) != 1:
-        raise ValueError(f"{name}: {len(found)} <{tag}>; a function of one variable, which is read, has one")
+        raise ValueError(f"{name}: has {len(found)} <{tag}>, expected one, as a function of one variable has")
     return found[0]
 
 
@@ -272,9 +290,9 @@ def _mathml(element, other):
     """Value of an expression; other(varID): that of a variable. Only the piece that holds is evaluated."""
     tag = _tag(element)
     if tag == "cn":
-        return float(element.text)
+        return number(element.text or "")
     if tag == "ci":
-        return other(element.text.strip())
+        return other((element.text or "").strip())
     if tag == "pi":
         return math.pi
     if tag == "piecewise":

@@ -46,7 +46,7 @@ def test_reading_what_is_written():
 @pytest.mark.parametrize(
     ("broken", "line", "words"),
     [
-        (text(e="nothing"), 4, "expected a number, got 'nothing'"),
+        (text(e="nothing"), 4, "expected a number such as 12.5, got 'nothing'"),
         (text(e="0.7"), 4, "must be between 0 and 0.5, got 0.7"),
         (text(e="nan"), 4, "expected a number"),
         (text().replace("Mean Anom", "Mean Anomaly"), 11, "expected a line such as"),

@@ -73,6 +73,16 @@ def test_times_that_do_not_go_on_are_named(data, kind, name):
         check(changed(arrays, name, 2, getattr(arrays, name)[1]))
 
 
+def test_pictures_of_one_time_are_named(data):
+    first, second, *others = data.frame_truths
+    for t_s in (first.t_valid_s, first.t_valid_s - 1.0):
+        given = [first, second._replace(t_valid_s=t_s), *others]
+        with pytest.raises(
+            LogError, match=r"message 2: t_valid_s: got .* after .*, expected a larger number"
+        ):
+            check(given, type(first))
+
+
 def test_lists_of_any_length_are_looked_at(data):
     nothing, nowhere = np.zeros(0), np.zeros((0, 3))
     none = GpsRanges(1.0, 1.2, np.zeros(0, int), nothing, nothing, nowhere, nowhere, nothing, nothing)

@@ -260,7 +260,10 @@ def test_a_table_of_another_filter_is_compared_with_the_log(sky, tmp_path, comma
     ("text", "words"),
     [
         ("t_s,r_i_m_x\n1,2\n", "mine.csv:1: has no column r_i_m_y; expected t_s, r_i_m_x"),
-        ("HEAD\n1,2,3,4,5,6,7,1,0,0,none\n", "mine.csv:2: q_ib_z: 'none'; expected a number"),
+        (
+            "HEAD\n1,2,3,4,5,6,7,1,0,0,none\n",
+            "mine.csv:2: q_ib_z: expected a number such as 12.5, got 'none'",
+        ),
         ("HEAD\n1,2,3\n", "mine.csv:2: 3 values, but 11 names of columns"),
         ("HEAD\n" + "1," * 11 + "5\n", "mine.csv:2: 12 values, but 11 names of columns"),
         ("HEAD,\n1,2,3\n", "mine.csv:2: 3 values, but 11 names of columns"),

@@ -74,7 +74,9 @@ def test_errors_in_an_almanac_name_its_line(tmp_path):
     path = almanac(tmp_path, 3, 7)
     path.write_text(path.read_text().replace("5153.642090", "many", 1), encoding="utf-8")
     own = scenario(tmp_path, "  almanac: sky.alm\n")
-    assert the_message(own).startswith(f"{path}:8:29: SQRT(A) (m 1/2): expected a number, got 'many'")
+    assert the_message(own).startswith(
+        f"{path}:8:29: SQRT(A) (m 1/2): expected a number such as 12.5, got 'many'"
+    )
     path.write_text("hello\n", encoding="utf-8")
     assert any("sky.alm:1:1: expected a line such as" in line for line in messages(own))
     path.unlink()

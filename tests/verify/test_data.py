@@ -69,3 +69,22 @@ def test_a_broken_trajectory_is_an_error_that_names_the_file(write, text):
     path = write("a.csv", text) / "a.csv"
     with pytest.raises(data.NescDataError, match=r"a\.csv"):
         data.read_series(path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("0,1\n1,x\n", "3: mach: expected a number such as 12.5, got 'x'"),
+        ("0,1\n1,2,3\n", "3: 3 values, but 2 titles"),
+        ("0,1\n2,1\n1,1\n", "4: time: got 1, expected one not before that of the row above"),
+        ("0,1\n,1\n", "3: time: got nothing, expected"),
+        ("0,1\n1,1e16\n", r"3: mach: expected a number below 1e\+15, got 1e16"),
+    ],
+)
+def test_what_cannot_be_is_told_with_its_line(write, rows, words):
+    with pytest.raises(data.NescDataError, match=f"a.csv:{words}"):
+        data.read_series(write("a.csv", f"time,mach\n{rows}") / "a.csv")
+
+
+def test_two_rows_may_have_one_time(write):
+    assert len(data.read_series(write("a.csv", "time,mach\n0,1\n0,2\n1,3\n") / "a.csv").t_s) == 3

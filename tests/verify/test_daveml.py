@@ -117,6 +117,14 @@ def test_the_limits_of_a_variable_hold(model):
         (calculated("y", applied("divide", cn(1), cn(0))), "cannot be calculated"),
         (defined("y", units="furlong", initialValue="1"), "furlong"),
         (defined("z"), "no variable y"),
+        (calculated("y", applied("ln", cn(-1))), "y cannot be calculated"),
+        (
+            calculated("y", "<cn>1_0</cn>"),
+            "y cannot be calculated: expected a number .* got '1_0'",
+        ),
+        (calculated("y", "<cn/>"), "y cannot be calculated: expected a number such as 12.5, got nothing"),
+        (calculated("y", "<piecewise><piece/></piecewise>"), "y cannot be calculated"),
+        (calculated("y", applied("times", cn(1e300), cn(1e300))), "y cannot be calculated: it becomes inf"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(model, body, message):
@@ -131,6 +139,8 @@ def test_what_cannot_be_evaluated_is_refused(model, body, message):
         (XY + tabled("1, 2, 3", points="0, 3, 1"), "increasing"),
         (XY + tabled("1, 2, 3", interpolate="cubicSpline"), "linear"),
         (defined("y", initialValue="(2/5)"), "y: initialValue"),
+        ("<variableDef/>", "varID is missing"),
+        ('<breakpointDef bpID="p"/>', "p: has 0 <bpVals>, expected one"),
         (
             XY
             + tabled("1, 2, 3").replace("<dependentVarRef", '<independentVarRef varID="x"/><dependentVarRef'),
