@@ -104,6 +104,8 @@ def _show(found, as_json):
         print_json(found)
     else:
         stdout(130).print(outputs.table(found))
+    for words in found["warnings"]:
+        say(f"warning: {words}")
     for name in found["not_followed"]:
         say(f"warning: {name} is not followed to the ground: vehicle.stages.{name}.spent gives no drag")
 

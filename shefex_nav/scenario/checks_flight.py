@@ -3,7 +3,7 @@
 from importlib.util import find_spec
 from itertools import pairwise
 
-from shefex_nav.scenario import surroundings, thrust
+from shefex_nav.scenario import sounding_checks, surroundings, thrust
 from shefex_nav.scenario.mission import WindTable
 
 STARTS = ("launch", "orbit", "ground", "trajectory")
@@ -45,6 +45,10 @@ def air(scenario):
         if len(values) != len(wind.height):
             words = f"{len(values)} values for {len(wind.height)} heights; give one for each"
             yield ("wind", name), words
+    for k, (height, speed) in enumerate(zip(wind.height, wind.speed, strict=False)):
+        if speed > (most := sounding_checks.fastest(height)):
+            words = f"{speed:g} m/s at {height:g} m is no wind of the Earth; expected at most {most:g} m/s"
+            yield ("wind", "speed", k), words
     yield from increasing(("wind", "height"), wind.height, "heights", "m")
 
 

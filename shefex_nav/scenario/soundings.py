@@ -15,12 +15,15 @@ from typing import NamedTuple
 
 from shefex_nav.errors import UserError
 from shefex_nav.files import from_json
+from shefex_nav.numerals import is_number, number
+from shefex_nav.scenario import sounding_checks
 from shefex_nav.scenario.files import LARGEST_DATA, Unreadable, read_text
 
 RADIUS = 6356766.0  # m
 APART = 50.0  # m; rows that are closer to the one before are left out
 FARTHEST_ZONE_S = 18 * 3600.0  # of any place from UTC
 LARGEST = 1e9  # of any number of a level, whatever its unit
+MISSING = {"", "nan", "na", "n/a", "null", "none", "m", "mm", "missing"}  # of a value that was not measured
 NEAREST = timedelta(minutes=90)  # of an hour of a forecast to lift-off
 LOWEST, HIGHEST = -1e3, 100e3  # m, of what is a height of a wind that was measured or forecast
 WANTED = {
@@ -36,11 +39,21 @@ UNITS = {  # in m, deg, m/s
     | {"knots": 1852 / 3600, "kts": 1852 / 3600, "km/h": 1 / 3.6, "mph": 0.44704, "mp/h": 0.44704},
 }
 FORECAST = "geopotential_height", "wind_direction", "wind_speed"  # of height, direction, speed
+BESIDE = {  # what is looked at if a file tells it in a unit that is known: names, and units in hPa, C, deg
+    "pressure": (("pressure", "pres"), {"hpa": 1.0, "mb": 1.0, "mbar": 1.0, "pa": 0.01, "kpa": 10.0}),
+    "temperature": (("temperature", "temp"), {"c": 1.0, "degc": 1.0, "°c": 1.0, "celsius": 1.0}),
+    "latitude": (("latitude", "lat"), {"": 1.0, "deg": 1.0, "degrees": 1.0, "°": 1.0}),
+    "longitude": (("longitude", "lon"), {"": 1.0, "deg": 1.0, "degrees": 1.0, "°": 1.0}),
+}
+STATION = re.compile(r"Station (latitude|longitude):\s*(\S+)", re.ASCII)  # below a list of Wyoming
+NOT_TOLD = -9999.0, -8888.0, -999.0, 9999.0, 99999.0  # of what is only looked at
+BEGINS = re.compile(r"\s*-?[0-9]")  # of a row of a list
+LIKE_ROW = re.compile(r"\s*-?[0-9.]+(?:\s+-?[0-9.]+){2}")  # three numbers at least
 BARE = {"hght": "m", "drct": "deg", "sknt": "knot"}  # columns of Wyoming, whose name tells the unit
 HEAD = re.compile(
     r"(?P<name>.*[^\s_(\[])[\s_]*(?:[(\[](?P<inside>[^)\]]*)[)\]]|(?<=[\s_])(?P<last>[^\s_()\[\]]+))$"
 )
-LEVEL = re.compile(r"wind_speed_(\d+)hPa$")
+LEVEL = re.compile(r"wind_speed_([0-9]{1,5})hPa$")
 
 
 class SoundingError(UserError):
@@ -54,6 +67,7 @@ class Winds(NamedTuple):
     speed: tuple  # m/s
     whence: tuple  # deg, where it blows from
     what: str  # for people
+    place: tuple | None = None  # deg, latitude and longitude, if the file tells them
 
     def override(self):
         """The text of a --set that puts these winds in place of a scenario's."""
@@ -69,12 +83,12 @@ def read(path, epoch):
     except Unreadable as error:
         raise SoundingError(f"{path} {error}") from None
     if text.lstrip().startswith("{"):
-        rows, what = _open_meteo(path, text, epoch)
+        rows, what, place = _open_meteo(path, text, epoch)
     elif "PRES" in text and "HGHT" in text and "," not in _line_with(text, "HGHT"):
-        rows, what = _wyoming_list(path, text), "sounding"
+        (rows, place), what = _wyoming_list(path, text), "sounding"
     else:
-        rows, what = _columns(path, text), "sounding"
-    return _winds(path, rows, what)
+        (rows, place), what = _columns(path, text), "sounding"
+    return _winds(path, rows, what)._replace(place=place)
 
 
 class _Row(NamedTuple):
@@ -84,17 +98,30 @@ class _Row(NamedTuple):
     speed: float  # m/s
     whence: float  # deg
     place: str  # in the file, for messages
+    pressure: float = math.nan  # hPa
+    temperature: float = math.nan  # C
+
+    @property
+    def level(self):
+        """sounding_checks.Level"""
+        return sounding_checks.Level(*self[:3], self.pressure, self.temperature)
 
 
 def _winds(path, rows, what):
     """Winds of _Rows in any order; those that are not finite are left out."""
     found = []
     whole = [row for row in rows if all(map(math.isfinite, row[:3]))]
-    for height, speed, whence, place in sorted(whole, key=lambda row: row.height):
-        if speed < 0.0 or not -360.0 <= whence <= 360.0:
-            raise SoundingError(f"{path}, {place}: {speed:g} m/s from {whence:g} deg is no wind")
-        if not found or height >= found[-1][0] + APART:
-            found.append((height, speed, whence))
+    for row in whole:
+        if words := sounding_checks.fault(row.level):
+            raise SoundingError(f"{path}, {row.place}: {words}")
+    whole.sort(key=lambda row: row.height)
+    if pair := sounding_checks.twice(whole):
+        one, other = pair
+        words = f"another wind at {one.height:.6g} m than in {one.place}"
+        raise SoundingError(f"{path}, {other.place}: {words}; keep one of them")
+    for row in whole:
+        if not found or row.height >= found[-1][0] + APART:
+            found.append(row[:3])
     if len(found) < 2:
         raise SoundingError(
             f"{path}: {len(found)} rows with height, direction and speed; expected two at least"
@@ -110,8 +137,8 @@ class _Read(NamedTuple):
     units: dict  # {height, direction, speed: as the file tells it}
     geopotential: bool  # the heights
 
-    def row(self, place, height, whence, speed):
-        """_Row of values in the units of the file. place : in the file"""
+    def row(self, place, height, whence, speed, pressure=math.nan, temperature=math.nan):
+        """_Row of values in the units of the file, but for the last two. place : in the file"""
         factors = (UNITS[what][self.units[what]] for what in WANTED)
         height, whence, speed = (k * v for k, v in zip(factors, (height, whence, speed), strict=True))
         if math.isfinite(height) and not LOWEST <= height <= HIGHEST:
@@ -119,7 +146,7 @@ class _Read(NamedTuple):
             raise SoundingError(f"{self.path}, {place}: {words}")
         if self.geopotential:
             height = RADIUS * height / (RADIUS - height)
-        return _Row(height, speed, whence, place)
+        return _Row(height, speed, whence, place, pressure, temperature)
 
 
 def _read_as(path, units, geopotential):
@@ -137,7 +164,7 @@ def _line_with(text, word):
 
 
 def _wyoming_list(path, text):
-    """_Rows of the text list: columns end where their names end; a unit below the middle of each."""
+    """_Rows and place of the text list: columns end where their names do; a unit below the middle of each."""
     lines = text.splitlines()
     k = next(n for n, line in enumerate(lines) if "HGHT" in line)
     heads = list(re.finditer(r"\S+", lines[k]))
@@ -153,19 +180,24 @@ def _wyoming_list(path, text):
         if unit.start() < head.end() and head.start() < unit.end()
     }
     told = {what: units.get(name, "") for what, name in names.items()}
-    read, width, rows = _read_as(path, told, names["height"] == "hght"), 7, []
+    read, width, rows, over = _read_as(path, told, names["height"] == "hght"), 7, [], 0
+    aside = [(what, name) for what, name in (("pressure", "pres"), ("temperature", "temp")) if name in ends]
     for n, line in enumerate(lines[k + 2 :], k + 3):
-        cells = [line[max(0, ends[name] - width) : ends[name]] for name in names.values()]
-        if not re.match(r"\s*-?\d", line):
-            if rows:
-                break  # the list is over
+        if over and LIKE_ROW.match(line):
+            words = f"is no row of the list, but rows follow in line {n}; keep one list"
+            raise SoundingError(f"{path}, line {over}: {words}")
+        if over or not BEGINS.match(line):
+            over = over or (n if rows else 0)
             continue
-        rows.append(read.row(f"line {n}", *map(_number, cells)))
-    return rows
+        cell = {name: line[max(0, end - width) : end] for name, end in ends.items()}
+        values = [_number(path, n, what, cell[name]) for what, name in names.items()]
+        more = {what: _aside(what, units.get(name, ""), cell[name]) for what, name in aside}
+        rows.append(read.row(f"line {n}", *values, **more))
+    return rows, _place(path, dict(STATION.findall(text)))
 
 
 def _columns(path, text):
-    """_Rows of a CSV whose header names height, direction and speed, each with its unit behind it."""
+    """_Rows and place of a CSV whose header names height, direction and speed, each with its unit."""
     table = [
         (n, _cells(path, n, line))
         for n, line in enumerate(text.splitlines(), 1)
@@ -184,7 +216,37 @@ def _columns(path, text):
     chosen = {what: heads[k] for what, k in places.items()}
     geopotential = "geopotential" in chosen["height"] or "hght" in chosen["height"]
     read = _read_as(path, {what: _unit(head, what) for what, head in chosen.items()}, geopotential)
-    return [read.row(f"line {n}", *(_number(row[k]) for k in places.values())) for n, row in table[1:]]
+    aside = {what: next((k for k, head in enumerate(heads) if head.startswith(names)), None)
+             for what, (names, _) in BESIDE.items()}  # fmt: skip
+    aside = {what: (k, _unit(heads[k], None)) for what, k in aside.items() if k is not None}
+    rows, ways = [], [aside.pop(what, None) for what in ("latitude", "longitude")]
+    for n, row in table[1:]:
+        values = [_number(path, n, what, row[k]) for what, k in places.items()]
+        more = {what: _aside(what, unit, row[k]) for what, (k, unit) in aside.items()}
+        rows.append(read.row(f"line {n}", *values, **more))
+    told = {}
+    if all(ways) and len(table) > 1:  # the balloon starts there
+        told = {what: table[1][1][k] for what, (k, _) in zip(("latitude", "longitude"), ways, strict=True)}
+    return rows, _place(path, told)
+
+
+def _aside(what, unit, text):
+    """hPa, C or deg of a cell that is only looked at; NaN if it is no number, or in a unit not known here."""
+    factor = BESIDE[what][1].get(unit.strip().lower())
+    if factor is None or not is_number(text) or (value := number(text)) in NOT_TOLD:
+        return math.nan
+    return factor * value
+
+
+def _place(path, told):
+    """(latitude, longitude), deg, of {'latitude': text or number, 'longitude'}; None without one."""
+    found = [_aside(what, "deg", str(told.get(what, ""))) for what in ("latitude", "longitude")]
+    if any(map(math.isnan, found)):
+        return None
+    if not sounding_checks.is_place(*found):
+        words = "expected a latitude of -90 to 90 deg and a longitude of -360 to 360 deg"
+        raise SoundingError(f"{path}: its place is {found[0]:g} deg, {found[1]:g} deg; {words}")
+    return tuple(found)
 
 
 def _cells(path, n, line):
@@ -203,7 +265,7 @@ def _unit(head, what):
         return BARE[head]
     match = HEAD.match(head)
     unit = (match["inside"] or match["last"] or "") if match else ""
-    return "" if any(unit in name.split() for name in WANTED[what]) else unit
+    return "" if any(unit in name.split() for name in WANTED.get(what, ())) else unit
 
 
 def _all_there(path, found):
@@ -216,15 +278,18 @@ def _all_there(path, found):
         )
 
 
-def _number(text):
-    try:
-        return float(text)
-    except ValueError:
+def _number(path, n, what, text):
+    """A number of line n; NaN where nothing was measured."""
+    if text.strip("-/*. \t").lower() in MISSING:
         return math.nan
+    try:
+        return number(text)
+    except ValueError as error:
+        raise SoundingError(f"{path}, line {n}: {what}: {error}") from None
 
 
 def _open_meteo(path, text, epoch):
-    """(_Rows, what) of the hour nearest to lift-off."""
+    """(_Rows, what, place) of the hour nearest to lift-off."""
     try:
         answer = from_json(text)
     except ValueError as error:
@@ -242,7 +307,7 @@ def _open_meteo(path, text, epoch):
     if abs(times[k] - wanted) > NEAREST:
         raise SoundingError(f"{path}: the hour nearest to lift-off, {epoch} UTC, is {times[k].isoformat()}")
     rows = [_level(path, hourly, units, level, k) for level in levels]
-    return rows, f"forecast for {times[k].isoformat(timespec='minutes')} UTC"
+    return rows, f"forecast for {times[k].isoformat(timespec='minutes')} UTC", _place(path, answer)
 
 
 def _utc(path, text, offset):
@@ -268,7 +333,7 @@ def _level(path, hourly, units, level, k):
         if isinstance(value, str | list | dict | bool) or (value is not None and not abs(value) < LARGEST):
             raise _unlike(path, f"hourly.{name} holds {value!r:.60}")
         values.append(math.nan if value is None else float(value))
-    return read.row(f"level {level} hPa", *values)
+    return read.row(f"level {level} hPa", *values, pressure=float(level))
 
 
 def _asked(path, holder, key, kind):

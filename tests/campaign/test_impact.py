@@ -277,6 +277,13 @@ def test_a_wind_of_the_day_takes_the_place_of_the_scenarios(rocket, tmp_path):
     calm = studying.study(studying.Asked(rocket, ("wind=none",), (), None, 0, 1, 1, None, None))
     windy = studying.study(studying.Asked(rocket, (), (day,), None, 0, 1, 1, None, None))
     assert "sounding, 2 heights" in windy.cases[0].wind
+    assert windy.warnings == ()
+    day.write_text(
+        "latitude,longitude,height_m,wind direction_degree,wind speed_m/s\n"
+        "47.5,8.5,0,90,20\n47.5,8.5,30000,90,20\n"
+    )
+    (far,) = studying.study(studying.Asked(rocket, (), (day,), None, 0, 1, 1, None, None)).warnings
+    assert far.startswith(f"{day.name} is of 47.50 deg, 8.50 deg, ") and "from the launch site" in far
     payload = [one.landed[0].landings[0] for one in (calm, windy)]
     drift = apart(place(payload[0]), place(payload[1]))
     assert drift > 20.0 * 0.5 * (payload[1].t_s - 475.0) * 0.5  # under its parachute it drifts with the wind

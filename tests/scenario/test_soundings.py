@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from shefex_nav.scenario import load, soundings
+from shefex_nav.scenario import load, sounding_checks, soundings
+from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.soundings import SoundingError
 
 EPOCH = "2011-02-22T12:56:00"
@@ -150,13 +151,23 @@ def test_directions_in_radians(tmp_path):
 
 
 def test_a_text_list_in_feet(tmp_path):
-    text = LIST.replace(" hPa     m ", " hPa    ft ").replace(" 30480", "100000")
+    text = LIST.replace(" hPa     m ", " hPa    ft ")
+    for metres, feet in (
+        ("    34", "   112"),
+        ("   713", "  2339"),
+        ("  5180", " 16995"),
+        (" 30480", "100000"),
+    ):
+        text = text.replace(metres, feet)
     assert read(tmp_path, text).height[-1] == pytest.approx(30626.8, abs=0.2)
 
 
 def test_a_forecast_in_feet(tmp_path):
-    feet = dict.fromkeys(("geopotential_height_1000hPa", "geopotential_height_500hPa"), "ft")
-    assert read(tmp_path, forecast_in(**feet)).height == pytest.approx((33.53, 1585.4), abs=0.1)
+    answer = json.loads(forecast())
+    for level, height in (1000, 360.9), (500, 17060.4):
+        answer["hourly"][f"geopotential_height_{level}hPa"] = [height, height]
+        answer["hourly_units"][f"geopotential_height_{level}hPa"] = "ft"
+    assert read(tmp_path, json.dumps(answer)).height == pytest.approx((110.0, 5204.3), abs=0.1)
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)])
@@ -184,3 +195,104 @@ def test_times_of_a_forecast_may_name_their_zone(tmp_path, times):
     text = forecast(hourly=hourly, utc_offset_seconds=7200)
     found = read(tmp_path, text)
     assert found.what.startswith("forecast for 2011-02-22T13:00 UTC") and found.speed[0] == pytest.approx(5.0)
+
+
+MORE = "pressure_hPa,temperature_C,latitude,longitude," + PLAIN
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            PLAIN + "0,2,3\n900,2,900\n",
+            "line 3: 900 m/s is no wind of the Earth; expected at most 300",
+        ),
+        (
+            PLAIN + "0,2,3\n900,400,3\n",
+            "line 3: 3 m/s from 400 deg is no wind; expected .* 0 to 360 deg",
+        ),
+        (PLAIN + "0,2,3\n900,-90,3\n", "winds.txt, line 3: 3 m/s from -90 deg is no wind"),
+        (
+            PLAIN + "0,2,3\n900,2,3\n900,182,30\n",
+            "line 4: another wind at 900 m than in line 3; keep one of them",
+        ),
+        (PLAIN + "0,2,3\n900,2,1_0\n", "line 3: speed: expected a number such as 12.5, got '1_0'"),
+        (PLAIN + "0,2,3\n900,2,inf\n", "line 3: speed: expected a number such as 12.5, got 'inf'"),
+        (PLAIN + "0,2,3\n900,2,1e400\n", "line 3: speed: expected a number below 1e308, got '1e400'"),
+        (PLAIN, "0 rows with height"),
+        (
+            MORE + "1000,5,68,20,0,2,3\n0,-5,68,20,900,2,3\n",
+            "line 3: a pressure of 0 hPa; expected 0.0001 to 1100",
+        ),
+        (MORE + "1000,5,68,20,0,2,3\n900,-300,68,20,900,2,3\n", "line 3: a temperature of -300 C; expected"),
+        (
+            MORE + "1000,5,68,20,0,2,3\n200,-50,68,20,900,2,3\n",
+            "line 3: 200 hPa at 900 m do not belong together",
+        ),
+        (
+            MORE + "1000,5,98,20,0,2,3\n900,-5,68,20,900,2,3\n",
+            "its place is 98 deg, 20 deg; expected a latitude",
+        ),
+        (
+            LIST.replace("  500.0   5180", "  500.0    180"),
+            "line 10: 500 hPa at 180.005 m do not .* about 5600 m",
+        ),
+        (LIST.replace("  925.0", "  x25.0"), "line 9: is no row of the list, but rows follow in line 10"),
+        (
+            LIST.replace("350     10", "350    1_0"),
+            "line 9: speed: expected a number such as 12.5, got '1_0'",
+        ),
+        (forecast(latitude=500.0, longitude=20.0), "its place is 500 deg, 20 deg"),
+    ],
+)
+def test_what_cannot_be_is_refused(tmp_path, text, words):
+    with pytest.raises(SoundingError, match=words):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "row", ["900,,3", "900,NaN,3", "900,--,3", "900,2,", "900,2,M", "900,2,///", ",2,3", "900,N/A,3"]
+)
+def test_what_was_not_measured_is_left_out(tmp_path, row):
+    assert read(tmp_path, PLAIN + f"0,2,3\n{row}\n1900,2,3\n").height == (0.0, 1900.0)
+
+
+def test_rows_of_one_height_may_have_one_wind(tmp_path):
+    assert read(tmp_path, PLAIN + "0,2,3\n900,350,3\n900,10,4\n").speed == (3.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (LIST + "\nStation latitude: 65.54\nStation longitude: 22.11\n", (65.54, 22.11)),
+        (LIST, None),
+        (MORE + "1000,5,68.1,20.2,0,2,3\n900,-5,69,21,900,2,3\n", (68.1, 20.2)),
+        (forecast(latitude=68.0, longitude=20), (68.0, 20.0)),
+    ],
+)
+def test_the_place_of_winds(tmp_path, text, place):
+    assert read(tmp_path, text).place == place
+
+
+def test_a_place_far_from_the_site_is_told():
+    """A degree along a meridian is 111.2 km; the antimeridian is no border."""
+    assert sounding_checks.distance((60.0, 20.0), (61.0, 20.0)) == pytest.approx(111.19e3, rel=1e-3)
+    assert sounding_checks.distance((0.0, 179.5), (0.0, -179.5)) == pytest.approx(111.19e3, rel=1e-3)
+    assert not sounding_checks.elsewhere((60.0, 20.0), (62.5, 20.0))
+    words = sounding_checks.elsewhere((60.0, 20.0), (63.0, 20.0))
+    assert words.startswith("is of 60.00 deg, 20.00 deg, 334 km from the launch site at 63.00 deg, 20.00 deg")
+
+
+@pytest.mark.parametrize(
+    ("pressure", "height"), [(850.0, 1457.0), (500.0, 5574.0), (10.0, 31055.0), (1.0, 47820.0)]
+)
+def test_heights_of_pressures(pressure, height):
+    """US Standard Atmosphere 1976, table I."""
+    assert sounding_checks.standard_height(pressure) == pytest.approx(height, abs=100.0)
+
+
+def test_winds_of_a_scenario_that_cannot_be():
+    with pytest.raises(ScenarioError, match=r"wind.speed.1: 900 m/s at 5000 m is no wind of the Earth"):
+        load.load("rexus_like", ["wind={height: [0 m, 5 km], speed: [3 m/s, 900 m/s], from: [0 deg, 0 deg]}"])
+    high = ["wind={height: [0 m, 300 km], speed: [3 m/s, 900 m/s], from: [0 deg, 0 deg]}"]
+    assert load.load("rexus_like", high).wind.speed[1] == 900.0

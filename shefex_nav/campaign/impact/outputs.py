@@ -30,6 +30,7 @@ class Result(NamedTuple):
     scattered: object  # scatter.Scattered; None: one flight
     ellipses: tuple  # of ellipses.Ellipse
     runs: int
+    warnings: tuple = ()  # words about winds of another place
 
 
 def summary(result):
@@ -40,6 +41,7 @@ def summary(result):
         "launcher": _place(*result.site),
         "cases": [_case(result, k) for k in range(len(result.cases))],
         "not_followed": list(result.landed[0].unknown),
+        "warnings": list(result.warnings),
         "runs": result.runs,
         "failed": [],
         "ellipses": [_ellipse(one) for one in result.ellipses],

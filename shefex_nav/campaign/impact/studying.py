@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign.impact import aim, ellipses, instantaneous, landing, outputs, scatter
 from shefex_nav.files import put
-from shefex_nav.scenario import load, soundings
+from shefex_nav.scenario import load, sounding_checks, soundings
 from shefex_nav.workers import cores
 
 FILES = "impact.json", "impact.kml", "impact.geojson", "landings.json", "map.png", "landings.png"
@@ -56,9 +56,14 @@ def study(asked, tell=lambda words: None):
         found = scatter.scatter(cases, asked.runs, asked.seed, ground, most, tell)
         shapes = ellipses.of_bodies(found.landings)
     site = own.launch.latitude, own.launch.longitude
+    warnings = tuple(
+        f"{file.name} {words}"
+        for file, winds in zip(asked.winds, days, strict=False)
+        if winds.place and (words := sounding_checks.elsewhere(winds.place, tuple(map(math.degrees, site))))
+    )
     return outputs.Result(
         own.mission.name, asked.seed, ground, site, tuple(cases), landed, tuple(aimed), points, found,
-        shapes, asked.runs,
+        shapes, asked.runs, warnings,
     )  # fmt: skip
 
 
