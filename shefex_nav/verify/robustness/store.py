@@ -6,10 +6,12 @@ away when the study goes on.
 
 import json
 import os
+from functools import partial
 from pathlib import Path
 
 from shefex_nav.errors import UserError
 from shefex_nav.files import digest, from_json, put, settle
+from shefex_nav.verify.robustness import flight, lines
 
 HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
 PACKAGE = Path(__file__).parents[2]
@@ -58,7 +60,7 @@ class Store:
                     f"{self.folder}: holds a study already; --resume goes on with it, or name another"
                 )
             _compare(_head(path), head, self.folder)
-            self.done = _read(self.folder / FLIGHTS)
+            self.done = _read(self.folder / FLIGHTS, head["seed"])
         elif (self.folder / FLIGHTS).exists():
             raise StoreError(f"{self.folder}: there are flights, but no {HEAD} that says of what")
         else:
@@ -119,20 +121,12 @@ def _head(path):
     return found
 
 
-def _read(path):
-    """Flights that are done: dict key -> record. Half a line at the end is cut off."""
+def _read(path, seed):
+    """Flights that are done: dict key -> record. Half a line at the end is cut off. seed : of the study"""
     if not path.exists():
         return {}
-    content = path.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    if len(whole) < len(content):
+    found, whole = lines.read(path, partial(flight.seed_of, seed))
+    if whole < path.stat().st_size:
         with open(path, "rb+") as file:
-            file.truncate(len(whole))
-    found = {}
-    for number, line in enumerate(whole.decode().splitlines(), 1):
-        try:
-            record = from_json(line)
-        except ValueError:
-            raise StoreError(f"{path}:{number}: is no record of a flight; take the line away") from None
-        found[key(record)] = record
-    return found
+            file.truncate(whole)
+    return {key(record): record for record in found}
