@@ -6,7 +6,9 @@ Case k of a kind is made from seed k alone: a file that the package or this scri
 changes (`mutations`). It goes, in this process, to what the commands call: scenarios are loaded, and every
 third that is good has its flight looked at, as `check` does; flights are scenarios of which the good ones
 are flown and looked at for their first seconds, one of N to its end if that is not far; logs are read; fields
-are logs with other values in them, given to a command; pictures are solved; data (CSV), kf_gins and matlab
+are logs with other values in them, given to a command; pictures are solved; fits are pictures with other
+cards in their heads, read; winds are soundings, forecasts and tables of wind; studies are lines of `verify
+robustness`, read back; models are DAVE-ML and check-cases; data (CSV), kf_gins and matlab
 are recorded data, which are replayed; a second is flown with what navigation software answers in its own
 process; command lines are carried out. Bad: an exception that is no UserError, more than 10 s of the
 processor (of a flight a minute), more than 2 GB beside what the process had, a NaN in what a flight or a
@@ -30,6 +32,7 @@ import warnings
 from functools import cache, partial
 from pathlib import Path
 
+import fuzz_fits
 import fuzz_logs
 import fuzz_programs
 import fuzz_recorded
@@ -221,6 +224,27 @@ class Pictures(Kind):
         shefex_nav.solve_image(self.folder / f"case.{self.format}", fov_deg=20.0)
 
 
+class Heads(Kind):
+    """FITS pictures with other cards in their head."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.content = fuzz_fits.with_cards(fuzz_programs.picture(self.folder / "whole.fits"))
+
+    def case(self, rng):
+        (self.folder / "case.fits").write_bytes(fuzz_fits.spoilt(rng, self.content))
+
+    def read(self, _rng):
+        from shefex_nav.solve import header, picture
+
+        try:
+            header.of_header(picture.stored(self.folder / "case.fits").header)
+        except ValueError as error:
+            raise UserError(str(error)) from None
+        if not np.isfinite(picture.read(self.folder / "case.fits").grey).all():
+            raise ValueError("a picture with what is no number")
+
+
 class Data(Kind):
     """Recorded data: the example of a student rocket, its tables or its description spoilt.
 
@@ -294,6 +318,7 @@ KINDS = {
     "logs": Logs,
     "fields": Fields,
     "pictures": Pictures,
+    "fits": Heads,
     "data": Data,
     "kf_gins": partial(Data, form="kf_gins"),
     "matlab": partial(Data, form="matlab"),

@@ -252,7 +252,7 @@ def _chosen(t_s, settings):
 
 BEYOND = 2.0  # [E] times the range that is told: a sensor that clips gives its range and little more
 TURNS = 3000.0  # [E] rad/s, faster than shells spin (300 turns a second)
-PULLS = 2e6  # [E] m/s^2, beyond what a sensor is shot with (100 000 gee)
+PULLS = 1e5  # [E] m/s^2, 10 000 gee: no vehicle that is navigated pulls as much
 NO_READING = 1e300  # in SI: what is larger is told as this
 COUNTERS = (32, 31, 24, 16)  # bits
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}

@@ -55,7 +55,7 @@ FAR_OFF_M = 5e8  # [E] from the centre of the Earth: beyond the Moon
 SUNK_M = 3e4  # [E] below the ellipsoid: deeper is no place on the Earth, even by a bad fix
 LOW_M = 1e7  # [E] from the centre of the Earth: what a unit is guessed for flies below
 DEEP_M = 6.3e6  # [E] likewise, below any place on the Earth or in it; the pole is at 6.357e6 m
-FAST = 3e8  # m/s, of light
+FAST = 1e5  # [E] m/s, relative to the Earth: six times what leaves the Sun from there
 VAGUE = 1e9  # [E] a sigma that says nothing, m or m/s
 TURN = 2.0 * np.pi + 1e-9  # rad
 LENGTHS = {"km": 1e3, "cm": 1e-2, "mm": 1e-3}  # m
@@ -132,7 +132,7 @@ def velocities(table, names, frame, r_e, valid=None):
     speed = _size(given)
     bad = np.flatnonzero(~(speed < FAST) if valid is None else valid & ~(speed < FAST))
     if len(bad):
-        words = f"a speed of {speed[bad[0]]:g} m/s is faster than light; check columns and unit"
+        words = f"a speed of {speed[bad[0]]:g} m/s is faster than any vehicle; check columns and unit"
         raise DataError(f"{table.place(bad[0])}: {', '.join(names)}: {words}")
     if frame == "ecef":
         return given

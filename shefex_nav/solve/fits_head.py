@@ -5,12 +5,16 @@ Source: FITS standard 4.0, sections 4.4.1 (mandatory keywords), 7.3 (binary tabl
 """
 
 import math
+import re
 
 BLOCK = 2880  # bytes
 KINDS = (8, 16, 32, 64, -32, -64)  # BITPIX: bits of a value, negative of floating point
 MOST_AXES = 999
 MOST_HEADS = 1000  # before that of the picture, which has few: astropy reads all of them
 LARGEST = 2**63 - 1
+ONCE = re.compile(  # keywords
+    r"SIMPLE|XTENSION|GROUPS|[PG]COUNT|Z?BITPIX|Z?NAXIS[0-9]*|BSCALE|BZERO|BLANK|ZIMAGE|DATE-OBS|EXPTIME|VEL[XYZ]"
+)
 
 
 class FitsError(Exception):
@@ -37,17 +41,35 @@ def check(file):
             return
         except (OSError, ValueError):
             raise FitsError(f"its head at byte {at} has no END") from None
+        _once(head)
         start, stored = file.tell(), _bytes(head)
         is_packed = head.get("ZIMAGE", False) is True
         is_picture = is_packed and len(_axes(head, "Z")[1]) == 2
         for key in ("BSCALE", "BZERO"):
             _finite(head, key)
+        if head.get("BSCALE") == 0:
+            raise FitsError("BSCALE is 0, by which all values are the same; expected another number")
         is_table = head.get("XTENSION", "IMAGE") != "IMAGE"
         if is_picture or (_whole(head, "NAXIS", 0, MOST_AXES) == 2 and not is_table):
             if start + stored > size:
                 raise FitsError(f"ends after {size - start} of the {stored} bytes of its picture")
             return
         file.seek(start + -(-stored // BLOCK) * BLOCK)
+
+
+def _once(head):
+    """FitsError if a keyword that is read is there twice and says different things: who reads what is open.
+
+    Astropy itself reads the first of some and the last of others.
+    """
+    said = {}
+    for card in head.cards:
+        key, _, text = card.image.partition("=")
+        key, value = key.strip(), text.partition(" /")[0].strip()
+        if ONCE.fullmatch(key) and (first := said.setdefault(key, value)) != value:
+            raise FitsError(
+                f"{key} is there twice, as {_short(first)} and as {_short(value)}; keep one of them"
+            )
 
 
 def _bytes(head):
@@ -102,5 +124,8 @@ def _value(head, key):
 
 
 def _shown(value):
-    text = repr(value)
+    return _short(repr(value))
+
+
+def _short(text):
     return text if len(text) <= 40 else f"{text[:37]}..."

@@ -31,6 +31,11 @@ def of_header(header):
     exposure_s = _number(header, EXPOSURE)
     if exposure_s is not None and exposure_s <= 0.0:
         raise ValueError(f"{EXPOSURE}: expected a positive number of seconds, got {header[EXPOSURE]!r}")
+    return Taken(year_of(header), exposure_s, velocity_of(header))
+
+
+def velocity_of(header):
+    """Velocity of the camera, (3,) m/s, None without one; ValueError if it cannot be meant."""
     velocity = [_number(header, key) for key in VELOCITY]
     given = [value is not None for value in velocity]
     if any(given) and not all(given):
@@ -40,7 +45,7 @@ def of_header(header):
         raise ValueError(
             f"{', '.join(VELOCITY)}: expected a speed below {FASTEST:g} m/s, got {hypot(*velocity):g} m/s"
         )
-    return Taken(year_of(header), exposure_s, np.array(velocity) if all(given) else None)
+    return np.array(velocity) if all(given) else None
 
 
 def year_of(header):

@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.errors import UserError
 from shefex_nav.files import irregular
 from shefex_nav.solve import deep, fits_head, orientation
-from shefex_nav.solve.header import julian_year, of_header, year_of
+from shefex_nav.solve.header import julian_year, velocity_of, year_of
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
@@ -50,7 +50,11 @@ def read(path):
     """Picture of a file."""
     found = stored(path)
     turned = orientation.displayed(found.values, found.orientation)
-    return Picture(grey(turned, str(path)), found.julian_year, found.orientation, _velocity(found.header))
+    try:
+        velocity_i = velocity_of(found.header)
+    except ValueError as error:
+        raise PictureError(f"{path}: {error}") from None
+    return Picture(grey(turned, str(path)), found.julian_year, found.orientation, velocity_i)
 
 
 def stored(path):
@@ -132,14 +136,6 @@ def _of_fits(path):
         values, header = plane.data, dict(plane.header)
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     return Stored(values, header, _year(header))
-
-
-def _velocity(header):
-    """Velocity of a header, (3,) m/s; None if it says none that can be read."""
-    try:
-        return of_header(header).velocity_i
-    except ValueError:
-        return None
 
 
 def _year(header):

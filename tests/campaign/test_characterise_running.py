@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav.campaign.characterise import collect, running
+from shefex_nav.campaign.characterise import collect, kept, running
 from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.campaign.characterise.records import Flown, Records, RecordsError
 from shefex_nav.campaign.running import prepared
@@ -73,26 +73,62 @@ def flown(run=3):
     """A Flown with the fields' names and nothing behind them."""
     rng = np.random.default_rng(run)
     parts = [
-        kind(*(rng.random((4, 3)) for _ in kind._fields))
+        kind(*(_column(rng, kind, name) for name in kind._fields))
         for kind in (collect.Frames, collect.Sources, collect.Searches)
     ]
     return Flown(run, collect.Collected(*parts), {"a": 1.5, "b": "x"}, "0123abcd")
 
 
+def _column(rng, kind, name):
+    """Four rows of an array of a run."""
+    if name in kept.FLAGS:
+        return rng.random(4) < 0.5
+    if name in kept.COUNTS:
+        return rng.integers(0, 4, 4)
+    width = kept.WIDTHS.get((kind, name))
+    return np.sort(rng.random(4)) if width is None else rng.random((4, width))
+
+
+IMPOSSIBLE = {
+    ("frames", "t_s"): (lambda a: a[::-1], "frames.t_s: expected times that increase"),
+    ("frames", "rate"): (lambda a: -a, "frames.rate: got -.*, expected none below 0"),
+    ("frames", "reason"): (lambda a: a + 9, "frames.reason: got .*, expected 0 to 8"),
+    ("frames", "stars"): (lambda a: a * 1.0, "frames.stars: got float64, expected whole numbers"),
+    ("frames", "sigma"): (lambda a: a[:, :2], "frames.sigma: got an array of 4 x 2, expected 4 x 3"),
+    ("frames", "level_dn"): (lambda a: a * np.nan, "frames.level_dn: got nan, expected numbers below"),
+    ("sources", "frame"): (lambda a: a + 4, "sources.frame: got .*, expected a row of 4 frames"),
+    ("sources", "q"): (lambda a: a * 1e300, "sources.q: got .*, expected numbers below"),
+    ("sources", "found"): (lambda a: a * 1, "sources.found: got int64, expected flags"),
+    ("searches", "error"): (lambda a: a[:3], "searches.error: got an array of 3 x 3, expected 4 x 3"),
+    ("searches", "good"): (lambda a: a[0], "searches.good: got an array of a single number, expected 4"),
+}
+
+
+@pytest.mark.parametrize("part, name", IMPOSSIBLE)
+def test_a_run_that_cannot_be_is_told_with_its_file_and_array(planned, tmp_path, part, name):
+    folder, one = Records(tmp_path / "runs", planned[0]), flown()
+    change, words = IMPOSSIBLE[part, name]
+    columns = getattr(one.collected, part)
+    spoilt = columns._replace(**{name: change(getattr(columns, name))})
+    folder.keep(one._replace(collected=one.collected._replace(**{part: spoilt})))
+    with pytest.raises(RecordsError, match=rf"000003\.npz: {words}.*; take the file away, and the run is"):
+        folder.read(3)
+
+
 def test_records_are_read_as_they_were_written(planned, tmp_path):
     plan, _ = planned
-    kept, one = Records(tmp_path / "runs", plan), flown()
-    kept.keep(one)
+    folder, one = Records(tmp_path / "runs", plan), flown()
+    folder.keep(one)
     again = Records(tmp_path / "runs", plan).read(3)
     assert (again.run, again.settings, again.code) == (3, one.settings, one.code)
     for part, other in zip(one.collected, again.collected, strict=True):
         for a, b in zip(part, other, strict=True):
             np.testing.assert_array_equal(a, b)
-    assert kept.read(4) is None
+    assert folder.read(4) is None
     whole = (tmp_path / "runs" / "000003.npz").read_bytes()
     for broken in (whole[: len(whole) // 2], b"", b"nonsense"):  # of a power failure: flown again
         (tmp_path / "runs" / "000003.npz").write_bytes(broken)
-        assert kept.read(3) is None
+        assert folder.read(3) is None
 
 
 def test_records_of_something_else_are_refused(planned, tmp_path):

@@ -230,6 +230,11 @@ def test_a_reading_that_no_sensor_gives_is_refused_with_its_place():
     series.gyro[7, 1], series.accelerometer[3, 2] = 0.0, 1e99
     with pytest.raises(DataError, match=r"imu\.csv:5: b: 1e.99 m/s2 is no reading of a sensor"):
         dataset.check_imu(series, settings, columns)
+    series.accelerometer[3, 2] = 9e4
+    dataset.check_imu(series, settings, columns)
+    series.accelerometer[3, 2] = 20_000 * 9.80665
+    with pytest.raises(DataError, match=r"imu\.csv:5: b: 1.961e\+05 m/s2 is no reading of a sensor; check"):
+        dataset.check_imu(series, settings, columns)
 
 
 REFUSED = {

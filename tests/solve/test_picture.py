@@ -177,6 +177,16 @@ HEADS = {  # cards in the place of others of a good head: words
     ("BITPIX  =                    7",): "BITPIX is 7; expected one of 8, 16, 32, 64, -32, -64",
     ("PCOUNT  =              -100000",): "PCOUNT is -100000; expected",
     ("BSCALE  = 'abc     '",): "BSCALE is 'abc'; expected a finite number",
+    ("BSCALE  =                  0.0",): "BSCALE is 0, by which all values are the same; expected another",
+    (
+        "BLANK   =                    1",
+        "BLANK   =                    2",
+    ): "BLANK is there twice, as 1 and as 2",
+    ("BSCALE  =                  1.0", "BSCALE  =                  2.0"): "BSCALE is there twice, as 1.0 and",
+    (
+        "EXPTIME =                  1.0",
+        "EXPTIME =                  2.0",
+    ): "EXPTIME is there twice, as 1.0 and",
     ("ZIMAGE  =                    T", "ZBITPIX = 'x'"): "ZBITPIX is 'x'; expected",
 }
 
@@ -199,6 +209,38 @@ def test_a_fits_head_that_makes_no_sense_is_refused_in_words(cards, tmp_path):
     with pytest.raises(PictureError) as caught:
         read(put(tmp_path, "bad.fits", content(replaced + added)))
     assert f"bad.fits: is no FITS picture that can be read: {HEADS[cards]}" in str(caught.value)
+
+
+def test_the_number_of_axes_given_twice_is_refused(tmp_path):
+    """Astropy took the second, and went through all of them for ever."""
+    cards = (
+        ("SIMPLE", "T"),
+        ("BITPIX", 8),
+        ("NAXIS", 2),
+        ("NAXIS", 1000000000),
+        ("NAXIS1", 64),
+        ("NAXIS2", 64),
+    )
+    head = "".join(f"{key:8}= {value:>20}".ljust(80) for key, value in cards) + "END"
+    with pytest.raises(PictureError, match="NAXIS is there twice, as 2 and as 1000000000; keep one of them"):
+        read(put(tmp_path, "bad.fits", head.encode().ljust(2880) + bytes(5760)))
+
+
+@pytest.mark.parametrize(
+    "value, words", [("fast", "VELY: expected a number such as"), (None, "VELY: is missing")]
+)
+def test_a_velocity_that_cannot_be_read_is_refused(tmp_path, value, words):
+    """It was left out, and the aberration with it."""
+    from astropy.io import fits
+
+    part = fits.PrimaryHDU(np.zeros((64, 64), np.uint8))
+    part.header.update({"VELX": 1.0, "VELZ": 2.0, "EXPTIME": "long"} | ({"VELY": value} if value else {}))
+    part.writeto(tmp_path / "bad.fits")
+    with pytest.raises(PictureError, match=rf"bad\.fits: {words}"):
+        read(tmp_path / "bad.fits")
+    part.header["VELY"] = 3.0
+    part.writeto(tmp_path / "good.fits")  # the exposure is not asked for
+    assert read(tmp_path / "good.fits").velocity_i.tolist() == [1.0, 3.0, 2.0]
 
 
 def test_what_follows_a_packed_picture_is_not_looked_at(tmp_path):

@@ -13,6 +13,7 @@ import numpy as np
 
 from shefex_nav import files
 from shefex_nav.campaign import plan as planning
+from shefex_nav.campaign.characterise import kept
 from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
 from shefex_nav.errors import UserError
 
@@ -59,13 +60,17 @@ class Records:
             raise RecordsError(f"{folder}: {error.strerror or error}") from None
 
     def read(self, run):
-        """Flown of a run that is kept; None if it is not, or cannot be read."""
+        """Flown of a run that is kept; None without one that can be read. RecordsError of an impossible one."""
         try:
             file = files.arrays(self._path(run))
             parts = [kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()]
-            return Flown(run, Collected(*parts), *files.from_json(str(file["about"])))
+            flown = Flown(run, Collected(*parts), *files.from_json(str(file["about"])))
         except files.UNREADABLE:
             return None
+        if words := kept.fault(*flown[1:]):
+            again = "take the file away, and the run is flown again"
+            raise RecordsError(f"{self._path(run)}: {words}; {again}")
+        return flown
 
     def keep(self, flown):
         """Write a Flown."""
@@ -92,7 +97,7 @@ def _compare(path, head):
     except ValueError:
         found = None
     if not isinstance(found, dict):
-        raise RecordsError(f"{path} cannot be read")
+        raise RecordsError(f"{path} cannot be read: it is damaged, or no head of rendered runs")
     for name, value in head.items():
         if found.get(name) != value:
             raise RecordsError(f"{path}: these runs are of another {_what(name, value, found.get(name))}")
