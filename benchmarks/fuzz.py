@@ -32,12 +32,13 @@ import warnings
 from functools import cache, partial
 from pathlib import Path
 
-import fuzz_fits
 import fuzz_logs
 import fuzz_programs
 import fuzz_recorded
+import fuzz_texts
 import mutations
 import numpy as np
+from fuzz_kind import Kind
 
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import document, load
@@ -53,23 +54,6 @@ SHORT_S = 1500.0  # longest time limit of a flight that is looked at to its end
 STUCK = 20  # a case that takes as many times longer than it may ends the study
 TOLD = 500  # after how many cases a line says how far it is
 FORMATS = "png", "tif", "jpg", "webp", "fits"
-
-
-class Kind:
-    """One kind of file. folder : for what is made once and for the case"""
-
-    longest_s = 10.0  # of the processor
-
-    def __init__(self, folder):
-        self.folder = Path(folder)
-
-    def case(self, rng):
-        """Write the file of a case."""
-        raise NotImplementedError
-
-    def read(self, rng):
-        """Give it to the program."""
-        raise NotImplementedError
 
 
 class Scenarios(Kind):
@@ -224,27 +208,6 @@ class Pictures(Kind):
         shefex_nav.solve_image(self.folder / f"case.{self.format}", fov_deg=20.0)
 
 
-class Heads(Kind):
-    """FITS pictures with other cards in their head."""
-
-    def __init__(self, folder):
-        super().__init__(folder)
-        self.content = fuzz_fits.with_cards(fuzz_programs.picture(self.folder / "whole.fits"))
-
-    def case(self, rng):
-        (self.folder / "case.fits").write_bytes(fuzz_fits.spoilt(rng, self.content))
-
-    def read(self, _rng):
-        from shefex_nav.solve import header, picture
-
-        try:
-            header.of_header(picture.stored(self.folder / "case.fits").header)
-        except ValueError as error:
-            raise UserError(str(error)) from None
-        if not np.isfinite(picture.read(self.folder / "case.fits").grey).all():
-            raise ValueError("a picture with what is no number")
-
-
 class Data(Kind):
     """Recorded data: the example of a student rocket, its tables or its description spoilt.
 
@@ -318,7 +281,10 @@ KINDS = {
     "logs": Logs,
     "fields": Fields,
     "pictures": Pictures,
-    "fits": Heads,
+    "fits": fuzz_texts.Heads,
+    "winds": fuzz_texts.Winds,
+    "studies": fuzz_texts.Studies,
+    "models": fuzz_texts.Models,
     "data": Data,
     "kf_gins": partial(Data, form="kf_gins"),
     "matlab": partial(Data, form="matlab"),

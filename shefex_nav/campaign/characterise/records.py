@@ -60,7 +60,7 @@ class Records:
             raise RecordsError(f"{folder}: {error.strerror or error}") from None
 
     def read(self, run):
-        """Flown of a run that is kept; None without one that can be read. RecordsError of an impossible one."""
+        """Flown of a run that is kept; None without a readable one. RecordsError if it cannot be."""
         try:
             file = files.arrays(self._path(run))
             parts = [kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()]
