@@ -32,7 +32,8 @@ MODEL = """<DAVEfunc><variableDef varID="x" units="deg" minValue="-5" maxValue="
 <variableDef varID="y" units="ft" initialValue="3.5"><calculation><math><apply><times/><cn>2.5</cn>
 <apply><plus/><ci>x</ci><cn>1</cn></apply></apply></math></calculation></variableDef>
 <variableDef varID="z"/><breakpointDef bpID="b"><bpVals>0, 10, 20</bpVals></breakpointDef>
-<griddedTableDef gtID="g"><breakpointRefs><bpRef bpID="b"/></breakpointRefs><dataTable>1.5, 2.5, 4.5</dataTable>
+<griddedTableDef gtID="g"><breakpointRefs><bpRef bpID="b"/></breakpointRefs>
+<dataTable>1.5, 2.5, 4.5</dataTable>
 </griddedTableDef><function name="f"><independentVarRef varID="x"/><dependentVarRef varID="z"/><functionDefn>
 <griddedTableRef gtID="g"/></functionDefn></function></DAVEfunc>
 """

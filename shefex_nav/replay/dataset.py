@@ -12,7 +12,7 @@ from shefex_nav.clock import SAME_S, sample_s
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import GpsFix
-from shefex_nav.replay import csv_folder, kf_gins, navego
+from shefex_nav.replay import csv_folder, kf_gins, navego, series
 from shefex_nav.replay.series import TruthSeries
 from shefex_nav.scenario.data_table import DataError
 
@@ -59,6 +59,8 @@ def read(scenario, files):
             check_times(one, getattr(scenario.data, name))
             torn += [(f"data.{name}", one.table.torn)] if one.table.torn else []
     check_imu(imu, scenario.imu, scenario.data.imu)
+    if truth is not None:
+        check_way(truth)
     start_s = imu.t_s[0]
     imu, gnss, truth = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth))
     said = {name: one._replace(t_s=one.t_s - start_s) for name, one in said.items()}
@@ -253,6 +255,7 @@ def _chosen(t_s, settings):
 BEYOND = 2.0  # [E] times the range that is told: a sensor that clips gives its range and little more
 TURNS = 3000.0  # [E] rad/s, faster than shells spin (300 turns a second)
 PULLS = 1e5  # [E] m/s^2, 10 000 gee: no vehicle that is navigated pulls as much
+JUMP = 1000.0  # [E] m, between two rows of truth, however near in time
 NO_READING = 1e300  # in SI: what is larger is told as this
 COUNTERS = (32, 31, 24, 16)  # bits
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
@@ -282,6 +285,17 @@ def check_imu(imu, settings, columns):
                 words += f" whose range is {told * unit[1]:.4g} {unit[0]} (imu.{name}.range)"
             more = f"; {len(bad) - 1} more likewise" if len(bad) > 1 else ""
             raise DataError(f"{imu.table.place(row)}: {named[k]}: {words}{more}; check cell and unit")
+
+
+def check_way(truth):
+    """Refuse a row of truth that no vehicle reaches from the one before. truth : TruthSeries"""
+    dt_s, way = np.diff(truth.t_s), np.linalg.norm(np.diff(truth.r_e, axis=0), axis=1)
+    bad = np.flatnonzero(way > JUMP + series.FAST * dt_s)
+    if len(bad):
+        k = int(bad[0])
+        words = f"the position is {way[k]:.4g} m from that of the row before, {dt_s[k]:.4g} s earlier"
+        fastest = f"expected {series.FAST:g} m/s at most"
+        raise DataError(f"{truth.table.place(k + 1)}: {words}; {fastest}: check both rows")
 
 
 def check_times(one, columns):

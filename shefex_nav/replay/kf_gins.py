@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.replay import series
 from shefex_nav.replay.series import ImuSeries, TruthSeries
-from shefex_nav.scenario.data_table import read_columns
+from shefex_nav.scenario.data_table import DataError, read_columns
 
 PLACE = ("latitude", "longitude", "height")
 VELOCITY = ("north velocity", "east velocity", "down velocity")
@@ -21,6 +21,7 @@ GAIN = ("x velocity", "y velocity", "z velocity")
 SIGMA_R = ("north sigma", "east sigma", "down sigma")
 SIGMA_V = ("north velocity sigma", "east velocity sigma", "down velocity sigma")
 DEGREE = np.pi / 180.0
+LAST_WEEK = 10_000  # of GPS, in the year 2171
 
 
 def read(_, files):
@@ -49,6 +50,11 @@ def _truth(path):
     if path is None:
         return None
     table = read_columns(path, ("week", "time", *PLACE, *VELOCITY, *ANGLES), torn_end=True)
+    week = table.columns["week"]
+    bad = np.flatnonzero(~((week >= 0.0) & (week <= LAST_WEEK) & (week == np.rint(week))))
+    if len(bad):
+        words = f"expected a whole number of 0 to {LAST_WEEK}, got {week[bad[0]]:g}"
+        raise DataError(f"{table.place(bad[0])}: week: {words}")
     r_e = series.positions(table, PLACE, "geodetic", DEGREE)
     velocity = series.velocities(table, VELOCITY, "ned", r_e)
     return TruthSeries(table, table.columns["time"], r_e, velocity, table.stack(ANGLES) * DEGREE)

@@ -10,6 +10,8 @@ from pydantic import Field
 from shefex_nav.scenario.block import Block, forms, tagged
 from shefex_nav.scenario.quantity import Number, Quantity
 
+LARGEST = 1e4  # [E] of a coefficient: a parachute to the area of a slim rocket has some hundreds
+
 
 def _row_or_rows(value: Any):
     return "<rows>" if isinstance(value, list) and value and isinstance(value[0], list) else "<row>"
@@ -49,7 +51,7 @@ class CoefficientBase(Block):
 class Coefficients(CoefficientBase):
     """Coefficients of one configuration, to one reference area and diameter."""
 
-    mach: list[Number("1.05", "", non_negative=True)] = Field(
+    mach: list[Number("1.05", "", non_negative=True, at_most=100.0)] = Field(
         min_length=2, description="Mach numbers, increasing"
     )
     angle_of_attack: list[Quantity("rad", "4 deg", "", non_negative=True, at_most="180 deg")] | None = Field(
@@ -58,14 +60,16 @@ class Coefficients(CoefficientBase):
         description="total angles of attack, increasing from 0 deg; axial, normal_slope, pressure_station "
         "and drag are then one list for each angle",
     )
-    axial: column(Number("0.62")) = Field(
+    axial: column(Number("0.62", at_least=-LARGEST, at_most=LARGEST)) = Field(
         description="axial force; without angles of attack that at zero, which goes with the cosine squared"
     )
-    normal_slope: column(Number("2.5")) = Field(
+    normal_slope: column(Number("2.5", at_least=-LARGEST, at_most=LARGEST)) = Field(
         description="normal force over the sine of the angle of attack, per radian"
     )
-    pressure_station: column(Quantity("m", "6.5 m", "")) = Field(description="centre of pressure")
-    drag: column(Number("2.2", non_negative=True)) | None = Field(
+    pressure_station: column(Quantity("m", "6.5 m", "", at_least="-1 km", at_most="1 km")) = Field(
+        description="centre of pressure"
+    )
+    drag: column(Number("2.2", non_negative=True, at_most=LARGEST)) | None = Field(
         default=None, description="force against the air velocity, on top of the others"
     )
 

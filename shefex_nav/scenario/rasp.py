@@ -12,7 +12,8 @@ from shefex_nav.scenario.document import Mark
 from shefex_nav.scenario.tables import BadTable, Cell, number
 
 HEADER = ("name", "diameter_mm", "length_mm", "delays", "propellant_kg", "total_kg", "manufacturer")
-NUMBERS = ("diameter_mm", "length_mm", "propellant_kg", "total_kg")
+MOST = {"diameter_mm": 1e5, "length_mm": 1e6, "propellant_kg": 1e7, "total_kg": 1e7}  # [E] of any motor
+NUMBERS = tuple(MOST)
 
 
 class Rasp(NamedTuple):
@@ -80,6 +81,8 @@ def _header(words):
             entries[name] = number(word, name, mark)
             if entries[name].value <= 0.0:
                 errors.append((mark, f"{name}: must be greater than zero, got {word}"))
+            if entries[name].value > MOST[name]:
+                errors.append((mark, f"{name}: must be at most {MOST[name]:g}, got {word}"))
         except BadTable as bad:
             errors += bad.errors
     if not errors and entries["total_kg"].value <= entries["propellant_kg"].value:

@@ -8,7 +8,7 @@ import replay_files
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.replay import dataset, load, schema, schema_data
-from shefex_nav.replay.series import GnssSeries, ImuSeries
+from shefex_nav.replay.series import GnssSeries, ImuSeries, TruthSeries
 from shefex_nav.scenario.data_table import DataError, Table
 from shefex_nav.scenario.load import ScenarioError
 
@@ -298,3 +298,18 @@ def test_a_scenario_that_cannot_be_is_refused(kind, tmp_path):
     with pytest.raises(ScenarioError) as caught:
         load.load(tmp_path / "small.yaml", [override])
     assert len(caught.value.messages) == 1 and words in str(caught.value), str(caught.value)
+
+
+def test_a_row_of_truth_that_no_vehicle_reaches_is_refused():
+    t_s = np.arange(5) * 0.1
+    r_e = np.array([[6.4e6, 1e3 * t, 0.0] for t in t_s])
+    table = Table("truth.csv", {}, np.arange(2, 7))
+    truth = TruthSeries(table, t_s, r_e, np.zeros((5, 3)), np.zeros((5, 3)))
+    dataset.check_way(truth)
+    near = r_e.copy()
+    near[3, 2] = 900.0  # of a survey by hand
+    dataset.check_way(truth._replace(r_e=near))
+    far = r_e.copy()
+    far[3] = [0.0, 6.4e6, 0.0]  # a latitude or a longitude of 0
+    with pytest.raises(DataError, match=r"truth\.csv:5: the position is 9\.051e\+06 m from that of the row"):
+        dataset.check_way(truth._replace(r_e=far))

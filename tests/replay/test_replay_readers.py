@@ -272,6 +272,15 @@ def test_kf_gins(long, tmp_path):
         assert gnss.v_e is None
 
 
+@pytest.mark.parametrize("week", ["-1e308", "2000.5", "1e300", "-1"])
+def test_kf_gins_with_a_week_that_cannot_be(tmp_path, week):
+    files = kf_gins_files(tmp_path, "100.0 30.5 114.4 20 0.1 0.2 0.3\n101.0 30.5 114.4 20 0.1 0.2 0.3\n")
+    text = (tmp_path / "nav.txt").read_text()
+    (tmp_path / "nav.txt").write_text(text.replace("\n2000", f"\n{week}"))
+    with pytest.raises(DataError, match=r"nav\.txt:2: week: expected a whole number of 0 to 10000, got"):
+        kf_gins.read(None, files)
+
+
 def test_kf_gins_with_too_few_columns(tmp_path):
     with pytest.raises(DataError, match=r"gnss\.txt:1: expected 7 columns \(time, latitude.*, got 4"):
         kf_gins.read(None, kf_gins_files(tmp_path, "100.0 30 114 20\n"))

@@ -81,3 +81,17 @@ def test_bad_coefficients(tmp_path, kind):
 def test_damping_must_fit_the_table(tmp_path):
     said = the_message(coefficients(tmp_path, AERO, "pitch_damping: [-9, -9, -9], roll_damping: [-1, -1]"))
     assert "aerodynamics.roll_damping: 2 values for 3 Mach numbers; give one for each" in said
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("0.2, 1.0, 1.2e9, 0.01", "pressure_station.0.2: must be at most 1 km, got '1.2e9 m'"),
+        ("1e8, 1.0, 1.2, 0.01", "axial.0.2: must be at most 10000.0, got 100000000.0"),
+        ("0.2, -1e8, 1.2, 0.01", "normal_slope.0.2: must be at least -10000.0, got -100000000.0"),
+        ("0.2, 1.0, 1.2, 1e8", "drag.0.2: must be at most 10000.0, got 100000000.0"),
+    ],
+)
+def test_coefficients_that_cannot_be_are_named_with_their_line(tmp_path, value, words):
+    said = the_message(coefficients(tmp_path, AERO.replace("5, 0, 0.2, 1.0, 1.2, 0.01", f"5, 0, {value}")))
+    assert said.startswith(f"{tmp_path / 'aero.csv'}:4:") and words in said

@@ -182,6 +182,18 @@ BAD_WIND = {
         "height_m,speed_m_s,from_deg\n10, @-3, 0\n",
         "wind.speed.0: must not be negative, got '-3 m/s'",
     ),
+    "fast": (
+        "height_m,speed_m_s,from_deg\n0, 5, 0\n10, @900, 0\n",
+        "wind.speed.1: 900 m/s at 10 m is no wind of the Earth; expected at most 300 m/s",
+    ),
+    "twice one height": (
+        "height_m,speed_m_s,from_deg\n10, 3, 0\n@10, 3, 90\n",
+        "wind.height.1: heights must increase: 10 m follows 10 m",
+    ),
+    "underscore": (
+        "height_m,speed_m_s,from_deg\n0, @1_0, 0\n",
+        "speed_m_s: expected a number such as 12.5, got '1_0'",
+    ),
     "angle": (
         "height_m,speed_m_s,from_deg\n10, 3, @400\n",
         "wind.from.0: must be at most 360 deg, got '400 deg'",
@@ -254,6 +266,14 @@ BAD_MOTORS = {
     "masses swapped": (
         "M 120 900 0 14.5 @8 W\n0.1 5\n1 0\n",
         "total_kg: 8 kg must be more than the propellant, 14.5 kg",
+    ),
+    "diameter": (
+        "M @1e300 900 0 8 14.5 W\n0.1 5\n1 0\n",
+        "diameter_mm: must be at most 100000, got 1e300",
+    ),
+    "other digits": (
+        "M 120 900 0 8 14.5 W\n0.1 @１２\n1 0\n",
+        "thrust: expected a number such as 12.5, got '１２'",
     ),
     "no curve": ("@M 120 900 0 8 14.5 W\n", "there is no thrust below the header"),
     "no end": ("M 120 900 0 8 14.5 W\n0.1 5\n1 @3\n", "thrust: must end with zero, ends with 3 N"),
