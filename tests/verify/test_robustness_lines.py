@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from shefex_nav.verify.robustness import flight, store
+from shefex_nav.verify.robustness import design, factors, flight, store
 from shefex_nav.verify.robustness.lines import LineError
 
 ASKED = {"scenarios": ["rexus_like"], "set": [], "seed": 0, "of": "design", "code": "0123"}
@@ -26,8 +26,10 @@ FAULT = {
 
 def record(cell, **changed):
     head = {"cell": cell, "flight": 0, "seed": flight.seed_of(0, cell, 0), "rocket": "rexus_like"}
-    head |= {"grade": "tactical", "told": "right", "happens": "nothing", "phase": "descent"}
-    flown = {"told_kind": "right", "noise_told": 1.0, "risk": 1e-5} | FIGURES
+    own = design.cells()[cell]
+    head |= {"grade": own.grade, "told": own.told, "happens": own.happens, "phase": own.phase}
+    told = factors.TOLD[own.told]
+    flown = {"told_kind": told.kind, "noise_told": told.residuals, "risk": 1e-5} | FIGURES
     return head | flown | {"twin": FIGURES, "fault": FAULT, "cpu_s": 5.0} | changed
 
 
@@ -97,6 +99,9 @@ def spoilt(path, value):
         (spoilt("speed", 1.0), "speed: is no field of a record"),
         (spoilt("cell", 1.5), "cell: got 1.5, expected a whole number from 0"),
         (spoilt("cell", [1]), r"cell: got \[1\], expected a whole number"),
+        (spoilt("cell", 1000), "cell: got 1000, expected one of"),
+        (spoilt("grade", "golden"), 'grade: got "golden", expected ".*" of this cell'),
+        (spoilt("noise_told", 7.0), "noise_told: got 7.0, expected .* of this cell"),
         (spoilt("seed", 5), "seed: got 5, expected [0-9]+ of this cell and flight"),
         (spoilt("risk", 2.0), "risk: got 2.0, expected a number from 0 to 1"),
         (spoilt("quantities", []), r"quantities: got \[\], expected an object"),

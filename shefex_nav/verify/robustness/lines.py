@@ -6,10 +6,12 @@ is none and its flight is flown again; any other line that cannot be what `fligh
 
 import json
 import math
+from functools import cache
 from typing import NamedTuple
 
 from shefex_nav.errors import UserError
-from shefex_nav.verify.robustness import design
+from shefex_nav.verify.robustness import design, random_faults
+from shefex_nav.verify.robustness.factors import RIGHT, TOLD
 
 MOST = 1e300  # of a number that may be anything
 LATEST_S = 1e7
@@ -112,11 +114,35 @@ def _record(place, line, seed_of):
     shape = FAILED if isinstance(record, dict) and "failed" in record else FLOWN
     if fault := _fault(record, shape):
         raise LineError(f"{place}: {fault}; {AGAIN}")
+    if fault := _other_cell(record):
+        raise LineError(f"{place}: {fault}; {AGAIN}")
     wanted = seed_of(record["cell"], record["flight"])
     if record["seed"] != wanted:
         words = f"seed: got {record['seed']}, expected {wanted} of this cell and flight"
         raise LineError(f"{place}: {words}; {AGAIN}")
     return record
+
+
+def _other_cell(record):
+    """Words about a level that the cell of a record does not have; '' if it has all of them."""
+    if record["happens"] == random_faults.NAME:
+        wanted = {"grade": design.OWN, "told": RIGHT, "phase": design.ANY}
+    elif record["cell"] < len(cells := _cells()):
+        wanted = {name: getattr(cells[record["cell"]], name) for name in design.FACTORS if name != "rocket"}
+    else:
+        return f"cell: got {record['cell']}, expected one of {len(cells)}, counted from 0"
+    if "failed" not in record:
+        told = TOLD[wanted["told"]]
+        wanted |= {"told_kind": told.kind, "noise_told": told.residuals}
+    wrong = [name for name, level in wanted.items() if record[name] != level]
+    if not wrong:
+        return ""
+    return f"{wrong[0]}: got {_shown(record[wrong[0]])}, expected {_shown(wanted[wrong[0]])} of this cell"
+
+
+@cache
+def _cells():
+    return design.cells()
 
 
 def _no_number(text):
