@@ -22,10 +22,8 @@ STANDARD = (  # US Standard Atmosphere 1976: hPa, geopotential m
     (300.0, 9164.0), (226.321, 11000.0), (54.7489, 20000.0), (8.68019, 32000.0),
     (1.10906, 47000.0), (0.669389, 51000.0), (0.0395642, 71000.0), (0.003734, 84852.0), (1e-4, 105000.0),
 )  # fmt: skip
-OFF, OFF_SHARE = (
-    1000.0,
-    0.15,
-)  # m, [E] of heights of a pressure from the standard
+OFF = 1000.0  # m, [E] by which the height of a pressure may differ from the standard
+OFF_SHARE = 0.15  # [E] of the standard height, in addition
 EARTH_RADIUS = 6371e3  # m, mean
 FAR = 300e3  # m, [E] from there on the wind is of another place
 
