@@ -148,7 +148,7 @@ class Logs(Kind):
 
     def __init__(self, folder):
         super().__init__(folder)
-        from shefex_nav.commands.main import app
+        from shefex_nav.commands.app import app
 
         path = self.folder / "whole.mcap"
         app(["run", "night_sky", "--until", "3s", "--out", str(path)], standalone_mode=False)

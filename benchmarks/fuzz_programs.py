@@ -131,7 +131,7 @@ def command_line(rng):
 
 def carry_out(words, folder):
     """Carry out a command in a folder: what it prints on stdout; UserError where it is refused."""
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     before = os.getcwd()
     os.chdir(folder)

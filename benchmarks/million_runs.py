@@ -152,7 +152,7 @@ def tabulate(path, folder, runs):
 
 def report(path, folder, runs, *more):
     """The command. -> dict of figures"""
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     with contextlib.redirect_stdout(io.StringIO()) as said:
         app(["report", str(folder), *more], standalone_mode=False)

@@ -71,7 +71,7 @@ def main():
     """Carry out the command."""
     mark("interpreter")
     atexit.register(write)
-    from shefex_nav.commands.main import main as command_line
+    from shefex_nav.commands.app import main as command_line
 
     mark("command line")
     if COMMAND[0] in ("run", "check"):

@@ -1,12 +1,26 @@
-"""Ctrl-C and SIGTERM as a wish that is asked for between two steps, not an exception in the middle of one."""
+"""Ctrl-C and SIGTERM: the end of a process, an exception, or a wish that is asked for between two steps.
 
+`of_process` is for a program of its own: while it starts, and when its work is done, a signal ends it at
+once. `interruptible` is for the work itself: a signal raises KeyboardInterrupt, and is noted, since
+compilers, destructors and loaders of libraries lose that or make another exception of it. `stopping` and
+`wishes` are for long work in steps.
+"""
+
+import _thread
+import atexit
 import os
 import signal
+import sys
 import threading
 from contextlib import contextmanager
 
 WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n"
+INTERRUPTED, CODE = "interrupted", 130  # what a process says, and its exit code: 128 + SIGINT
+AGAIN_S = 0.05  # after which an exception that was lost is raised again
+SIGNALS = signal.SIGINT, signal.SIGTERM  # Ctrl-C, and that of `kill`, a batch system, a container
 _waiting = []  # an entry for each `waiting`
+_said = []  # an entry once the process has said that it was interrupted
+_raised = []  # for each `interruptible`: a list with an entry for each signal that raised an exception
 
 
 @contextmanager
@@ -39,16 +53,77 @@ def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
         yield asked
 
 
+def of_process():
+    """Signals end this process at once, with a line and exit code 130, but for work that is `interruptible`.
+
+    At the very end of Python, when all is done, they are ignored: only the memory is left to tidy up.
+    """
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # whoever started this wants it so: nohup
+            signal.signal(number, _end_at_once)
+    atexit.register(_ignore)  # the first that is registered is the last that is called
+
+
+def _end_at_once(_number, _frame):
+    try:
+        if not _said:
+            os.write(2, f"{INTERRUPTED}\n".encode())  # not print: the signal may have come within one
+    finally:
+        os._exit(CODE)
+
+
+def said():
+    """This process has said that it was interrupted: a signal that comes after that adds no word."""
+    _said.append(True)
+
+
+def _ignore():
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@contextmanager
+def interruptible():
+    """A list that has entries if signals have raised KeyboardInterrupt inside: whatever comes out of the
+    context is then an interruption. One that is lost in a destructor is raised again a moment later.
+    """
+    asked, before = [], sys.unraisablehook
+
+    def lost(found):
+        if not asked or not issubclass(found.exc_type, KeyboardInterrupt):
+            before(found)
+            return
+        timer = threading.Timer(AGAIN_S, _thread.interrupt_main)
+        timer.daemon = True
+        timer.start()
+
+    _raised.append(asked)
+    sys.unraisablehook = lost
+    try:
+        with handled(dict.fromkeys(SIGNALS, interrupt)):
+            yield asked
+    finally:
+        sys.unraisablehook = before
+        _raised.remove(asked)
+
+
+def interrupt(number=signal.SIGINT, _frame=None):
+    """Raise KeyboardInterrupt, and note it; as a handler of signals, too."""
+    for asked in _raised:
+        asked.append(number)
+    raise KeyboardInterrupt
+
+
 def at_once(asked):
     """KeyboardInterrupt at the second wish, wherever that is. asked : of `wishes`"""
     if len(asked) > 1:
-        raise KeyboardInterrupt
+        interrupt()
 
 
 def at_once_if_waiting(asked):
     """The same, and at the first wish while the program is `waiting`. asked : of `wishes`"""
     if _waiting or asked[1:]:
-        raise KeyboardInterrupt
+        interrupt()
 
 
 @contextmanager
@@ -61,9 +136,28 @@ def waiting():
         _waiting.pop()
 
 
-def terminable():
-    """Context in which SIGTERM (of `kill`, a batch system, a container) is Ctrl-C: files are closed."""
-    return handled({signal.SIGTERM: signal.default_int_handler})
+@contextmanager
+def together():
+    """Context of what must not be done by half, such as the start of a process: signals wait for its end.
+
+    Ctrl-C in a terminal is for all of its processes. One that is started inside is deaf to it.
+    """
+    mask = getattr(signal, "pthread_sigmask", lambda how, signals: ())  # Windows has none
+    with wishes(signals=SIGNALS) as asked:
+        before = mask(getattr(signal, "SIG_BLOCK", 0), {signal.SIGINT})
+        try:
+            yield
+        finally:
+            mask(getattr(signal, "SIG_SETMASK", 0), before)
+    for number in asked:
+        signal.raise_signal(number)
+
+
+def deaf():
+    """In a process that another one has started and ends: Ctrl-C is not for it, from `together` on."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 @contextmanager
@@ -74,5 +168,5 @@ def stopping():
         at_once(asked)
         os.write(2, WORDS)  # not print: the signal may have come in the middle of one
 
-    with wishes(take, (signal.SIGINT, signal.SIGTERM)) as asked:
+    with wishes(take, SIGNALS) as asked:
         yield lambda: bool(asked)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 
 from shefex_nav.ending import end_quickly, without_folders_of_astropy
-from shefex_nav.stopping import handled
+from shefex_nav.stopping import deaf, handled, together
 
 
 def cores():
@@ -61,7 +61,7 @@ def collected_afterwards():
 
 def bind_to_parent():
     """In a worker: leave Ctrl-C to the parent, and end when the parent is gone, however it ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    deaf()
     parent = multiprocessing.parent_process()
 
     def watch():
@@ -90,9 +90,10 @@ class Pool:
 
     def submit(self, function, *arguments):
         """Future of a call. BrokenExecutor if a worker has been killed before."""
-        before = set(multiprocessing.active_children())
-        future = self._executor.submit(function, *arguments)
-        self.processes |= set(multiprocessing.active_children()) - before
+        with together():
+            before = set(multiprocessing.active_children())
+            future = self._executor.submit(function, *arguments)
+            self.processes |= set(multiprocessing.active_children()) - before
         return future
 
     def stop(self, *, at_once=False):

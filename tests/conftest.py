@@ -91,7 +91,7 @@ def own_numbers(request):
 
 def here(*arguments):
     """Run the command line in this process, which has loaded everything; a fault is not caught."""
-    from shefex_nav.commands.main import main
+    from shefex_nav.commands.app import main
 
     out, err, code, searched = io.StringIO(), io.StringIO(), 0, gc.get_threshold()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):

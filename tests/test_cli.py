@@ -33,7 +33,7 @@ def test_each_command_is_a_file_of_its_name():
     import typer
 
     from shefex_nav import commands
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     def names(group, before=""):
         for name, command in group.commands.items():
@@ -42,6 +42,7 @@ def test_each_command_is_a_file_of_its_name():
 
     shared = {
         "__init__",
+        "app",
         "main",
         "options",
         "output_files",
@@ -411,13 +412,13 @@ def test_an_earlier_run_keeps_its_name(tmp_path, monkeypatch):
 
 
 def test_threads_that_python_waits_for_at_the_end_are_named(capsys):
-    from shefex_nav.commands import main
+    from shefex_nav.commands import app
 
     end = threading.Event()
     thread = threading.Thread(target=end.wait, name="pump")
     thread.start()
-    main._tell_threads()
+    app._tell_threads()
     end.set()
     thread.join()
-    main._tell_threads()
+    app._tell_threads()
     assert capsys.readouterr().err == "done; waiting for threads that own software has not ended: pump\n"

@@ -9,7 +9,7 @@ import pytest
 from rich.table import Table
 
 from shefex_nav.commands import printing, terminal
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.commands.output_files import OF_CAMPAIGNS
 
 LOG, THERE = "{log}", "{there}"  # files that exist

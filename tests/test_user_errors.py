@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import shefex_nav
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.errors import UserError
 
 INTERNAL = {  # caught inside the package, which says it in other words, or of the machine

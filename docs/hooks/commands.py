@@ -15,7 +15,7 @@ def on_files(files, config, **_):
 
 def text():
     """Markdown of all commands."""
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     parts = [
         "# Commands",

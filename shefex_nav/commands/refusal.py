@@ -11,11 +11,12 @@ import sys
 from contextlib import nullcontext
 from io import TextIOWrapper
 
+import typer
 import typer.core
 
+from shefex_nav import stopping
 from shefex_nav.commands.terminal import tell
 from shefex_nav.errors import UserError
-from shefex_nav.stopping import terminable
 
 try:  # typer carries its own click, under no public name; until 2026 it used the package
     from typer._click import exceptions as refused
@@ -66,14 +67,21 @@ class PlainGroup(typer.core.TyperGroup):
 
     def invoke(self, ctx):
         """Run a command; typer ends one that is interrupted, or not read to its end, without a word."""
+        asked = []
         try:
-            return super().invoke(ctx)
+            with stopping.interruptible() as asked:
+                done = super().invoke(ctx)
         except BrokenPipeError:
             sys.stdout = open(os.devnull, "w")  # Python would try again at its end
             sys.exit(UNREAD)
-        except KeyboardInterrupt:
-            tell("interrupted")
-            raise
+        except BaseException as error:
+            if isinstance(error, typer.Exit) and error.exit_code == stopping.CODE:
+                stopping.said()
+                raise
+            if not (asked or isinstance(error, KeyboardInterrupt)):
+                raise
+            return _interrupted()
+        return _interrupted() if asked else done  # something that was called has lost the exception
 
     def _alone(self, args, more):
         """The whole life of the process."""
@@ -82,8 +90,7 @@ class PlainGroup(typer.core.TyperGroup):
                 stream.reconfigure(errors="replace")
         try:
             _check_letters(args)
-            with terminable():
-                code = super().main(args, standalone_mode=False, **more)
+            code = super().main(args, standalone_mode=False, **more)
         except refused.NoArgsIsHelpError as error:  # which has printed it
             sys.exit(error.exit_code)
         except refused.ClickException as error:
@@ -98,6 +105,13 @@ class PlainGroup(typer.core.TyperGroup):
             tell(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}")
             sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _interrupted():
+    """Say so, and end with the code that means it."""
+    tell(stopping.INTERRUPTED)
+    stopping.said()
+    raise typer.Exit(stopping.CODE) from None
 
 
 def _check_letters(args):

@@ -13,7 +13,7 @@ from shefex_nav.commands.options import Json, Seed
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.papers import registry
 from shefex_nav.progress import bar, lines
-from shefex_nav.stopping import wishes
+from shefex_nav.stopping import interrupt, wishes
 
 OUT = Path("logs/reproduce")
 REPORT = "report"  # in place of an experiment
@@ -158,7 +158,7 @@ def _watched(experiment, samples, seed, folder):
 
 def _stop(asked):
     """KeyboardInterrupt at once: a chunk may take minutes."""
-    raise KeyboardInterrupt
+    interrupt()
 
 
 def _interrupted(experiment, samples, store):

@@ -189,6 +189,7 @@ class _Process:
             text=True,
             encoding="utf-8",
             env=environment,
+            start_new_session=True,  # Ctrl-C is not for it
         )
         self._has_ended = False  # by itself
         self._reader = threading.Thread(target=self._read, args=(finished,), daemon=True)

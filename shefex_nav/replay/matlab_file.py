@@ -52,7 +52,8 @@ def _structure(path, names, optional):
     """{field: name of its dtype}, and {field: (...) float64} of those asked for, of the one structure."""
     command = [sys.executable, "-P", str(CHILD), str(path), *names, *optional]
     try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=LONGEST_S)
+        how = {"capture_output": True, "check": False, "start_new_session": True}  # Ctrl-C is not for it
+        done = subprocess.run(command, timeout=LONGEST_S, **how)
     except subprocess.TimeoutExpired:
         raise DataError(f"{path}: cannot be read as a Matlab file within {LONGEST_S:g} s") from None
     if done.returncode == REFUSED:

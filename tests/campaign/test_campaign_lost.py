@@ -10,7 +10,7 @@ from short_campaign import HereLane, Show, fly, request, write
 from typer.testing import CliRunner
 
 from shefex_nav.campaign import engine, flight, results, running, store, summary
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.scenario import load
 
 RUNS = 4

@@ -8,7 +8,7 @@ from short_campaign import HereLane, fly, write
 from typer.testing import CliRunner
 
 from shefex_nav.campaign import repeating, store
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.scenario import load
 
 RUNS = 4

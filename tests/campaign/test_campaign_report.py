@@ -12,7 +12,7 @@ from shefex_nav.campaign import figures, over_time, parts, summary
 from shefex_nav.campaign.engine import Lost
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.campaign.store import Store
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.report import requirements
 from shefex_nav.scenario import load
 

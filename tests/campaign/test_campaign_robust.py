@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from shefex_nav import files, stopping
 from shefex_nav.campaign import engine, flight, mending, results, running, store, table
 from shefex_nav.campaign import plan as planning
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.compiled import target
 from shefex_nav.scenario import load
 

@@ -28,7 +28,7 @@ from shefex_nav.campaign import (
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.clock import TICK_HZ
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load

@@ -18,7 +18,7 @@ from shefex_nav.campaign.characterise import collect, flying, judge, running
 from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.campaign.characterise.records import Flown, Records
 from shefex_nav.campaign.running import prepared
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.scenario.load import load
 
 CAMPAIGN = Path(__file__).parents[2] / "scenarios" / "shefex2_dispersed.yaml"

@@ -12,7 +12,7 @@ from shefex_nav.campaign.characterise import collect, kept, running
 from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.campaign.characterise.records import Flown, Records, RecordsError
 from shefex_nav.campaign.running import prepared
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.scenario import laws
 from shefex_nav.scenario.load import Pattern, load
 from shefex_nav.scenario.star_statistics import settings

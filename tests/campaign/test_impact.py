@@ -9,7 +9,7 @@ import pytest
 
 from shefex_nav.campaign import running
 from shefex_nav.campaign.impact import aim, ellipses, instantaneous, landing, outputs, scatter, studying
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import geodesic
 from shefex_nav.scenario import load

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.campaign.impact import figures, instantaneous, landing, outputs, scatter, studying
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 
 ROCKET = """
 extends: rexus_like

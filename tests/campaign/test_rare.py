@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from shefex_nav import prepare
 from shefex_nav.campaign import draws, rare, rare_events, running
 from shefex_nav.campaign.impact import landing
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.report import geodesic
 from shefex_nav.scenario import load
 from shefex_nav.world.flight.fly import FlightError

@@ -26,7 +26,7 @@ from shefex_nav.campaign import (
     until,
     verdicts,
 )
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.scenario import load
 
 EASY = ["requirements.probability=60 %", "requirements.confidence=60 %"]

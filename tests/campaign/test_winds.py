@@ -6,7 +6,7 @@ import math
 import pytest
 
 from shefex_nav.campaign.impact import landing, winds, winds_shown
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.report import geodesic
 
 ROCKET = """

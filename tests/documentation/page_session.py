@@ -19,7 +19,7 @@ from short_campaign import HereLane
 
 from shefex_nav import simulate
 from shefex_nav.campaign import engine
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.scenario import load, shipped
 
 ROOT = Path(__file__).parents[2]

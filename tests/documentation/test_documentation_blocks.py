@@ -74,7 +74,7 @@ def test_commands_that_are_not_run_exist():
     """`shefex-nav X --y`: X and --y are there."""
     import typer
 
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     group, checked = typer.main.get_command(app), 0
     for name in NAMES:

@@ -133,7 +133,7 @@ def test_what_the_reference_of_python_names_is_there():
 
 
 def test_reference_of_commands_has_every_option(monkeypatch):
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     monkeypatch.setenv("COLUMNS", "200")
     text = hook("commands").text()

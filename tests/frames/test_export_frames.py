@@ -11,7 +11,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from shefex_nav import runs
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.environment import ephemeris, stars
 from shefex_nav.frames import flown, header
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between

@@ -13,7 +13,7 @@ from PIL.PngImagePlugin import PngInfo
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.frames import camera_file, export
 from shefex_nav.solve import picture, told
 from shefex_nav.solve.header import Taken, julian_year

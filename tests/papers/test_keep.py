@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from shefex_nav import progress
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.papers import engine, keep, registry
 from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.verdict import Verdict

@@ -6,7 +6,7 @@ import pytest
 import toy
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.papers import registry
 from shefex_nav.papers.verdict import TOO_FEW_WORDS, Verdict
 

@@ -69,7 +69,7 @@ def flown(tmp_path_factory):
     """What `replay hedy --json` says, and the gates of its log."""
     from typer.testing import CliRunner
 
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
     from shefex_nav.log import reader
 
     log = tmp_path_factory.mktemp("hedy") / "hedy.mcap"

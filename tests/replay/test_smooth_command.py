@@ -7,7 +7,7 @@ import pytest
 from flown_log import Options, write
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.log import reader
 from shefex_nav.records import TruthSample
 from shefex_nav.replay import rerun

@@ -6,7 +6,7 @@ import yaml
 from typer.testing import CliRunner
 
 from shefex_nav import runs
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.geometry import wgs84
 from shefex_nav.replay import dataset, load
 from shefex_nav.replay import written as measured

@@ -13,7 +13,7 @@ from made_up import MISSION, gathered, of_records
 from typer.testing import CliRunner
 
 from shefex_nav import records as rec
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.geometry.frames import ecef_from_inertial, inertial_from_ecef
 from shefex_nav.geometry.wgs84 import ecef_from_geodetic
 from shefex_nav.log import topics

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.report import instrument_sheets
 from shefex_nav.scenario import instruments
 from shefex_nav.scenario.load import load

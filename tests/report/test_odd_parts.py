@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.report import odd_parts, vehicle
 from shefex_nav.scenario import load
 

@@ -204,7 +204,7 @@ def told(result):
 def test_the_command_writes_a_page_and_refuses_to_lose_one(tmp_path):
     from typer.testing import CliRunner
 
-    from shefex_nav.commands.main import app
+    from shefex_nav.commands.app import app
 
     log, html = tmp_path / "run.mcap", tmp_path / "run.html"
     options = synthetic_run.Options(start_s=-10.0, end_s=-9.0, frame_pixels=False)

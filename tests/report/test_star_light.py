@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.onboard.startracker.catalogue import CatalogueError
 from shefex_nav.report import programme, star_light

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.log import reader
 from shefex_nav.report import table
 from shefex_nav.report.requirements import Judged, objects

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.report import vehicle
 from shefex_nav.report.figures import style
 from shefex_nav.report.figures import vehicle as figures

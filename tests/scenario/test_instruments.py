@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from broken import SCENARIO_FOLDER, messages, the_message
 
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.replay import load as replays
 from shefex_nav.scenario import document, instruments, shipped
 from shefex_nav.scenario.differences import of_texts

@@ -8,7 +8,7 @@ import pytest
 from broken import the_message
 
 from shefex_nav import Scenario
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.replay import load as replays
 from shefex_nav.scenario import load, shipped
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from broken import the_message
 
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.onboard.navigation.measurements import understood
 from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 from shefex_nav.records import GpsFix, GpsRanges

@@ -8,7 +8,7 @@ from broken import SCENARIO_FOLDER, the_message
 
 from shefex_nav import prepare
 from shefex_nav.campaign.running import prepared
-from shefex_nav.commands.main import main
+from shefex_nav.commands.app import main
 from shefex_nav.records import Event
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.block import AUTOMATIC

@@ -9,7 +9,7 @@ from calibration_shots import SIZE_PX, YEAR, camera_of, shoot
 from PIL import Image
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.frames import calibrated, camera_file
 from shefex_nav.scenario import load
 from shefex_nav.solve.calibration import calibrate, pictures

@@ -21,7 +21,7 @@ from PIL import Image
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.frames import camera_file
 from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
 from shefex_nav.papers.stills import random_attitude

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image, ImageOps
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.solve import orientation, picture
 from shefex_nav.solve.image import solve_image

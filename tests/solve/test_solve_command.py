@@ -9,7 +9,7 @@ import test_picture
 from PIL import Image
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.commands.solve import julian_year
 from shefex_nav.solve.overlay import free_place
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.scenario import load
 from shefex_nav.verify import consistency, consistency_table, flown, linear, study
 from shefex_nav.verify.flown import N_CORE, Run

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.verify.robustness import design, page, require, running, show, store
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from shefex_nav import prepare
 from shefex_nav.clock import sample_s
-from shefex_nav.commands.main import app
+from shefex_nav.commands.app import app
 from shefex_nav.records import Phase
 from shefex_nav.report import imu_range
 from shefex_nav.scenario import load, star_model, sweeps
