@@ -80,6 +80,8 @@ def said():
 def _ignore():
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):  # Python kills itself by a SIGINT that went through its `exec`
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
 @contextmanager
