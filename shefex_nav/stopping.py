@@ -58,10 +58,14 @@ def of_process():
 
     At the very end of Python, when all is done, they are ignored: only the memory is left to tidy up.
     """
-    for number in SIGNALS:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # whoever started this wants it so: nohup
-            signal.signal(number, _end_at_once)
+    for number in _heard():
+        signal.signal(number, _end_at_once)
     atexit.register(_ignore)  # the first that is registered is the last that is called
+
+
+def _heard():
+    """Those of SIGNALS that whoever started this process has not told it to ignore, as shells do with `&`."""
+    return [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
 
 
 def _end_at_once(_number, _frame):
@@ -102,7 +106,7 @@ def interruptible():
     _raised.append(asked)
     sys.unraisablehook = lost
     try:
-        with handled(dict.fromkeys(SIGNALS, interrupt)):
+        with handled(dict.fromkeys(_heard(), interrupt)):
             yield asked
     finally:
         sys.unraisablehook = before

@@ -13,6 +13,7 @@ import typer
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import show_campaign, warn
 from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
+from shefex_nav.commands.output_files import check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 OUT = Path("logs/campaigns")
@@ -75,12 +76,15 @@ def campaign(
         raise typer.BadParameter("is missing; see `shefex-nav campaign --help`", param_hint="--runs")
     if sweep:
         _check_sweep(cluster, keep, dry_run, until_verified)
+        check_writable(out or OUT, "--out")
         from shefex_nav.campaign.compare import flying
 
         how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
         raise typer.Exit(_sweep(how, sweep, json))
     address = _parsed("--engine", running.address, cluster)
     kept = _parsed("--keep", running.kept, keep or ())
+    if not dry_run:
+        check_writable(out or OUT, "--out")
     loaded = load.load(scenario, overrides or ())
     software.refuse_reached(loaded)
     warn(loaded, loaded.dropped)

@@ -14,7 +14,7 @@ import typer
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands import options
 from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers
-from shefex_nav.commands.output_files import OR_FORCE, check_place
+from shefex_nav.commands.output_files import OR_FORCE, check_place, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 
@@ -39,6 +39,8 @@ def characterise(
     check_place(out, "--out", force=force, instead=OR_FORCE)
     if records is not None and not records.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {records.parent}", param_hint="--records")
+    if records is not None:
+        check_writable(records, "--records")
     say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
     result = _characterised(loaded, runs, seed, workers, records)
     _write(out, result.content)

@@ -11,7 +11,7 @@ import typer
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.options import Json, Overrides, RootSeed, Workers
-from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.output_files import check_file, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 RUNS = 20
@@ -50,6 +50,8 @@ def compare(
     if html is not None:
         check_file(html, "--html", force=force)
     told = [words.read(text) for text in given]
+    if out is not None:
+        check_writable(out, "--out")
     if scenario is not None and not any(one.kind == words.SOFTWARE for one in told):
         raise typer.BadParameter(
             f"{scenario}: no software is given that would fly in it", param_hint="--scenario"

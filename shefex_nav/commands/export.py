@@ -12,7 +12,7 @@ import typer
 
 from shefex_nav.commands.flights import about, say_if_cut, say_missing_plugins
 from shefex_nav.commands.options import Overrides, mission_time
-from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.output_files import check_file, check_writable
 from shefex_nav.commands.printing import say
 from shefex_nav.log.mcap_file import is_log
 from shefex_nav.progress import bar
@@ -145,6 +145,7 @@ def _check_folder(path, option, *, force):
         raise typer.BadParameter(
             f"{path} is not empty; choose another folder or add --force", param_hint=option
         )
+    check_writable(path, option)
 
 
 def _check_frames(wanted, *, of_log, alone):

@@ -12,7 +12,7 @@ import typer
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import about, warn_of_parts
-from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
+from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers, number
 from shefex_nav.commands.output_files import check_folder, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -125,7 +125,7 @@ def height(text):
 def place_of(text, option="--aim"):
     """(latitude, longitude), rad."""
     try:
-        latitude, longitude = (float(part) for part in text.split(","))
+        latitude, longitude = (number(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(
             f"{text!r} is no place; expected such as 68.4,20.9", param_hint=option

@@ -33,6 +33,13 @@ OverwriteFigure = Annotated[bool, typer.Option("--force", help="Overwrite the fi
 OverwriteOut = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")]
 
 
+def number(text):
+    """float of a text; ValueError also of 1_0 and of digits of other alphabets, which Python reads."""
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{text!r} is no number")
+    return float(text)
+
+
 def mission_time(text, option, example):
     """Seconds from a time with its unit that an option gives, such as 240s or '4 min'.
 

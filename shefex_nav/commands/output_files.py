@@ -3,12 +3,18 @@
 Each function takes the name of the option that the path was given with, which the message begins with.
 """
 
+import errno
+import os
+import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
+from shefex_nav import files
+
 OF_CAMPAIGNS = ("campaign.json", "runs.sqlite", "flight.npz", "results.parquet")  # never overwritten
+LOG = ".mcap"
 OTHER_NAME, OR_FORCE = "choose another name", "choose another name or add --force"
 
 
@@ -47,6 +53,42 @@ def check_place(path, option, *, force=False, instead=OTHER_NAME):
         raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option)
     if not path.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
+    if path.exists():
+        _check_overwritten(path, option)
+    _check_length(path, option)
+    check_writable(path.parent, option)
+
+
+def _check_overwritten(path, option):
+    """Refuse to write over what is there but cannot be written, or is no file."""
+    if what := files.irregular(os.stat(path)):
+        raise typer.BadParameter(f"{path} is {what}; give the name of a file", param_hint=option)
+    if path.suffix == LOG and not os.access(path, os.W_OK):  # others are written beside it first
+        raise typer.BadParameter(f"{path} cannot be written; {OTHER_NAME}", param_hint=option)
+
+
+def _check_length(path, option):
+    """Refuse a name that gets too long by the ending that it has until it is whole."""
+    try:
+        os.stat(path if path.suffix == LOG else files.part(path))
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise typer.BadParameter(f"{path} has a name that is too long", param_hint=option) from None
+
+
+def check_writable(folder, option):
+    """Refuse a folder in which no file can be made, or that cannot be made; nothing of it is left."""
+    there = folder
+    while not there.exists():
+        there = there.parent
+    if not there.is_dir():
+        raise typer.BadParameter(f"{there} is a file; give the name of a folder", param_hint=option)
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        words = f"cannot write into the folder {there}: {os.strerror(error.errno)}"
+        raise typer.BadParameter(words, param_hint=option) from None
 
 
 def check_picture(path, option, *, force, endings=(".png", ".svg"), given=()):
@@ -60,23 +102,25 @@ def check_picture(path, option, *, force, endings=(".png", ".svg"), given=()):
 
 
 def check_pictures(folder, names, option, *, force):
-    """Refuse a folder in which one of these pictures (PNG) would be overwritten."""
+    """Refuse a folder in which one of these pictures (PNG) would be overwritten, or cannot be written."""
     there = [name for name in names if (folder / f"{name}.png").exists()]
     if there and not force:
         more = f" and {len(there) - 1} more exist" if there[1:] else " exists"
         raise typer.BadParameter(
             f"{folder / there[0]}.png{more} already; choose another folder or add --force", param_hint=option
         )
+    check_writable(folder, option)
 
 
 def check_folder(folder, names, option, *, force):
-    """Refuse a folder in which one of these files would be overwritten."""
+    """Refuse a folder in which one of these files would be overwritten, or cannot be written."""
     if folder.exists() and not folder.is_dir():
         raise typer.BadParameter(f"{folder} is no folder", param_hint=option)
     there = [name for name in names if (folder / name).exists()]
     if there and not force:
         words = f"{folder / there[0]} exists already; choose another folder or add --force"
         raise typer.BadParameter(words, param_hint=option)
+    check_writable(folder, option)
 
 
 def make_folder(path, option):

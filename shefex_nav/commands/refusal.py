@@ -9,6 +9,7 @@ import os
 import re
 import sys
 from contextlib import nullcontext
+from functools import partial
 from io import TextIOWrapper
 
 import typer
@@ -49,7 +50,30 @@ _KINDS = {
 }
 
 
-class PlainGroup(typer.core.TyperGroup):
+class NumbersGroup(typer.core.TyperGroup):
+    """Commands whose numbers are written as people write them: Python reads 1_0 as ten, which nobody means."""
+
+    def get_command(self, ctx, cmd_name):
+        """A command, each of whose options looks at what it was given."""
+        found = super().get_command(ctx, cmd_name)
+        for one in () if found is None else found.params:
+            if not isinstance(one.process_value, partial):  # of an earlier call in this process
+                one.process_value = partial(_number, one, one.process_value)
+        return found
+
+
+def _number(param, read, ctx, value):
+    """What `read` makes of the value of an option, unless it is a number written as Python alone does."""
+    made = read(ctx, value)
+    if isinstance(value, str) and isinstance(made, (int, float)) and not isinstance(made, bool):
+        if "_" in value or not value.isascii():
+            words = f"{value}: {_WHOLE if isinstance(made, int) else _NUMBER}"
+            name = _name(refused.BadParameter("", ctx=ctx, param=param))
+            raise refused.BadParameter(f"{name} {words}", ctx=ctx, param_hint="")
+    return made
+
+
+class PlainGroup(NumbersGroup):
     """The commands, whose refusals are one message on stderr and exit code 2.
 
     `--trust` belongs to all of them: it is consent to run the plug-ins that a scenario names as files.

@@ -3,13 +3,13 @@
 Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input, 130 interrupted.
 """
 
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from shefex_nav.commands.options import Json, Seed
+from shefex_nav.commands.output_files import check_writable, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.papers import registry
 from shefex_nav.progress import bar, lines
@@ -174,12 +174,6 @@ def _interrupted(experiment, samples, store):
 
 
 def _writable(out, option):
-    """Refuse a folder that cannot take files, before anything is computed."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise typer.BadParameter(
-            f"cannot write into the folder {out}: {error.strerror}", param_hint=option
-        ) from None
+    """Make a folder that takes files, before anything is computed, or refuse it."""
+    check_writable(out, option)
+    make_folder(out, option)

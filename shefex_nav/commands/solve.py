@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json, mission_time
-from shefex_nav.commands.output_files import check_picture, check_place, make_folder
+from shefex_nav.commands.options import Json, mission_time, number
+from shefex_nav.commands.output_files import check_picture, check_place, check_writable, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.files import named
 from shefex_nav.log.mcap_file import is_log
@@ -195,6 +195,7 @@ def _check_stages(folder, n_images, told):
     if n_images > 1:
         raise typer.BadParameter("is of one picture; give one", param_hint="--stages")
     make_folder(folder, "--stages")
+    check_writable(folder, "--stages")
     for name in (*NAMES, NAMED):
         check_place(folder / f"{name}.png", "--stages", instead="choose another folder")
 
@@ -243,7 +244,7 @@ def julian_year(text):
     from shefex_nav.solve.header import FIRST_YEAR, LAST_YEAR, year_of_date
 
     try:
-        year = float(text)
+        year = number(text)
     except ValueError:
         try:
             return year_of_date(text)

@@ -4,13 +4,14 @@ over what the filter says of them.
 
 import typer
 
-from shefex_nav.commands.refusal import TRUST_HELP
+from shefex_nav.commands.refusal import TRUST_HELP, NumbersGroup
 from shefex_nav.commands.verify_bound import bound
 from shefex_nav.commands.verify_consistency import consistency
 from shefex_nav.commands.verify_nesc import nesc
 from shefex_nav.commands.verify_robustness import robustness
 
 app = typer.Typer(
+    cls=NumbersGroup,
     help="Compare flights with published check-cases, and navigation with what is possible.",
     no_args_is_help=True,
 )

@@ -17,7 +17,7 @@ from shefex_nav.commands.options import (
     StudyOverrides,
     Workers,
 )
-from shefex_nav.commands.output_files import check_picture, make_folder
+from shefex_nav.commands.output_files import check_picture, check_writable, make_folder
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 
@@ -52,6 +52,8 @@ def consistency(
     """Fly a scenario with many seeds and hold the filter's errors against its own covariance."""
     if out is not None:
         check_picture(out, "--out", force=force)
+    if keep is not None:
+        check_writable(keep, "--keep")
     asked = _study(scenario, overrides or (), keep, turn_field)
     chosen = list(range(first, first + seeds))
     found = _watched(asked, chosen, histories, workers)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands.options import Json, StudyOverrides, Workers
+from shefex_nav.commands.output_files import check_writable
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 
@@ -42,6 +43,8 @@ def robustness(
     chosen = _cells(cells)
     from shefex_nav.verify.robustness import running, store
 
+    if out is not None:
+        check_writable(out, "--out")
     request = running.request(scenarios, overrides or (), flights, chosen, seed, random_faults)
     waiting, head = running.jobs(request), store.head(request)
     with store.Store(out, head, resume) as kept:
