@@ -99,7 +99,7 @@ def interruptible():
         if not asked or not issubclass(found.exc_type, KeyboardInterrupt):
             before(found)
             return
-        timer = threading.Timer(AGAIN_S, _thread.interrupt_main)
+        timer = threading.Timer(AGAIN_S, _again)
         timer.daemon = True
         timer.start()
 
@@ -111,6 +111,14 @@ def interruptible():
     finally:
         sys.unraisablehook = before
         _raised.remove(asked)
+
+
+def _again():
+    """In another thread: Ctrl-C for the main one, also while it waits for something."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
 
 
 def interrupt(number=signal.SIGINT, _frame=None):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.errors import UserError
+from shefex_nav.files import from_json
 
 LARGEST = 1e100  # squares and sums of a million squares stay finite
 LEAST_WHOLE, MOST_WHOLE = -(2**63), 2**64 - 1  # that a table holds
@@ -54,7 +55,7 @@ SHARE = Rule(NUMBERS, 0.0, 1.0 + ROUNDING, "a share from 0 to 1")
 TRUTH = Rule(frozenset((bool,)), 0, 1, "true or false")
 NOTHING = Rule(frozenset(), 0, 0, "a number in place of a list or an object")
 A_LIST = NOTHING._replace(words="a list")
-OBJECTS = Rule(frozenset((str,)), 0, 0, "a list of objects")  # JSON in a table
+OBJECTS = Rule(frozenset((str,)), 0, 0, "a list of objects with field and text")  # JSON in a table
 AN_OBJECT = NOTHING._replace(words="a list or an object in place of a value")
 RUN = Rule(frozenset((int,)), 0, MOST_RUNS - 1, f"the number of a run, 0 to {MOST_RUNS - 1}")
 
@@ -175,7 +176,21 @@ def fault(name, value):
     can_be = kind not in NUMBERS or expected.low <= value <= expected.high  # NaN cannot
     if kind is int and not LEAST_WHOLE <= value <= MOST_WHOLE:
         return f"a whole number from {LEAST_WHOLE} to {MOST_WHOLE}"
+    if expected is OBJECTS and not _are_objects(value):
+        return expected.words
     return "" if can_be else expected.words
+
+
+@lru_cache(maxsize=256)  # most runs have the same
+def _are_objects(text):
+    """Whether a JSON text is a list of objects with the texts `field` and `text`."""
+    try:
+        found = from_json(text)
+        return isinstance(found, list) and all(
+            isinstance(one[key], str) for one in found for key in ("field", "text")
+        )
+    except (ValueError, TypeError, KeyError):
+        return False
 
 
 def is_faulty(name, values):
@@ -186,6 +201,8 @@ def is_faulty(name, values):
     kind, expected = values.type, rule(name)
     if values.null_count == len(values):
         return False
+    if expected is OBJECTS and pa.types.is_string(kind):
+        return not all(_are_objects(one) for one in values.unique().to_pylist() if one is not None)
     if pa.types.is_string(kind) or pa.types.is_boolean(kind):
         return (str if pa.types.is_string(kind) else bool) not in expected.kinds
     is_float = pa.types.is_floating(kind)

@@ -51,7 +51,7 @@ _KINDS = {
 
 
 class NumbersGroup(typer.core.TyperGroup):
-    """Commands whose numbers are written as people write them: Python reads 1_0 as ten, which nobody means."""
+    """Commands whose numbers are written as people write them: 1_0 is ten to Python, but to nobody else."""
 
     def get_command(self, ctx, cmd_name):
         """A command, each of whose options looks at what it was given."""

@@ -49,6 +49,8 @@ def edit(folder, path, value, run=2):
     ((*NAVIGATION, "integrity", "position", "misleading_events"), 0.5, "got 0.5, expected a whole number"),
     (("summary", "star_tracker", "solved"), -4, "solved: got -4, expected a whole number, 0 or more"),
     (("summary", "star_tracker", "wrong"), 10**6, "got 1000000, expected at most"),
+    (("summary", "warnings"), [{"field": "gps"}], "summary.warnings: got .*, expected a list of objects"),
+    (("summary", "warnings"), {"gps": "late"}, "summary.warnings: got .*, expected a list of objects"),
     (("draws", "launch.elevation"), 10**400, "draw.launch.elevation: got a huge number"),
     (("status",), "perfect", "status: got 'perfect', expected 'succeeded' or 'failed'"),
     (("run",), 77, "run: got 77, expected 2"),
@@ -95,6 +97,17 @@ def test_a_window_may_have_more_ticks_than_there_are_frames():
         row = table.row({"run": 0, "summary": {"star_tracker": counts | change}})
         fault = checking.row_fault(row)
         assert fault is None if not column else fault[0] == f"summary.star_tracker.{column}"
+
+
+def test_warnings_are_objects_with_their_texts():
+    import pyarrow as pa
+
+    good = {"run": 0, "summary": {"warnings": [{"field": "gps", "text": "late", "more": 1}]}}
+    assert checking.row_fault(table.row(good)) is None
+    text = table.row(good)[table.WARNINGS]
+    assert not checking.is_faulty(table.WARNINGS, pa.array([text, None, text]))
+    for wrong in ("junk", "3", "[3]", '[{"field": "gps"}]', '[{"field": "gps", "text": 3}]'):
+        assert checking.is_faulty(table.WARNINGS, pa.array([text, None, wrong]))
 
 
 def test_draws_of_numbers_are_numbers():
