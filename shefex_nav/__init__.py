@@ -36,9 +36,8 @@ Pixels: (0, 0) is the centre of the top-left pixel, x to the right, y down.
 """
 
 import os as _os
+import sys as _sys
 from typing import TYPE_CHECKING
-
-from shefex_nav.compiled import target as _target
 
 if TYPE_CHECKING:  # what `__getattr__` imports, for editors and type checkers
     from shefex_nav.campaign.from_python import fly_campaign as fly_campaign
@@ -52,6 +51,21 @@ if TYPE_CHECKING:  # what `__getattr__` imports, for editors and type checkers
     from shefex_nav.solve.image import solve_image as solve_image
 
 __version__ = "0.1.0"
+
+
+def _is_command():
+    """Whether this process is the command line, not a worker of it or a program of somebody's own."""
+    name, given = (getattr(_sys, "argv", None) or [""])[0], _sys.orig_argv
+    script = _os.path.basename(name) == "shefex-nav" and "--multiprocessing-fork" not in given
+    return script or (name == "-m" and "shefex_nav" in given)
+
+
+if _is_command():  # what Ctrl-C does is told first of all
+    from shefex_nav import stopping as _stopping
+
+    _stopping.of_process()
+
+from shefex_nav.compiled import target as _target  # noqa: E402
 
 _target.choose(_os.environ)
 

@@ -58,6 +58,8 @@ def of_process():
 
     At the very end of Python, when all is done, they are ignored: only the memory is left to tidy up.
     """
+    if any(signal.getsignal(number) is _end_at_once for number in SIGNALS):
+        return
     for number in _heard():
         signal.signal(number, _end_at_once)
     atexit.register(_ignore)  # the first that is registered is the last that is called

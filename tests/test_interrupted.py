@@ -25,10 +25,9 @@ runpy.run_module("shefex_nav", run_name="__main__")
 """
 WITH_SCHEMA = """
 import atexit, os, signal, sys
-sys.argv = ["shefex-nav", "schema"]
-from shefex_nav import stopping
 from shefex_nav.commands.main import main
 from shefex_nav.scenario import json_schema
+sys.argv = ["shefex-nav", "schema"]
 interrupt = lambda: os.kill(os.getpid(), signal.SIGINT)
 {}
 main()
@@ -46,7 +45,15 @@ def started(code, *words, handler=signal.SIG_DFL, cwd=None):
 
 
 @pytest.mark.parametrize(
-    "module", ["shefex_nav.commands.app", "typer", "shefex_nav.commands.winds", "numpy", "numba"]
+    "module",
+    [
+        "shefex_nav.compiled",
+        "shefex_nav.commands.app",
+        "typer",
+        "shefex_nav.commands.winds",
+        "numpy",
+        "numba",
+    ],
 )
 def test_while_it_imports_what_it_needs(module, tmp_path):
     words = "run", "night_sky", "--until", "1s", "--out", tmp_path / "night.mcap"
@@ -123,28 +130,35 @@ def test_one_that_is_swallowed_leaves_no_success(command, monkeypatch):
     assert (done.code, done.err) == (130, "interrupted\n")
 
 
-@pytest.mark.parametrize(
-    ("what", "ended"),
-    [
-        # Python ends itself by the signal then, with code -2, if nothing is done about it
-        ('json_schema.json_schema = lambda: exec("interrupt()\\nfor k in range(10**9): pass")', (130, "")),
-        ("old = json_schema.json_schema", (0, "{")),
-        (
-            "old = json_schema.json_schema\njson_schema.json_schema = lambda: atexit.register(interrupt) and old()",
-            (130, "{"),
-        ),
-        ("atexit.register(interrupt)", (0, "{")),  # called last of all: nothing is left to do
-    ],
-)
-def test_at_its_end(what, ended):
-    code, out, err = started(WITH_SCHEMA.format(what))
-    assert (code, out[:1]) == ended and err == ("interrupted\n" if code else ""), err
+END = """
+def schema():
+    {}
+    return {{"a": 1}}
+json_schema.json_schema = schema
+"""
+ENDS = {
+    # Python ends itself by the signal, with code -2, if nothing is done about it
+    "inside of text that is run": ('exec("interrupt()\\nfor k in range(10**9): pass")', 130, ""),
+    "after the work": ("atexit.register(interrupt)", 130, "{"),
+}
+
+
+@pytest.mark.parametrize("when", ENDS)
+def test_at_its_end(when):
+    what, wanted, printed = ENDS[when]
+    code, out, err = started(WITH_SCHEMA.format(END.format(what)))
+    assert (code, out[:1]) == (wanted, printed) and err == ("interrupted\n" if code else ""), err
+
+
+def test_after_all():
+    """What is registered before the process begins is called after all that it registers."""
+    code, out, err = started(WITH_SCHEMA.format(f"atexit.register(interrupt)\n{END.format('pass')}"))
+    assert (code, out[:1], err) == (0, "{", "")
 
 
 def test_a_shell_that_has_it_ignored_keeps_it_so():
     """As with `&` in a script, whose Ctrl-C is not for what runs beside it."""
-    what = "old = json_schema.json_schema; json_schema.json_schema = lambda: interrupt() or old()"
-    code, out, err = started(WITH_SCHEMA.format(what), handler=signal.SIG_IGN)
+    code, out, err = started(WITH_SCHEMA.format(END.format("interrupt()")), handler=signal.SIG_IGN)
     assert (code, out[:1], err) == (0, "{", "")
 
 
