@@ -19,6 +19,7 @@ INTERRUPTED, CODE = "interrupted", 130  # what a process says, and its exit code
 AGAIN_S = 0.05  # after which an exception that was lost is raised again
 SIGNALS = signal.SIGINT, signal.SIGTERM  # Ctrl-C, and that of `kill`, a batch system, a container
 _waiting = []  # an entry for each `waiting`
+_wished = []  # for each `wishes` that ends them: the list of it
 _said = []  # an entry once the process has said that it was interrupted
 _raised = []  # for each `interruptible`: a list with an entry for each signal that raised an exception
 
@@ -49,8 +50,12 @@ def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
         asked.append(number)
         take(asked)
 
-    with handled(dict.fromkeys(signals, wish)):
-        yield asked
+    _wished.append(asked if take is at_once_if_waiting else [])
+    try:
+        with handled(dict.fromkeys(signals, wish)):
+            yield asked
+    finally:
+        _wished.pop()
 
 
 def of_process():
@@ -147,6 +152,8 @@ def waiting():
     """Context in which another program is waited for: nothing is in the middle of being done."""
     _waiting.append(True)
     try:
+        if any(_wished):  # that came just before
+            interrupt()
         yield
     finally:
         _waiting.pop()

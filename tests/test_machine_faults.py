@@ -104,6 +104,41 @@ def test_a_failure_of_something_else_is_not_said_of_the_file(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+NOT_WRITTEN = {  # of commands that take longest, files and folders; /proc takes none, of root neither
+    ("run", "shefex2_andoya", "--out"): ("/proc/run.mcap", "--out: cannot write into the folder /proc: "),
+    ("verify", "bound", "orbit", "--out"): ("/proc/b.png", "--out: cannot write into the folder /proc: "),
+    ("trade", "orbit", "--sweep", "gps.rate=1 Hz,2 Hz", "--figure"): ("/proc/t.png", "--figure: cannot"),
+    ("campaign", "shefex2_dispersed", "--runs", "9", "--out"): ("/proc/none", "--out: cannot write into"),
+    ("campaign", "shefex2_dispersed", "--runs", "9", "--sweep", "gps.rate=1 Hz,2 Hz", "--out"): (
+        "{here}/file/sweep", "--out: {here}/file is a file; give the name of a folder",
+    ),
+    ("verify", "consistency", "orbit", "--keep"): ("/proc/none", "--keep: cannot write into"),
+    ("verify", "robustness", "orbit", "--out"): ("/proc/none", "--out: cannot write into the folder /proc"),
+    ("characterise", "night_sky", "--runs", "99", "--out", "{here}/s.json", "--records"): (
+        "/proc/none", "--records: cannot write into the folder /proc",
+    ),
+    ("report", "LOG", "--figures"): ("/proc/none", "--figures: cannot write into the folder /proc"),
+    ("export", "LOG", "--csv"): ("{here}/file", "--csv: {here}/file is a file; give the name of a folder"),
+    ("report", "LOG", "--html"): (f"{{here}}/{248 * 'x'}.html", "has a name that is too long"),
+    ("view", "LOG", "--force", "--screenshot"): ("{here}/folder.png", "folder.png is a folder"),
+    ("export", "LOG", "--force", "--kml"): ("/dev/null", "--kml: /dev/null is a device; give"),
+}  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no /proc")
+@pytest.mark.parametrize("words", NOT_WRITTEN, ids=" ".join)
+def test_what_cannot_be_written_is_told_before_the_work(words, log, command, tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.png").mkdir()
+    for place in ("warmup.get_ready", "log.reader.read"):  # which come first
+        monkeypatch.setattr(f"shefex_nav.{place}", lambda *_, **__: pytest.fail("the work has begun"))
+    place, said = (one.replace("{here}", str(tmp_path)) for one in NOT_WRITTEN[words])
+    given = [str(log) if one == "LOG" else one.replace("{here}", str(tmp_path)) for one in words]
+    done = command(*given, place)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1) and said in done.err, done.err
+    assert {one.name for one in tmp_path.iterdir()} == {"file", "folder.png"}
+
+
 @pytest.mark.parametrize("words", [("run", "night_sky", "--out"), ("report",), ("new", "filter"), ("check",)])
 def test_names_that_are_too_long(words, command):
     name = 300 * "x" + (".py" if words[0] == "new" else ".yaml")

@@ -42,6 +42,10 @@ REFUSALS = {
     ("rn", "x.yaml"): "rn: no such command; did you mean 'run'?",
     ("verify", "x"): "x: no such command; see `shefex-nav verify --help`",
     ("run", "{default}", "--out", THERE): "--out: {there} exists already; choose another name or add --force",
+    ("run", "{default}", "--pace", "1_0"): "--pace 1_0: expected a number",
+    ("verify", "bound", "{default}", "--seeds", "1_0"): "--seeds 1_0: expected a whole number",
+    ("repeat", "{there}.d", "1_0"): "RUN 1_0: expected a whole number",
+    ("impact", "{default}", "--aim", "6_8,20"): "--aim: '6_8,20' is no place; expected such as 68.4,20.9",
     ("run", "{default}", "--out", "{there}.d/x"): "--out: there is no folder {there}.d",
     ("report", LOG, "--html", THERE): "--html: {there} exists already; choose another name or add --force",
     (
@@ -76,7 +80,7 @@ REFUSALS = {
         "--out: {default} is a file that is read here; choose another name"
     ),
     ("campaign", "{default}", "--runs", "2", "--out", THERE): (
-        "{there}: is a file; expected the name of a folder"
+        "--out: {there} is a file; give the name of a folder"
     ),
     ("repeat", "{there}.d", "0"): "{there}.d: there is no campaign.json; expected the folder of a campaign",
 }

@@ -35,5 +35,7 @@ def test_the_first_wish_ends_the_wait_for_another_program():
     with stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1,)) as asked:
         os.kill(os.getpid(), signal.SIGUSR1)  # nothing is waited for any more
         assert len(asked) == 1
+        with pytest.raises(KeyboardInterrupt):  # nor is a wait begun after a wish
+            channels.Stream(read, write).receive(time.monotonic() + 30.0)
     os.close(read)
     os.close(write)
