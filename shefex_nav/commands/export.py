@@ -201,6 +201,7 @@ def _write_frames(source, wanted, *, of_log):
         for _ in _watched(export.write(wanted.folder, flight, shots, wanted.format), flight, from_s, until_s):
             n += 1
             if asked:
+                say(f"{wanted.folder}: {n} frames until now")
                 raise KeyboardInterrupt
     if not n:
         if not any(wanted.folder.iterdir()):

@@ -49,6 +49,21 @@ def object_of_failed(log, as_json):
         raise
 
 
+@contextmanager
+def kept(log, done):
+    """Says where a flight is whose log is interrupted.
+
+    log : Path, or None;  done : what was done to it, such as flown
+    """
+    before = written(log)
+    try:
+        yield
+    except KeyboardInterrupt:
+        if written(log) != before:
+            say(f"{log}: what was {done} until now")
+        raise
+
+
 def written(log):
     """When a file was written last; None if there is none."""
     return log.stat().st_mtime_ns if log is not None and log.exists() else None

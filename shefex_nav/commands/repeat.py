@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands.flights import kept as kept_log
 from shefex_nav.commands.options import Json
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import print_json, say, say_result
@@ -31,7 +32,10 @@ def repeat(
         check_file(log, "--log", force=force)
     repeating.read_head(folder, run)  # refuses before anything is said
     say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
-    repeated, kept = mending.keep(folder, run, log) if keep else (repeating.repeat(folder, run, log), False)
+    with kept_log(log, "flown"):
+        repeated, kept = (
+            mending.keep(folder, run, log) if keep else (repeating.repeat(folder, run, log), False)
+        )
     for line in repeated.notes:
         say(line)
     if keep:

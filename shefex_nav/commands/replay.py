@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
-from shefex_nav.commands.flights import followed, object_of_failed
+from shefex_nav.commands.flights import followed, kept, object_of_failed
 from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import OTHER_NAME, check_place, not_made_meanwhile
 from shefex_nav.commands.printing import print_json, stdout
@@ -37,7 +37,7 @@ def replay(
     if log is not None:
         check_place(log, "--log")
     summarise = _of_log if is_log(Path(source)) else _of_data
-    with object_of_failed(log, json), not_made_meanwhile(log, "--log", OTHER_NAME):
+    with kept(log, "replayed"), object_of_failed(log, json), not_made_meanwhile(log, "--log", OTHER_NAME):
         summary = summarise(source, data, overrides or (), from_s, log)
     if json:
         print_json(summary)

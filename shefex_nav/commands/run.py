@@ -4,13 +4,13 @@ import math
 import os
 import subprocess
 import sys
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import about, object_of_failed, show_run, warn, watched, written
+from shefex_nav.commands.flights import about, kept, object_of_failed, show_run, warn, watched, written
 from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
 from shefex_nav.commands.output_files import OR_FORCE, check_file, not_made_meanwhile
 from shefex_nav.commands.printing import say
@@ -59,7 +59,7 @@ def run(
     if earlier:
         say(f"{earlier} is of an earlier run and stays as it is")
     once = not_made_meanwhile(path, "--out", OR_FORCE)
-    with about(scenario, loaded), _kept(path), object_of_failed(path, json), once:
+    with about(scenario, loaded), kept(path, "flown"), object_of_failed(path, json), once:
         flown = runs.fly(
             loaded,
             seed,
@@ -80,18 +80,6 @@ def _check_pace(pace):
     if pace is not None and not 0.0 < pace < math.inf:
         words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
         raise typer.BadParameter(words, param_hint="--pace")
-
-
-@contextmanager
-def _kept(log):
-    """Says where a flight is that is interrupted."""
-    before = written(log)
-    try:
-        yield
-    except KeyboardInterrupt:
-        if written(log) != before:
-            say(f"{log}: what was flown until now")
-        raise
 
 
 def _check_until(until, until_s, start_s, earliest_s):

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands import options
+from shefex_nav.commands.flights import kept
 from shefex_nav.commands.options import Json, Log
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, say, stdout
@@ -45,7 +46,8 @@ def smooth(
     began = time.perf_counter()
     result = _with_bar(lambda progress: smoother.run(recording, progress))
     wall_s = time.perf_counter() - began
-    smoothed_log.write(path, recording, result.smoothed, wall_s, overwrite=force)
+    with kept(path, "smoothed"):
+        smoothed_log.write(path, recording, result.smoothed, wall_s, overwrite=force)
     summary = smoothed_table.summarise(log, path, result, wall_s)
     if json:
         print_json(summary)
