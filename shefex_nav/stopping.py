@@ -12,12 +12,16 @@ import os
 import signal
 import sys
 import threading
+import time
 from contextlib import contextmanager
 
 WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n"
 INTERRUPTED, CODE = "interrupted", 130  # what a process says, and its exit code: 128 + SIGINT
 AGAIN_S = 0.05  # after which an exception that was lost is raised again
 SIGNALS = signal.SIGINT, signal.SIGTERM  # Ctrl-C, and that of `kill`, a batch system, a container
+COMPILER = tuple(f"{os.sep}{package}{os.sep}" for package in ("numba", "llvmlite"))
+LONGEST_S = 3.0  # for which an exception waits for the compiler
+_put_off = []  # when signals came that wait so
 _waiting = []  # an entry for each `waiting`
 _wished = []  # for each `wishes` that ends them: the list of it
 _said = []  # an entry once the process has said that it was interrupted
@@ -105,10 +109,8 @@ def interruptible():
     def lost(found):
         if not asked or not issubclass(found.exc_type, KeyboardInterrupt):
             before(found)
-            return
-        timer = threading.Timer(AGAIN_S, _again)
-        timer.daemon = True
-        timer.start()
+        else:
+            _soon()
 
     _raised.append(asked)
     sys.unraisablehook = lost
@@ -128,11 +130,33 @@ def _again():
         _thread.interrupt_main()
 
 
-def interrupt(number=signal.SIGINT, _frame=None):
-    """Raise KeyboardInterrupt, and note it; as a handler of signals, too."""
+def interrupt(number=signal.SIGINT, frame=None):
+    """Raise KeyboardInterrupt, and note it; as a handler of signals, too: then not within the compiler."""
     for asked in _raised:
         asked.append(number)
+    if _is_within_compiler(frame):
+        _put_off.append(time.monotonic())
+        if _put_off[-1] - _put_off[0] < LONGEST_S:
+            _soon()
+            return
+    _put_off.clear()
     raise KeyboardInterrupt
+
+
+def _is_within_compiler(frame):
+    """Whether numba is at work: C code of it that calls Python crashes where that raises an exception."""
+    while frame is not None:
+        if any(one in frame.f_code.co_filename for one in COMPILER):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _soon():
+    """Let the signal come again in a moment."""
+    timer = threading.Timer(AGAIN_S, _again)
+    timer.daemon = True
+    timer.start()
 
 
 def at_once(asked):

@@ -123,6 +123,25 @@ def test_whatever_becomes_of_the_exception(way, command, monkeypatch):
     assert time.monotonic() - began_s < 8.0
 
 
+def test_not_within_the_compiler_whose_c_code_would_crash(command, monkeypatch):
+    """A function whose file is one of numba's; it ends by itself, and what follows is interrupted."""
+    ended, scope = [], {"plain": plain, "send": send, "time": time}
+    code = "def compiles():\n    send()\n    time.sleep(0.3)\n"
+    exec(compile(code, "/lib/numba/core/dispatcher.py", "exec"), scope)
+
+    def schema():
+        scope["compiles"]()
+        ended.append(True)
+        time.sleep(10.0)
+
+    monkeypatch.setattr("shefex_nav.scenario.json_schema.json_schema", schema)
+    began_s = time.monotonic()
+    with handled({signal.SIGINT: signal.default_int_handler}):
+        done = command("schema")
+    assert (done.code, done.err, ended) == (130, "interrupted\n", [True])
+    assert time.monotonic() - began_s < 8.0
+
+
 def test_one_that_is_swallowed_leaves_no_success(command, monkeypatch):
     monkeypatch.setattr("shefex_nav.scenario.json_schema.json_schema", swallowed)
     with handled({signal.SIGINT: signal.default_int_handler}):

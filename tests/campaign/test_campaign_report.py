@@ -129,9 +129,9 @@ def test_bad_input_is_one_message(tmp_path, folder, kind):
         arguments = ["report", str(folder), "--figures", str(tmp_path / "file" / "x")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2 and "Traceback" not in result.output
-    assert ("campaign.json" if kind == "empty" else "cannot make the folder") in result.output.replace(
-        "\n", ""
-    )
+    assert (
+        "campaign.json" if kind == "empty" else "is a file; give the name of a folder"
+    ) in result.output.replace("\n", "")
 
 
 @pytest.mark.slow
