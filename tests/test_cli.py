@@ -380,12 +380,12 @@ def test_bad_input_ends_with_its_code_where_nothing_can_be_said(to, tmp_path):
 @pytest.mark.parametrize("written", [False, True])
 def test_an_old_log_is_not_called_what_was_flown(tmp_path, written, capsys):
     """Interrupted before the flight begins, with --force: the log of somebody else is as it was."""
-    from shefex_nav.commands.run import _kept
+    from shefex_nav.commands.flights import kept
 
     log = tmp_path / "old.mcap"
     log.write_bytes(b"somebody's")
     os.utime(log, (1e9, 1e9))
-    with pytest.raises(KeyboardInterrupt), _kept(log):
+    with pytest.raises(KeyboardInterrupt), kept(log, "flown"):
         if written:
             log.write_bytes(b"what was flown")
         raise KeyboardInterrupt
