@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 
+from shefex_nav import children
 from shefex_nav.ending import end_quickly, without_folders_of_astropy
 from shefex_nav.stopping import deaf, handled, together
 
@@ -62,6 +63,7 @@ def collected_afterwards():
 def bind_to_parent():
     """In a worker: leave Ctrl-C to the parent, and end when the parent is gone, however it ended."""
     deaf()
+    children.begun()
     parent = multiprocessing.parent_process()
 
     def watch():
@@ -82,7 +84,8 @@ class Pool:
         """most : of them;  prepare : called with `arguments` in each, before anything else"""
         context = multiprocessing.get_context("spawn")
         try:
-            self._executor = ProcessPoolExecutor(most, context, _begin, (prepare, arguments))
+            with children.safe():  # a process that looks after the locks is started with them
+                self._executor = ProcessPoolExecutor(most, context, _begin, (prepare, arguments))
         except OSError as error:  # the system says no file
             error.filename = error.filename or "/dev/shm, where processes share their locks"
             raise
@@ -90,7 +93,7 @@ class Pool:
 
     def submit(self, function, *arguments):
         """Future of a call. BrokenExecutor if a worker has been killed before."""
-        with together():
+        with together(), children.safe():
             before = set(multiprocessing.active_children())
             future = self._executor.submit(function, *arguments)
             self.processes |= set(multiprocessing.active_children()) - before

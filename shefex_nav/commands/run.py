@@ -3,13 +3,13 @@
 import math
 import os
 import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from shefex_nav import children
 from shefex_nav.commands.flights import about, kept, object_of_failed, show_run, warn, watched, written
 from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
 from shefex_nav.commands.output_files import OR_FORCE, check_file, not_made_meanwhile
@@ -97,8 +97,8 @@ def _viewer():
 
     It opens nothing until `_show` tells it which, and ends if this process does so before.
     """
-    command = [sys.executable, "-m", "shefex_nav", "view", THE_INPUT_SAYS, "--follow"]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True)
+    command, environment = children.of_module("shefex_nav", "view", THE_INPUT_SAYS, "--follow")
+    return subprocess.Popen(command, stdin=subprocess.PIPE, env=environment, start_new_session=True)
 
 
 def _show(viewer, log):

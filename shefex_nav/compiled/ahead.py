@@ -10,7 +10,6 @@ import inspect
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 from contextlib import suppress
@@ -20,7 +19,7 @@ from typing import NamedTuple
 
 from numba import config
 
-from shefex_nav import __version__
+from shefex_nav import __version__, children
 from shefex_nav.compiled import digest, numba_hooks, signature
 from shefex_nav.compiled.numba_hooks import USES, Kernel
 from shefex_nav.compiled.store import ENDING
@@ -177,12 +176,11 @@ class _Process:
     """
 
     def __init__(self, share, finished):
-        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        environment = {**os.environ, "PYTHONPATH": paths}
+        command, environment = children.of_module(WORKER)
         environment.pop(USES, None)  # what is compiled ahead has not been used
         self._words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", WORKER],  # -P: modules are looked for where this process does
+            command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._words,
