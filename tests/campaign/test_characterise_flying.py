@@ -8,15 +8,15 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
-import numpy as np
+import kept_runs
 import pytest
 from typer.testing import CliRunner
 
 from shefex_nav import files, simulate
 from shefex_nav.campaign import engine
-from shefex_nav.campaign.characterise import collect, flying, judge, running
+from shefex_nav.campaign.characterise import flying, judge, running
 from shefex_nav.campaign.characterise.fit import FitError
-from shefex_nav.campaign.characterise.records import Flown, Records
+from shefex_nav.campaign.characterise.records import Records
 from shefex_nav.campaign.running import prepared
 from shefex_nav.commands.app import app
 from shefex_nav.scenario.load import load
@@ -136,16 +136,6 @@ def test_workers_that_all_die_end_it(planned, here):
 # ---- the whole of it, flights replaced ---------------------------------------------------------------------
 
 
-def collected(job):
-    """A Flown with the fields' names and nothing behind them."""
-    rng = np.random.default_rng(job.run)
-    parts = [
-        kind(*(rng.random((4, 3)) for _ in kind._fields))
-        for kind in (collect.Frames, collect.Sources, collect.Searches)
-    ]
-    return Flown(job.run, collect.Collected(*parts), {"a": 1.5}, "0123abcd")
-
-
 def rendered(folder, job):
     """Run 1 breaks, run 3 always kills its worker; who was flown is noted."""
     with (Path(folder) / "flown").open("a") as notes:
@@ -154,7 +144,7 @@ def rendered(folder, job):
         raise ValueError("odd")
     if job.run == 3 and not (Path(folder) / "mended").exists():
         raise Killed
-    return collected(job)
+    return kept_runs.flown(job.run)
 
 
 def statistical(content, job):

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from kept_runs import flown
 from typer.testing import CliRunner
 
-from shefex_nav.campaign.characterise import collect, kept, running
+from shefex_nav.campaign.characterise import running
 from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.campaign.characterise.records import Flown, Records, RecordsError
 from shefex_nav.campaign.running import prepared
@@ -67,26 +68,6 @@ def test_corner_runs_are_fitted_and_half_of_the_others_judges():
 
 
 # ---- kept records ------------------------------------------------------------------------------------------
-
-
-def flown(run=3):
-    """A Flown with the fields' names and nothing behind them."""
-    rng = np.random.default_rng(run)
-    parts = [
-        kind(*(_column(rng, kind, name) for name in kind._fields))
-        for kind in (collect.Frames, collect.Sources, collect.Searches)
-    ]
-    return Flown(run, collect.Collected(*parts), {"a": 1.5, "b": "x"}, "0123abcd")
-
-
-def _column(rng, kind, name):
-    """Four rows of an array of a run."""
-    if name in kept.FLAGS:
-        return rng.random(4) < 0.5
-    if name in kept.COUNTS:
-        return rng.integers(0, 4, 4)
-    width = kept.WIDTHS.get((kind, name))
-    return np.sort(rng.random(4)) if width is None else rng.random((4, width))
 
 
 IMPOSSIBLE = {
