@@ -125,7 +125,7 @@ NAVIGATION = {
         "attitude_error_deg": {ANY: NUMBER},
         "attitude_sigma_deg": {ANY: POSITIVE},
     },
-    "nees": {"mean": POSITIVE, "dof": POSITIVE_COUNT, "samples": COUNT},
+    "nees": {"mean": POSITIVE, "dof": POSITIVE_COUNT, "samples": COUNT, "times_sigma": {ANY: POSITIVE}},
     "instruments": {ANY: {"readings": COUNT, "used": COUNT}},
     "integrity": INTEGRITY,
 }

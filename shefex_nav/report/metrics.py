@@ -25,8 +25,12 @@ Definitions
 - `solution_share` is the part of the ticks of truth at which there is a solution; the errors are over these.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
   that the filter accepts to entry, or to the end of a run without one. Software that tells of no gates begins
-  where its solution is star aided, or where it never is, at the first star fix of the log. Where no
-  covariance is of a whole second, the first in each second counts.
+  where its solution is star aided. Software of a user's own that never uses a star fix, as far as it says,
+  begins at the start of the run; `why` says so, and why there is no figure. Where no covariance is of a whole
+  second, the first in each second counts. `times_sigma` is the root of the same per degree of freedom, of
+  position, velocity and attitude each.
+- `beyond_sigma` lists where an error was far beyond its sigma (`beyond_sigma`). `measurements`, `unknown` and
+  `errors_fit` are of software of a user's own alone (`sensor_use`, `likely_mistakes`).
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none. Without truth the flight is that of the solution
   (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
@@ -46,10 +50,13 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation.quantity import about
 from shefex_nav.report import (
+    beyond_sigma,
     flight,
+    likely_mistakes,
     local_level,
     programme,
     requirements,
+    sensor_use,
     star_aided,
     star_metrics,
     trust,
@@ -65,6 +72,7 @@ from shefex_nav.scenario.document import dotted
 
 ENTRY_HEIGHT = 100e3  # m
 NEES_DOF = 9  # position, velocity, attitude
+NO_STARS = "no star fix was used"
 
 
 class NavErrors(NamedTuple):
@@ -187,8 +195,21 @@ def _navigation(data, height, entry, known):
         "while_pointing": while_pointing.errors(data.truth, errors),
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
+        "beyond_sigma": [one._asdict() for one in beyond_sigma.stretches_of(data, errors)],
+        **_of_own_software(data, errors, known),
         "instruments": instrument_use(data.gates),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry]), known),
+    }
+
+
+def _of_own_software(data, errors, known):
+    """What is looked at where software of a user's own navigates."""
+    if not sensor_use.is_own(data):
+        return {}
+    return {
+        "measurements": sensor_use.measurements(data),
+        "unknown": sensor_use.unknown(data),
+        "errors_fit": [one._asdict() for one in likely_mistakes.found(data, errors, known.scenario)],
     }
 
 
@@ -240,16 +261,27 @@ def normalised_errors(data, errors):
 
 
 def _nees_summary(data, errors, end_s):
-    nothing = {"mean": None, "dof": NEES_DOF, "samples": 0}
-    since = star_aided.begins(data)
+    nothing = {"mean": None, "dof": NEES_DOF, "samples": 0, "why": None, "times_sigma": None}
+    t_s, squares, _ = normalised_errors(data, errors)
+    known, since, why = np.isfinite(squares), star_aided.begins(data), None
+    if since is None and known.any():
+        why, since = NO_STARS, -math.inf
+        if not sensor_use.is_own(data):
+            begins = "from the first of which it counts"
+            return nothing | ({"why": f"none: {why}, {begins}"} if sensor_use.good_fixes(data) else {})
     if since is None:
         return nothing
-    t_s, squares, _ = normalised_errors(data, errors)
-    inside = (t_s >= since) & (t_s <= end_s) & np.isfinite(squares)
-    chosen = squares[_seconds(t_s - data.mission.start_s) & inside]
-    if not len(chosen):
+    chosen = _seconds(t_s - data.mission.start_s) & (t_s >= since) & (t_s <= end_s) & known
+    if not chosen.any():
         return nothing
-    return {"mean": float(chosen.mean()), "dof": NEES_DOF, "samples": len(chosen)}
+    ratios = beyond_sigma.ratios(data, errors)[1]
+    return {
+        "mean": float(squares[chosen].mean()),
+        "dof": NEES_DOF,
+        "samples": int(chosen.sum()),
+        "why": why and f"from the start of the run, for {why}",
+        "times_sigma": {name: rms(ratio[chosen]) for name, ratio in ratios.items()},
+    }
 
 
 def _seconds(since_s):

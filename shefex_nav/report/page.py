@@ -13,7 +13,20 @@ import numpy as np
 from shefex_nav import event_words
 from shefex_nav.files import put
 from shefex_nav.records import QUANTITIES, Reason, protected
-from shefex_nav.report import doubts, figures, html, metrics, page_summary, star_metrics, table, trust
+from shefex_nav.report import (
+    beyond_sigma,
+    consistency_rows,
+    doubts,
+    figures,
+    html,
+    likely_mistakes,
+    metrics,
+    page_summary,
+    sensor_use,
+    star_metrics,
+    table,
+    trust,
+)
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
 from shefex_nav.report.html import element
@@ -137,10 +150,21 @@ class Incident(NamedTuple):
 def incidents(data):
     """Incidents of a RunData by time: list of Incident, empty where all went well."""
     found = [*_noticed(data), *_refused(data), *_resets(data), *_doubts(data), *_imu(data), *_stars(data)]
+    found += _errors(data)
     if data.ended_early:
         why = data.failure.partition("\n")[0] or "the run was cut off"
         found.append(Incident(data.reached_s, None, f"the log ends here: {why}"))
     return sorted(found, key=lambda incident: (incident.from_s, incident.what))
+
+
+def _errors(data):
+    """Errors far beyond their sigmas, and what those of a user's own software look like."""
+    errors = metrics.navigation_errors(data)
+    for one in beyond_sigma.stretches_of(data, errors):
+        yield Incident(one.from_s, one.until_s, consistency_rows.beyond_words(one))
+    if sensor_use.is_own(data):
+        for one in likely_mistakes.found(data, errors, configured(data).scenario):
+            yield Incident(one.from_s, one.until_s, f"errors fit {one.what}")
 
 
 def _noticed(data):

@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements, table, vouched
+from shefex_nav.report import html, requirements, sensor_use, table, vouched
 from shefex_nav.report.html import element
 from shefex_nav.report.star_rows import rates
 
@@ -68,7 +68,7 @@ def summary(run, found):
             for quantity, words in vouched.sentences(run.summary, judged)
         ]
     parts.append(element("h3", "What went wrong, and when"))
-    parts.append(_incidents(found))
+    parts += [_incidents(found, bool(run.summary["navigation"].get("unknown"))), *_of_sensors(run)]
     return parts
 
 
@@ -154,7 +154,7 @@ def _tiles(run):
         *_pointing_tile(nav["while_pointing"]),
         ("velocity error", *_rms_tile(nav["velocity_error_m_s"], 3, "m/s")),
         ("position error", *_rms_tile(nav["position_error_m"], 1, "m")),
-        ("NEES of 9", _number(nees["mean"], 1, ""), f"{nees['samples']} epochs with star fixes before entry"),
+        ("NEES of 9", _number(nees["mean"], 1, ""), _of_nees(nees)),
     ]
     if entry:
         largest = max(abs(value) for value in entry["attitude_error_deg"])
@@ -171,6 +171,12 @@ def _tiles(run):
         if value != _DASH
     ]
     return element("dl", *shown, class_="tiles") if shown else ""
+
+
+def _of_nees(nees):
+    """Which epochs a NEES is of."""
+    stars = "since the start" if nees.get("why") else "with star fixes"
+    return f"{nees['samples']} epochs {stars} before entry"
 
 
 def _pointing_tile(pointing):
@@ -208,11 +214,22 @@ def _rms_tile(values, digits, unit):
     return f"{_number(values['rms'], digits, unit)} rms", f"{_number(values['max'], digits, unit)} at most"
 
 
-def _incidents(found):
+def _of_sensors(run):
+    """What became of the measurements of GPS and star tracker, and what is not known of software."""
+    navigation = run.summary["navigation"]
+    said = [f"{name}: {words}" for name, words, _ in sensor_use.rows(navigation.get("measurements") or {})]
+    said += [f"Not known: {words}" for words in navigation.get("unknown") or ()]
+    if said:
+        yield element("ul", *(element("li", f"{one}.") for one in said))
+
+
+def _incidents(found, open_):
+    """Table of Incidents. open_ : whether the software does not say all that they are found by"""
     if not found:
-        return element(
-            "p", "Nothing: no sensor was lost or refused, and the solution could be used all the time."
-        )
+        words = "Nothing: no sensor was lost or refused, and the solution could be used all the time."
+        if open_:
+            words = "Nothing of what the log can tell of this software; what it cannot tell follows."
+        return element("p", words)
     rows = [
         (_short(f"T{one.from_s:+.2f} s"), _short(_until(one)), one.what) for one in found[:_MOST_INCIDENTS]
     ]

@@ -8,7 +8,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, fix_of
-from shefex_nav.records import Reason
+from shefex_nav.report import sensor_use
 from shefex_nav.report.sizes import largest, rms
 
 
@@ -18,7 +18,7 @@ def errors(data, found):
     data : RunData;  found : metrics.NavErrors
     -> from_s; position_m, velocity_m_s, attitude_deg: rms and max of the whole error
     """
-    given = sorted(fix.t_available_s for fix in data.star_fixes if fix.reason == Reason.NONE)
+    given = sorted(fix.t_available_s for fix in sensor_use.good_fixes(data))
     since = given[1] if len(given) > 1 else None
     rows = np.zeros(len(found.t_s), dtype=bool) if since is None else found.t_s >= since - SAME_S
     if not rows.any():
@@ -34,10 +34,9 @@ def errors(data, found):
 
 
 def begins(data):
-    """Mission time from which a solution knows the stars; None if it never does."""
+    """Mission time from which a solution knows the stars; None if it never does, as far as it says."""
     accepted = [gate.t_s for gate in data.gates if fix_of(gate.sensor) is ATTITUDE and gate.accepted]
     if data.gates:
         return accepted[0] if accepted else None
     aided = data.nav.t_s[np.asarray(data.nav.star_aided, dtype=bool)]
-    fixes = [fix.t_available_s for fix in data.star_fixes if fix.reason == Reason.NONE]
-    return float(aided[0]) if len(aided) else min(fixes, default=None)
+    return float(aided[0]) if len(aided) else None

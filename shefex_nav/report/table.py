@@ -5,7 +5,8 @@ from rich.text import Text
 from shefex_nav import event_words
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import QUANTITIES, Doubt
-from shefex_nav.report import columns, doubts, requirements, trust
+from shefex_nav.report import columns, consistency_rows, doubts, requirements, trust
+from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
 from shefex_nav.report.sizes import number
 from shefex_nav.report.star_rows import star_rows
 from shefex_nav.report.vouched import sentences
@@ -24,7 +25,6 @@ _ERRORS = (
 )
 MOST_FAULTS = 12  # in the table
 HALF_TURN_DEG = 180.0
-TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in words
 
 
 def _pair(values, digits, unit):
@@ -125,14 +125,14 @@ def _navigation_rows(navigation):
         if navigation[key]["rms"] is not None:  # without truth there are none
             yield name, _pair(navigation[key], digits, unit)
     aided = navigation.get("star_aided")
-    if aided:
+    if aided and consistency_rows.uses_stars(navigation):
         words = f"{_pair(aided['attitude_deg'], 3, 'deg')}, T{aided['from_s']:+.1f} s to the end"
         yield "since two star fixes", words
     if pointing := navigation.get("while_pointing"):
         sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
         largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)
         when = f"T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
-        early = aided and pointing["from_s"] < aided["from_s"]
+        early = aided and consistency_rows.uses_stars(navigation) and pointing["from_s"] < aided["from_s"]
         early = f", star fixes since T{aided['from_s']:+.1f} s" if early else ""
         yield "while pointing", f"at most {', '.join(largest)}; {when}{early}"
     entry = navigation["at_entry"]
@@ -146,6 +146,7 @@ def _navigation_rows(navigation):
                 f"attitude x, y, z {axes} deg"
             ),
         )
+    yield from consistency_rows.of_sensors(navigation)
     for name, counts in navigation.get("instruments", {}).items():
         words = f"{counts['used']} of {counts['readings']} readings used"
         doubtful = 2 * counts["used"] < counts["readings"]
@@ -161,17 +162,7 @@ def _navigation_rows(navigation):
             if sensor in TABLE and TABLE[sensor].errors_last:
                 words = f"below {nis['dof']} where its sigmas are right, for its errors last"
             yield name, f"{number(nis['mean'], 2)}, mean of {nis['samples']}; {words}"
-    nees = navigation["nees"]
-    if nees["mean"] is not None:
-        yield "NEES", _nees_words(nees)
-
-
-def _nees_words(nees):
-    """Errors over what the filter believes of them."""
-    what = f"{number(nees['mean'], 1)} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
-    if nees["mean"] > TOO_SURE * nees["dof"]:
-        return Text(f"{what}: errors are larger than the filter's sigmas say", style="bold yellow")
-    return what
+    yield from consistency_rows.rows(navigation)
 
 
 def _integrity_rows(integrity):

@@ -68,7 +68,8 @@ def test_the_object_is_plain_json_with_every_key(summary):
     for name in ("position_error_m", "velocity_error_m_s", "attitude_error_deg"):
         assert set(navigation[name]) == {"rms", "max"}
     assert len(navigation["at_entry"]["attitude_error_deg"]) == 3
-    assert set(navigation["nees"]) == {"mean", "dof", "samples"}
+    assert set(navigation["nees"]) == {"mean", "dof", "samples", "why", "times_sigma"}
+    assert set(navigation["nees"]["times_sigma"]) == {"position", "velocity", "attitude"}
 
 
 def test_run_times(summary):
@@ -257,7 +258,8 @@ def test_a_run_without_stars_or_entry_has_nulls():
     ]
     summary = metrics.summarise(gathered(few))
     assert summary["navigation"]["at_entry"] is None
-    assert summary["navigation"]["nees"] == {"mean": None, "dof": 9, "samples": 0}
+    nothing = {"mean": None, "dof": 9, "samples": 0, "why": None, "times_sigma": None}
+    assert summary["navigation"]["nees"] == nothing
     assert summary["star_tracker"]["error_arcsec"]["max"] is None
     assert summary["star_tracker"]["chain_ms"] == {"median": None, "p99": None}
     assert summary["flight"]["range_km"] is None
