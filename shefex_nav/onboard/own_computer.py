@@ -32,14 +32,14 @@ class Computer(Protocol):
 class OwnComputer(OwnNavigation):
     """A computer of somebody's own, a `driving.Software`.
 
-    software : Computer, not started;  name, alignment, mission : as of OwnNavigation
+    software : Computer, not started;  name, alignment, mission, wanted : as of OwnNavigation
     """
 
     WHAT = "computer"
     GIVES = (*OwnNavigation.GIVES, Solved, CameraCommand)
 
-    def __init__(self, software, name, alignment, mission):
-        super().__init__(software, name, alignment, mission)
+    def __init__(self, software, name, alignment, mission, wanted):
+        super().__init__(software, name, alignment, mission, wanted)
         self._answers, self._exposure_s = Answers(self._own, mission.sheets["star_tracker"]), None
         self._frames = {}  # number -> Frame without an answer
 

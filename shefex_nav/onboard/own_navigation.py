@@ -14,7 +14,7 @@ from shefex_nav.errors import shown
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard import own_conventions, own_records
+from shefex_nav.onboard import own_conventions, own_levels, own_records
 from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
@@ -41,6 +41,7 @@ class Estimate(NamedTuple):
     accel_bias: np.ndarray | None = None  # (3,) m/s^2
     star_aided: bool = False  # a star fix has been used since the start
     usable: tuple[bool, bool, bool] = (True, True, True)  # position, velocity, attitude may be used
+    levels_of_P: bool = False  # make protection levels of P, k sigma by requirements.integrity_risk
 
 
 class Navigation(Protocol):
@@ -76,13 +77,15 @@ class OwnNavigation:
     name : of it, for messages
     alignment : Alignment
     mission : software.MissionData
+    wanted : integrity_protection.Requirement, for software that has its protection levels made of P
     """
 
     WHAT = "navigation software"
     GIVES = Estimate, *OUTPUTS
 
-    def __init__(self, software, name, alignment, mission):
+    def __init__(self, software, name, alignment, mission, wanted):
         self._own, self._mission = OwnSoftware(software, f"{self.WHAT} {name}"), mission
+        self._wanted = wanted
         self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
         self._alignment = alignment  # until the first Estimate has been held against it
         self._kept, self._blocks = deque(maxlen=KEPT), deque(maxlen=KEPT)
@@ -193,7 +196,10 @@ class OwnNavigation:
         omega_b = estimate.omega_ib_b
         if omega_b is None:
             omega_b = self._imu.dtheta_b[-1] / self._imu.dt_s
-        outputs = [solution(estimate, self.now_s, omega_b, self._mission.earth)]
+        told = solution(estimate, self.now_s, omega_b, self._mission.earth)
+        if estimate.levels_of_P:
+            told = own_levels.added(told, estimate.P, self._wanted, self._mission.earth)
+        outputs = [told]
         if self._ticks % COVARIANCE_TICKS == 0:
             outputs.append(covariance(estimate, self.now_s))
         return outputs
@@ -214,6 +220,11 @@ class OwnNavigation:
         usable = estimate.usable
         if not isinstance(usable, tuple | list) or len(usable) != len(QUANTITIES):
             raise self._error(f"usable of its Estimate must be of {', '.join(QUANTITIES)}, got {usable!r}")
+        asked = estimate.levels_of_P
+        if not isinstance(asked, bool | np.bool_):
+            raise self._error(f"levels_of_P of its Estimate must be True or False, got {shown(asked)}")
+        if asked and "P" not in arrays:
+            raise self._error("levels_of_P of its Estimate is set, but there is no P")
         estimate = estimate._replace(**arrays)
         self._check_conventions(estimate, *usable)
         return estimate
@@ -296,7 +307,7 @@ def sealed(record):
 def solution(estimate, t_s, omega_ib_b, earth):
     """NavSolution of an Estimate; sigmas by linear propagation of its P, NaN without one.
 
-    Without protection levels: how far it can be trusted is the software's own business.
+    Without protection levels: how far it can be trusted is the software's own business (`own_levels`).
 
     Estimate, s, (3,) rad/s, EarthRotation -> NavSolution
     """

@@ -37,9 +37,8 @@ def navigation(scenario, alignment, earth):
     own = software.own(scenario.navigation)
     if own is None:
         return None
-    return flown.started(
-        OwnNavigation, own, alignment, mission_data(scenario, alignment, earth, own.settings)
-    )
+    mission = mission_data(scenario, alignment, earth, own.settings)
+    return flown.started(OwnNavigation, own, alignment, mission, scenario.requirements)
 
 
 def mission_data(scenario, alignment, earth, own_settings):

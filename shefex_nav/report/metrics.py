@@ -206,11 +206,10 @@ def _of_own_software(data, errors, known):
     """What is looked at where software of a user's own navigates."""
     if not sensor_use.is_own(data):
         return {}
-    return {
-        "measurements": sensor_use.measurements(data),
-        "unknown": sensor_use.unknown(data),
-        "errors_fit": [one._asdict() for one in likely_mistakes.found(data, errors, known.scenario)],
-    }
+    fits = {"errors_fit": [one._asdict() for one in likely_mistakes.found(data, errors, known.scenario)]}
+    if not sensor_use.flew(data):
+        return fits
+    return fits | {"measurements": sensor_use.measurements(data), "unknown": sensor_use.unknown(data)}
 
 
 def _star_phase(data, t_s, position, velocity, attitude_deg):

@@ -20,16 +20,21 @@ def is_own(data):
     return any(section in OWN for section, *_ in data.mission.software)
 
 
+def flew(data):
+    """Whether what navigated in a RunData was on board; a solution beside a log has no rates."""
+    return bool(np.isfinite(data.nav.omega_ib_b).any())
+
+
 def good_fixes(data):
     """Star fixes that gave an attitude, in the order of the log."""
     return [fix for fix in data.star_fixes if fix.reason == Reason.NONE]
 
 
 def stars_used(data):
-    """Whether a star fix was used, as far as gate results or `star_aided` say; None without any solution."""
+    """Whether a star fix was used, as far as gate results or `star_aided` say; None: nothing says it."""
     if data.gates:
         return any(about(gate.sensor) is ATTITUDE and gate.accepted for gate in data.gates)
-    return bool(np.any(data.nav.star_aided)) if len(data.nav.t_s) else None
+    return bool(np.any(data.nav.star_aided)) if flew(data) else None
 
 
 def measurements(data):
@@ -60,7 +65,7 @@ def _unused(data, sensor):
 
 def unknown(data):
     """What software of a user's own does not say, in words: list."""
-    if not is_own(data) or not len(data.nav.t_s):
+    if not is_own(data) or not flew(data):
         return []
     has_covariance = np.isfinite(data.covariance.P).any() if len(data.covariance.t_s) else False
     return [*([] if data.gates else [NO_GATES]), *([] if has_covariance else [NO_COVARIANCE])]

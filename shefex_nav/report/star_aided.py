@@ -34,9 +34,14 @@ def errors(data, found):
 
 
 def begins(data):
-    """Mission time from which a solution knows the stars; None if it never does, as far as it says."""
+    """Mission time from which a solution knows the stars; None if it never does, as far as it says.
+
+    Of a solution that did not fly, which cannot say it, that of the first star fix.
+    """
     accepted = [gate.t_s for gate in data.gates if fix_of(gate.sensor) is ATTITUDE and gate.accepted]
     if data.gates:
         return accepted[0] if accepted else None
     aided = data.nav.t_s[np.asarray(data.nav.star_aided, dtype=bool)]
+    if not len(aided) and not sensor_use.flew(data):
+        return min((fix.t_available_s for fix in sensor_use.good_fixes(data)), default=None)
     return float(aided[0]) if len(aided) else None

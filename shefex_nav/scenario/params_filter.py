@@ -72,13 +72,13 @@ def integrity_params(scenario, dt_s, coarse_if_silent, shaken=(0.0, 0.0)):
             change=np.array([integrity.angular_acceleration, integrity.thrust_change]),
             missed=_missed(scenario),
         ),
-        wanted=_requirement(scenario.requirements),
+        wanted=required(scenario.requirements),
         wrong_star_fix=integrity.wrong_star_fix,
         gps_jump=integrity.gps_jump,
     )
 
 
-def _requirement(stated):
+def required(stated):
     """What the protection levels are held against, of section `requirements`."""
     from shefex_nav.onboard.navigation import integrity_protection
 

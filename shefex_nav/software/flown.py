@@ -5,7 +5,7 @@ from shefex_nav.errors import SoftwareError
 from shefex_nav.onboard.own_computer import OwnComputer
 from shefex_nav.onboard.own_navigation import OwnNavigation
 from shefex_nav.onboard.own_tracker import OwnTracker
-from shefex_nav.scenario import software
+from shefex_nav.scenario import params_filter, software
 from shefex_nav.software.mission import mission_data
 
 
@@ -27,15 +27,17 @@ def _navigating(kind, block, scenario, params, alignment, earth):
     own = software.own(block)
     if own is None:
         return None
-    return started(kind, own, alignment, mission_data(scenario, params, earth, own.settings))
+    mission = mission_data(scenario, params, earth, own.settings)
+    return started(kind, own, alignment, mission, scenario.requirements)
 
 
-def started(kind, own, alignment, mission):
+def started(kind, own, alignment, mission, stated):
     """An OwnNavigation or OwnComputer (kind), started.
 
     own : scenario.software.Own, Program or Reached;  mission : MissionData
+    stated : section `requirements` of the scenario
     """
-    return kind(_made(own), software.name(own), alignment, mission)
+    return kind(_made(own), software.name(own), alignment, mission, params_filter.required(stated))
 
 
 def tracker(scenario, params, earth):

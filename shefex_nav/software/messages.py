@@ -57,6 +57,7 @@ class Estimate(NamedTuple):
     do_not_use_position: flag("the position must not be used") = False
     do_not_use_velocity: flag("the velocity must not be used") = False
     do_not_use_attitude: flag("the attitude must not be used") = False
+    levels_of_P: flag("make protection levels of P, k sigma by requirements.integrity_risk") = False
 
 
 def _message(record, comment, **fields):
@@ -168,14 +169,14 @@ def _json(values):
 
 def estimate_to_send(estimate):
     """messages.Estimate of an own_navigation.Estimate."""
-    *known, usable = estimate
-    return Estimate(*known, *(not one for one in usable))
+    *known, usable, levels_of_P = estimate
+    return Estimate(*known, *(not one for one in usable), bool(levels_of_P))
 
 
 def estimate_received(sent):
     """own_navigation.Estimate of a messages.Estimate."""
-    *known, position, velocity, attitude = sent
-    return own_navigation.Estimate(*known, (not position, not velocity, not attitude))
+    *known, position, velocity, attitude, levels_of_P = sent
+    return own_navigation.Estimate(*known, (not position, not velocity, not attitude), levels_of_P)
 
 
 def pixels_of(frame):
