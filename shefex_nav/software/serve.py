@@ -36,10 +36,18 @@ def serve(software, address):
         channel = channels.listening(address)
     try:
         _Session(software, channel).run()
+    except _Told as told:
+        if address is None:  # the simulator writes to the same place
+            sys.exit(1)
+        raise told.__cause__ from None
     except channels.Silent as error:
         print(f"the simulator is gone: {error}", file=sys.stderr)
     finally:
         channel.close()
+
+
+class _Told(Exception):
+    """The software has failed, and the simulator has been told why."""
 
 
 class _Session:
@@ -67,9 +75,9 @@ class _Session:
             heard, self._heard = self._heard, []
             try:
                 answers = answer(self._software, heard, record)
-            except Exception:
+            except Exception as error:
                 self._channel.send(messages.pack(Failed(traceback.format_exc())))
-                raise
+                raise _Told from error
             self._channel.send(b"".join(map(messages.pack, answers)))
 
 

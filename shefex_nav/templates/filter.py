@@ -23,7 +23,7 @@ from shefex_nav.geometry.rotation import (
     rotvec_from_quat,
     skew,
 )
-from shefex_nav.records import GpsFix, Reason, StarFix
+from shefex_nav.records import GateResult, GpsFix, Reason, StarFix
 from shefex_nav.software import Estimate
 
 MU, J2, RADIUS = 3.986004418e14, 1.08263e-3, 6378137.0  # of the Earth: m^3/s^2, 1, m (WGS84, EGM96)
@@ -55,6 +55,7 @@ class MyFilter:
 
     def step(self, imu, arrived):
         self.predict(imu)
+        self.gates = []  # what came of the measurements of this tick, for the log
         for one in arrived:
             if isinstance(one, GpsFix) and one.valid and not one.horizontal and not self.is_too_old(one):
                 self.correct_by_gps(one)
@@ -62,7 +63,7 @@ class MyFilter:
                 self.correct_by_stars(one)
         to_body = np.eye(9)
         to_body[ATT, ATT] = dcm_from_quat(self.q).T
-        return Estimate(
+        estimate = Estimate(
             r_i=self.r,
             v_i=self.v,
             q_ib=self.q,
@@ -71,6 +72,7 @@ class MyFilter:
             accel_bias=self.accel_bias,
             star_aided=self.star_aided,
         )
+        return [estimate, *self.gates]
 
     def predict(self, imu):
         dt = imu.dt_s * len(imu.dtheta_b)
@@ -128,14 +130,14 @@ class MyFilter:
         r_arm = C @ arm  # from the IMU to the antenna
         H = np.zeros((3, 15))
         H[:, POS], H[:, VEL], H[:, ATT] = np.eye(3), -late_s * np.eye(3), -skew(r_arm)
-        self.correct(r_fix - r - r_arm, H, C_ie @ fix.R_r_e @ C_ie.T)
+        self.correct("gps_position", fix, r_fix - r - r_arm, H, C_ie @ fix.R_r_e @ C_ie.T)
         if not np.isfinite(v_fix).all():
             return  # a receiver that gives positions alone
         _, v, C, omega, pushed = self.at(fix.t_valid_s)
         v_arm = C @ np.cross(omega, arm)
         H = np.zeros((3, 15))
         H[:, VEL], H[:, ATT] = np.eye(3), skew(self.pushed - pushed - v_arm)
-        self.correct(v_fix - v - v_arm, H, C_ie @ fix.R_v_e @ C_ie.T)
+        self.correct("gps_velocity", fix, v_fix - v - v_arm, H, C_ie @ fix.R_v_e @ C_ie.T)
 
     def correct_by_stars(self, fix):
         _, _, believed, _, _ = self.at(fix.t_valid_s)
@@ -146,12 +148,18 @@ class MyFilter:
         # the mounting is off by the same all the time: as many fixes as come while it counts are no better
         C_ic, fixes = believed @ C_bc, LASTING_S * self.mission.sheets["star_tracker"].rate
         R = C_ic @ fix.P_c @ C_ic.T + fixes * self.mission.sigma_mounting**2 * np.eye(3)
-        self.star_aided |= self.correct(rotvec_from_quat(quat_from_dcm(seen @ believed.T)), H, R)
+        residual = rotvec_from_quat(quat_from_dcm(seen @ believed.T))
+        self.star_aided |= self.correct("star_tracker", fix, residual, H, R)
 
-    def correct(self, residual, H, R):
+    def correct(self, sensor, fix, residual, H, R):
         """Kalman update; a measurement that contradicts the filter is refused. -> whether it was used"""
         S = H @ self.P @ H.T + R
-        if not residual @ np.linalg.solve(S, residual) <= GATE:
+        nis = float(residual @ np.linalg.solve(S, residual))  # on average 3 if P and R are right
+        used = nis <= GATE
+        self.gates.append(
+            GateResult(self.past[-1][0], fix.t_valid_s, sensor, 3, nis, GATE, used, "", residual)
+        )
+        if not used:
             return False
         K = np.linalg.solve(S, H @ self.P).T
         error, keep = K @ residual, np.eye(15) - K @ H

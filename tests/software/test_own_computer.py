@@ -36,8 +36,7 @@ class Both:
             solved = self.tracker.step(frame, NO_CONTEXT)._replace(number=frame.number)
             given.append(solved)
             HERE
-        given.append(self.filter.step(imu, [one for one in arrived if not isinstance(one, Frame)]))
-        return given
+        return given + self.filter.step(imu, [one for one in arrived if not isinstance(one, Frame)])
 """
 PROGRAM = """
 import sys

@@ -11,7 +11,7 @@ from operator import attrgetter
 
 import numpy as np
 import pytest
-from own_flights import CLASS, STATISTICAL, flown, same, template
+from own_flights import CLASS, STATISTICAL, flown, reckoning, same, template
 
 from shefex_nav import plugins
 from shefex_nav.errors import CodeError, SoftwareError
@@ -49,6 +49,19 @@ def test_by_the_network_the_records_are_the_same(built_in, kind):
     own = flown("night_sky", f"navigation.software={{connect: '{address}'}}", until_s=UNTIL_S)
     other.join(10.0)
     assert not other.is_alive() and same(own, built_in)
+
+
+def test_a_program_that_fails_shows_its_traceback_once(tmp_path):
+    """It has said why, and writes to the terminal of the simulator."""
+    program, path = tmp_path / "program.py", reckoning(tmp_path, "if self.ticks == 5: 1 / 0")
+    program.write_text(
+        "from own import Reckoning\nfrom shefex_nav.software import serve\nserve(Reckoning())\n"
+    )
+    own = f"navigation.software={{command: {sys.executable} {program}}}"
+    words = [sys.executable, "-m", "shefex_nav", "run", "night_sky", "--trust", "--set", own, "--until", "1s"]
+    run = subprocess.run(words, capture_output=True, text=True, timeout=120, cwd=tmp_path, check=False)
+    assert path.exists() and run.returncode == 3
+    assert run.stderr.count("Traceback") == 1 and run.stderr.count("ZeroDivisionError") == 1, run.stderr
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")

@@ -33,8 +33,11 @@ def test_software_that_gives_its_covariance_has_a_nees(tmp_path):
     """Against the definition, from the records; the built-in filter's own is as it was, of its gates."""
     own = f"navigation.software={template('filter.py', tmp_path)}:MyFilter"
     flown = runs.fly(load("night_sky", [own], trust=True), until_s=6.0)
-    data, nees = flown.data, flown.summary()["navigation"]["nees"]
-    assert not data.gates and nees["samples"] >= 4 and nees["dof"] == 9
+    assert {"gps_position", "gps_velocity", "star_tracker"} == {one.sensor for one in flown.data.gates}
+    assert figures.draw("nis", flown.data) is not None
+    data = flown.data._replace(gates=[])  # software that gives none
+    nees = metrics.summarise(data)["navigation"]["nees"]
+    assert nees["samples"] >= 4 and nees["dof"] == 9
     since = data.nav.t_s[np.flatnonzero(data.nav.star_aided)[0]]
     errors, expected = flown.errors(), []
     for k, t_s in enumerate(data.covariance.t_s):
@@ -55,6 +58,15 @@ def metrics_rows(flown):
     from shefex_nav.report import table
 
     return dict(table.rows(flown.summary()))["navigation"]
+
+
+def test_biases_without_sigmas_have_no_band_and_say_so(tmp_path):
+    own = f"navigation.software={template('filter.py', tmp_path)}:MyFilter"
+    mine = runs.fly(load("night_sky", [own], trust=True), until_s=1.0)
+    built_in = runs.fly(load("night_sky"), until_s=1.0)
+    titles = [figures.draw("biases", one.data).texts[0].get_text() for one in (mine, built_in)]
+    assert ["±3 σ" in one for one in titles] == [False, True]
+    assert ["gives no σ" in one for one in titles] == [True, False]
 
 
 def test_nothing_is_drawn_of_what_the_software_does_not_give(tmp_path):

@@ -159,14 +159,17 @@ def _three(data, words, names, unit, series):
 
 @style.styled
 def biases(data):
-    """Estimated biases of the IMU with 3 sigma. RunData -> Figure; None without any.
+    """Estimated biases of the IMU with 3 sigma, where they are known. RunData -> Figure; None without any.
 
     The log does not hold the true biases, so these are estimates, not errors.
     """
     covariance = data.covariance
     if not any(np.isfinite(one).any() for one in (covariance.gyro_bias, covariance.accel_bias)):
         return None
-    words = "Biases of the IMU as estimated, ±3 σ about the estimate (the log does not hold the true ones)"
+    band = ", ±3 σ about the estimate" if np.isfinite(covariance.sigma[:, :6]).any() else ""
+    words = f"Biases of the IMU as estimated{band} (the log does not hold the true ones)"
+    if not band:
+        words = f"{words}; the software gives no σ of them"
     spans_s = [style.whole(data)] * 2
     heads = ["gyros [deg/h]", "accelerometers [mgee]"]
     figure, rows = style.panels(data, 3, words, columns=2, heads=heads, spans_s=spans_s)
