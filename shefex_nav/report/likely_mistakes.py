@@ -281,4 +281,4 @@ def _explained(squares, left):
 
 
 def _percent(share):
-    return f"{100.0 * share:.1f} %" if share < 0.9995 else "all"
+    return f"{100.0 * share:.1f} %" if share < 0.9995 else "over 99.9 %"
