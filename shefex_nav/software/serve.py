@@ -34,20 +34,17 @@ def serve(software, address):
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what the software prints is no message
     else:
         channel = channels.listening(address)
+    session = _Session(software, channel)
     try:
-        _Session(software, channel).run()
-    except _Told as told:
-        if address is None:  # the simulator writes to the same place
-            sys.exit(1)
-        raise told.__cause__ from None
+        session.run()
     except channels.Silent as error:
         print(f"the simulator is gone: {error}", file=sys.stderr)
+    except Exception:
+        if session.has_told and address is None:  # the simulator writes why to the same place
+            sys.exit(1)
+        raise
     finally:
         channel.close()
-
-
-class _Told(Exception):
-    """The software has failed, and the simulator has been told why."""
 
 
 class _Session:
@@ -56,6 +53,7 @@ class _Session:
     def __init__(self, software, channel):
         self._software, self._channel = software, channel
         self._heard = []  # records since the last answer
+        self.has_told = False  # why the software has failed
 
     def run(self):
         """Answer until there are no more ticks."""
@@ -75,9 +73,10 @@ class _Session:
             heard, self._heard = self._heard, []
             try:
                 answers = answer(self._software, heard, record)
-            except Exception as error:
+            except Exception:
                 self._channel.send(messages.pack(Failed(traceback.format_exc())))
-                raise _Told from error
+                self.has_told = True
+                raise
             self._channel.send(b"".join(map(messages.pack, answers)))
 
 

@@ -1,7 +1,7 @@
 """Figures for people."""
 
+from shefex_nav.report.consistency_rows import _nees_words
 from shefex_nav.report.sizes import number
-from shefex_nav.report.table import _nees_words
 
 
 def test_a_figure_has_no_dozens_of_digits():
