@@ -126,6 +126,8 @@ NAVIGATION = {
         "attitude_sigma_deg": {ANY: POSITIVE},
     },
     "nees": {"mean": POSITIVE, "dof": POSITIVE_COUNT, "samples": COUNT, "times_sigma": {ANY: POSITIVE}},
+    **dict.fromkeys(("beyond_sigma", "errors_fit", "unknown"), A_LIST),
+    "measurements": {ANY: dict.fromkeys(("delivered", "used", "refused"), COUNT)},
     "instruments": {ANY: {"readings": COUNT, "used": COUNT}},
     "integrity": INTEGRITY,
 }

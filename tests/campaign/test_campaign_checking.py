@@ -68,7 +68,9 @@ def test_a_record_that_no_campaign_writes_is_refused(path, value, words, folder)
     assert store.Store(folder).record(1)["run"] == 1
 
 
-TEXTS = "version", "scenario", "seed", "failure", "flight.of", "warnings"  # and the doubts at entry
+TEXTS = (  # and the doubts at entry
+    "version", "scenario", "seed", "failure", "flight.of", "warnings", "navigation.nees.why",
+)  # fmt: skip
 
 
 def test_each_figure_of_a_flight_has_a_rule_that_it_meets():
