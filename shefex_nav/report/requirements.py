@@ -70,6 +70,11 @@ def together(path):
     return figure
 
 
+def _of_axes(path):
+    """Note about the largest element of a vector."""
+    return lambda get: "about the worst axis" if _largest(path)(get) is not None else ""
+
+
 def _percent(path):
     return lambda get: None if get(path) is None else 100.0 * get(path)
 
@@ -141,7 +146,13 @@ NO_LEVELS = "the software gives no protection level"
 UNJUDGED = "not judged"
 UNREACHED = "not reached"  # verdict of what a mission that was seen in part may still do
 MEASURES = {
-    "attitude_at_entry": _Measure(_largest("navigation.at_entry.attitude_error_deg"), "deg", DEG, "at most"),
+    "attitude_at_entry": _Measure(
+        _largest("navigation.at_entry.attitude_error_deg"),
+        "deg",
+        DEG,
+        "at most",
+        note=_of_axes("navigation.at_entry.attitude_error_deg"),
+    ),
     "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
     **{

@@ -52,7 +52,8 @@ class Table:
         """The pandas.DataFrame; ModuleNotFoundError says what to do where pandas is not installed."""
         if find_spec("pandas") is None:
             raise ModuleNotFoundError(
-                "to_pandas needs pandas, which is not installed: pip install pandas; without it, "
+                "to_pandas needs pandas, which is not installed: `pip install pandas` or "
+                "`uv pip install pandas`; without it, "
                 ".arrow is a pyarrow.Table and [column] a NumPy array"
             )
         return self.arrow.to_pandas()

@@ -227,12 +227,20 @@ def test_two_logs_are_one_pair_without_intervals(tmp_path, command):
     a, b = (each["position_error_m"]["rms"] for each in told)
     assert (one["a"]["median"], one["b"]["median"]) == (a, b)
     assert one["difference"]["mean"] == pytest.approx(b - a) and one["difference"]["low"] is None
-    assert all(one["difference"]["verdict"] is None for one in found["figures"] if one["difference"])
+    judged = [one["difference"] for one in found["figures"] if one["difference"]]
+    assert {(one["verdict"], one["mean"] == 0.0) for one in judged} <= {
+        (None, False),
+        (None, True),
+        ("none", True),
+    }
     assert found["scenario_differences"] == [{"path": "gps.rate", "a": "1 Hz", "b": "2 Hz"}]
     assert found["commands"] == [f"shefex-nav view {logs[0]} {logs[1]}"]
     table = command("compare", *map(str, logs))
     assert "no interval: one pair" in table.out and "better" not in table.out.replace("better in", "")
     assert f"shefex-nav view {logs[0]}" in table.out
+    lines = command("compare", str(logs[0]), str(logs[0])).out.splitlines()
+    rows = [line for line in lines if line.startswith(("  position", "  velocity", "  misleading met"))]
+    assert len(rows) == 5 and all(line.endswith("the same in each pair") for line in rows)
 
 
 def test_a_log_is_paired_with_the_run_of_its_seed(whole, tmp_path, command):

@@ -77,9 +77,11 @@ def test_no_interval_no_verdict(b, why):
     assert found.verdict is None and found.low is None and why in found.why
 
 
-def test_one_pair_without_a_difference_has_no_interval_either():
-    assert paired.difference([1.0], [1.0]).why == "one pair"
-    assert paired.share_difference([True], [True], good=True).why == "one pair"
+def test_one_pair_without_a_difference_is_the_same_as_well():
+    """One with a difference has no interval."""
+    found = paired.difference([1.0], [1.0]), paired.share_difference([True], [True], good=True)
+    assert [(one.verdict, one.low, one.why) for one in found] == [(paired.NOT_SEEN, None, "")] * 2
+    assert paired.share_difference([True], [False], good=True).why == "one pair"
 
 
 @pytest.mark.parametrize("law", ["normal", "lognormal", "student"])
@@ -170,7 +172,7 @@ def test_figures_come_out_of_a_summary():
         "simulated_s": 100.0,
     }
     found = {one.name: one.figure(figures_of(summary)) for one in QUANTITIES}
-    assert found["position at entry"] == 3.0 and found["attitude at entry"] == pytest.approx(0.5)
+    assert found["position at entry"] == 3.0 and found["attitude at entry, size"] == pytest.approx(0.5)
     assert found["attitude, rms of the star phase"] == 0.01
     assert found["misleading, of the time"] == pytest.approx(2.0)
     assert found["star fixes of the window"] == pytest.approx(90.0)

@@ -309,7 +309,7 @@ def test_tables_are_those_of_export_and_arrays_those_of_the_records(sky):
 def test_pandas_is_asked_for_where_it_is_needed(sky, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(
-        ModuleNotFoundError, match=r"needs pandas, which is not installed: pip install pandas"
+        ModuleNotFoundError, match=r"needs pandas, which is not installed: `pip install pandas` or `uv pip"
     ):
         sky.tables["nav"].to_pandas()
 

@@ -82,10 +82,10 @@ def difference(a, b, *, larger_is_better=False):
     found[np.isfinite(found) & (np.abs(found) <= ROUNDING * np.maximum(np.abs(a), np.abs(b)))] = 0.0
     worse = -found if larger_is_better else found
     n, mean, counts = len(found), float(found.mean()), (int((worse < 0.0).sum()), int((worse > 0.0).sum()))
-    if why := _no_interval(found):
-        return Difference(n, mean, None, None, *counts, None, why)
     if not found.any():  # without scatter there is no interval, nor anything to be certain of
         return Difference(n, 0.0, None, None, 0, 0, NOT_SEEN)
+    if why := _no_interval(found):
+        return Difference(n, mean, None, None, *counts, None, why)
     low, high = intervals.mean(found)
     if n < FEW:
         return Difference(n, mean, low, high, *counts, OPEN, _few(n))
@@ -105,7 +105,7 @@ def _no_interval(found):
         return "one pair"
     if not np.isfinite(found).all():
         return "not finite"
-    if found.any() and np.ptp(found) == 0.0:
+    if np.ptp(found) == 0.0:
         return "all differences are equal: their scatter is not known"
     return ""
 
@@ -132,10 +132,10 @@ def share_difference(a, b, *, good):
     only_a = sum(x and not y for x, y in zip(a, b, strict=True))
     only_b = sum(y and not x for x, y in zip(a, b, strict=True))
     mean, apart = (only_b - only_a) / n, only_a + only_b
-    if n == 1:
-        return ShareDifference(n, mean, None, None, None, "one pair")
     if not apart:
         return ShareDifference(n, 0.0, None, None, NOT_SEEN)
+    if n == 1:
+        return ShareDifference(n, mean, None, None, None, "one pair")
     if n < FEW:
         return ShareDifference(n, mean, *intervals.paired_shares(only_a, only_b, n), OPEN, _few(n))
     low, high = (p - 0.5 for p in intervals.proportion(only_b, apart))

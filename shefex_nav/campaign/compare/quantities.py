@@ -55,7 +55,7 @@ SOLUTION_SHARE = _NAV + "solution_share"
 QUANTITIES = (
     Quantity("position at entry", "m", _at(_NAV + "at_entry.position_error_m")),
     Quantity("velocity at entry", "m/s", _at(_NAV + "at_entry.velocity_error_m_s")),
-    Quantity("attitude at entry", "deg", requirements.together(_NAV + "at_entry.attitude_error_deg")),
+    Quantity("attitude at entry, size", "deg", requirements.together(_NAV + "at_entry.attitude_error_deg")),
     Quantity("position, rms of the star phase", "m", _at(_NAV + "star_phase.position_rms_m"), spoken=True),
     Quantity(
         "velocity, rms of the star phase", "m/s", _at(_NAV + "star_phase.velocity_rms_m_s"), spoken=True

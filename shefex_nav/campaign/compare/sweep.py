@@ -16,7 +16,11 @@ from shefex_nav.campaign.parts import Part
 from shefex_nav.scenario import load, software, sweeps
 
 SHOWN = tuple(  # of `quantities`: the first that there is
-    (f"{quantity} at entry", f"{quantity}, rms since two star fixes", f"{quantity}, rms of the run")
+    (
+        f"{quantity} at entry{', size' if quantity == 'attitude' else ''}",
+        f"{quantity}, rms since two star fixes",
+        f"{quantity}, rms of the run",
+    )
     for quantity in ("position", "velocity", "attitude")
 )
 
