@@ -250,7 +250,7 @@ def judge_nees(series):
             values = at_end[:, b][np.isfinite(at_end[:, b])]
             if len(values):
                 what = f"NEES of {block.replace('_', ' ')}, end of {phase_name(phase)}"
-                found.append(_chi_square(what, float(values.sum()), DOF * len(values), len(values)))
+                found.append(chi_square(what, float(values.sum()), DOF * len(values), len(values)))
     return with_holm(found)
 
 
@@ -271,7 +271,7 @@ def judge_nis(series):
         if some.sum() > 1:
             found.append(_student(words, total / dof[some]))
         elif some.any():
-            one = _chi_square(words, float(total[0]), int(dof[some][0]), 1)
+            one = chi_square(words, float(total[0]), int(dof[some][0]), 1)
             found.append(one._replace(practical=PRACTICAL))
     return with_holm(found)
 
@@ -286,7 +286,7 @@ def _student(what, values):
     return Verdict(what, mean, max(1.0 - half, 0.0), 1.0 + half, len(values), p, p, PRACTICAL)
 
 
-def _chi_square(what, total, dof, samples):
+def chi_square(what, total, dof, samples):
     """Verdict on a sum of squares."""
     from scipy import stats
 

@@ -125,7 +125,9 @@ def _sweep(how, given, as_json):
         one.scenario.line_about(*gone) for one in flights for gone in one.scenario.dropped
     ):
         say(f"warning: {words}")
-    lost = fly(flights, how)
+    lost, interrupted = fly(flights, how)
+    if interrupted:
+        return 130
     every, found = sweep.compared(flights)
     if as_json:
         print_json(summary.summary(every, found) | {"combinations": sweep.result(every, settings)})

@@ -4,6 +4,7 @@ Exit codes: 0 compared, 1 runs were lost (the same command flies them) or no pai
 or nothing that can be paired, 130 interrupted; the same command goes on.
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from shefex_nav.commands.output_files import check_file, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 RUNS = 20
+GOES_ON = "what is flown is kept, the same command goes on from there"
 
 
 def compare(
@@ -60,7 +62,10 @@ def compare(
     flights = flying.planned([one for one in told if one.kind in words.FLOWN], how)
     there = _there(told)
     _check_seeds(told, there, flying.seeds(how))
-    lost = fly(flights, how)
+    lost, interrupted = fly(flights, how)
+    if interrupted:
+        _show_what_is_there(told, there, flights, json)
+        raise typer.Exit(130)
     sides, found = _compared(told, there, flights)
     _show(sides, found, html, json)
     nothing = any(not any(row.seeds for row in one.rows) for one in found)
@@ -78,7 +83,7 @@ def _check_number(given):
 
 
 def fly(flights, how):
-    """Fly what is missing of each flying.Flight. -> how many runs were lost"""
+    """Fly what is missing of each flying.Flight. -> how many runs were lost, whether somebody ended it"""
     from shefex_nav.campaign.compare import flying
     from shefex_nav.campaign.progress import TerminalShow
     from shefex_nav.stopping import stopping
@@ -86,15 +91,44 @@ def fly(flights, how):
     lost = 0
     for one in flights:
         say(f"{one.label}: {how.runs} runs, seed {how.seed} -> {one.folder}")
-        with stopping() as stop:
-            ended = flying.fly(one, how, TerminalShow(say), stop, flights)
+        try:
+            with stopping() as stop:
+                ended = flying.fly(one, how, TerminalShow(say), stop, flights)
+        except KeyboardInterrupt:  # the second wish
+            say(GOES_ON)
+            raise
         if ended.interrupted:
-            say("interrupted; what is flown is kept, the same command goes on from there")
-            raise typer.Exit(130)
+            say(f"interrupted; {GOES_ON}")
+            return lost, True
         for run in ended.lost:
             say(f"{one.label}: run {run.run} was lost: {run.reason}")
         lost += len(ended.lost)
-    return lost
+    return lost, False
+
+
+def _show_what_is_there(told, there, flights, as_json):
+    """The comparison of what had flown when somebody ended it, if two sides have a seed in common.
+
+    With --json nothing is printed: a program takes what it gets for the whole.
+    """
+    from shefex_nav.campaign.compare import comparison, flying, sides
+    from shefex_nav.campaign.compare import given as words
+
+    begun, found = iter(flights), []
+    for letter, one in zip(sides.LETTERS, told, strict=False):
+        side = there.get(letter) or flying.side_so_far(next(begun), letter, one.text)
+        found += [] if side is None else [side]
+    first, *others = found or [None]
+    pairs = []
+    for other in others:
+        with suppress(words.CompareError):  # no seed in common yet
+            pairs.append(comparison.compare(first, other))
+    if not pairs:
+        say("not two of them have runs of the same seed yet: there is nothing to compare")
+        return
+    say(f"what has flown so far; also by: {flying.command_of([side.where for side in found])}")
+    if not as_json:
+        _show([first, *(one.b for one in pairs)], pairs, None, False)
 
 
 def _there(told):

@@ -240,7 +240,7 @@ def test_two_logs_are_one_pair_without_intervals(tmp_path, command):
     assert f"shefex-nav view {logs[0]}" in table.out
     lines = command("compare", str(logs[0]), str(logs[0])).out.splitlines()
     rows = [line for line in lines if line.startswith(("  position", "  velocity", "  misleading met"))]
-    assert len(rows) == 5 and all(line.endswith("the same in each pair") for line in rows)
+    assert len(rows) == 5 and all(line.rstrip().endswith("the same in each pair") for line in rows)
 
 
 def test_a_log_is_paired_with_the_run_of_its_seed(whole, tmp_path, command):
@@ -494,3 +494,32 @@ def test_a_page_is_not_overwritten(whole, tmp_path, command):
     folder, _ = whole
     run = command("compare", str(folder), str(folder), "--html", str(page))
     assert run.code == 2 and page.read_text() == "mine" and "exists already" in run.err
+
+
+ENDS_ONCE = """import pathlib, signal
+        flag = pathlib.Path(__file__).with_suffix(".flag")
+        if self.ticks == 5 and not flag.exists():
+            flag.touch()
+            signal.raise_signal(signal.SIGTERM)"""
+
+
+def test_an_interrupted_comparison_shows_what_is_complete_and_goes_on(tmp_path, monkeypatch, command):
+    """Software B asks for the end in its first run, which still flies."""
+    monkeypatch.chdir(tmp_path)
+    own = standing(tmp_path, ENDS_ONCE)
+    words = ("compare", "built-in", own, "--scenario", short(tmp_path), "--runs", "3", "--trust")
+    ended = command(*words)
+    assert ended.code == 130, ended.err
+    assert "interrupted; what is flown is kept, the same command goes on from there" in ended.err
+    assert "shefex-nav compare logs/compare/short-seed1/built-in-" in ended.err
+    assert re.search(r"against A \(built-in\), [12] pairs?\b", ended.out), ended.out
+    again = command(*words)
+    assert again.code == 0 and re.search(r"against A \(built-in\), 3 pairs", again.out), again.err
+
+
+def test_an_interrupted_comparison_without_a_pair_says_so(tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    first, second = standing(tmp_path, ENDS_ONCE), standing(tmp_path, name="two.py")
+    ended = command("compare", first, second, "--scenario", short(tmp_path), "--runs", "3", "--trust")
+    assert ended.code == 130 and not ended.out
+    assert "not two of them have runs of the same seed yet" in ended.err

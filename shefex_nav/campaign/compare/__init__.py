@@ -6,5 +6,6 @@ sides        what is compared: the runs of each side by their seeds
 quantities   which figures of a run are compared, and which way is better
 paired       two samples of the same seeds: difference, interval, verdict
 comparison   sides -> everything that is said of them
+described    whether the covariance of each describes its errors
 parts        as tables;  summary  for programs;  figures, page  one HTML page
 """

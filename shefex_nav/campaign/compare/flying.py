@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from shefex_nav.campaign import draws, running, store
 from shefex_nav.campaign import plan as planning
-from shefex_nav.campaign.compare.given import BUILT_IN, SOFTWARE, CompareError, override
+from shefex_nav.campaign.compare import sides
+from shefex_nav.campaign.compare.given import BUILT_IN, CAMPAIGN, SOFTWARE, CompareError, override
 from shefex_nav.scenario import load, software
 
 OUT = Path("logs/compare")
@@ -83,5 +84,19 @@ def fly(flight, how, show, stopped, others=()):
 def _see(flights):
     """How to compare what has flown of Flights: str; '' where fewer than two have begun."""
     begun = [str(one.folder) for one in flights if store.read_head(one.folder, missing=None) is not None]
-    command = shlex.join(["shefex-nav", "compare", *begun])
-    return f"`{command}` compares the runs that have flown" if len(begun) > 1 else ""
+    return f"`{command_of(begun)}` compares the runs that have flown" if len(begun) > 1 else ""
+
+
+def command_of(folders):
+    """Shell command that compares what is in folders."""
+    return shlex.join(["shefex-nav", "compare", *map(str, folders)])
+
+
+def side_so_far(flight, letter, label):
+    """Side of the runs of a Flight that are done; None without any."""
+    if store.read_head(flight.folder, missing=None) is None:
+        return None
+    try:
+        return sides.of(CAMPAIGN, flight.folder, letter, label)
+    except store.StoreError:  # no run is done
+        return None

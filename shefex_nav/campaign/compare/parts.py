@@ -4,7 +4,7 @@ import shlex
 
 import numpy as np
 
-from shefex_nav.campaign.compare import paired
+from shefex_nav.campaign.compare import described, paired
 from shefex_nav.campaign.compare.given import LOG
 from shefex_nav.campaign.compare.quantities import NEARER
 from shefex_nav.campaign.parts import Bold, Command, Part
@@ -21,9 +21,11 @@ def parts(sides, found):
     made = [_sides(sides)]
     for one in found:
         made += [_figures(one), _shares(one)]
+    made.append(_honest(sides))
     return [
         *made,
         Part("The pair that differs most, by the first row", lines=tuple(map(Command, commands(found[0])))),
+        Part("All figures of each", lines=tuple(map(Command, reports(sides)))),
     ]
 
 
@@ -41,6 +43,36 @@ def _sides(sides):
             which = "" if failed[0].run is None else f"run {failed[0].run}"
             lines.append(f"{side.letter} failed, {which or 'the log says'}: {failed[0].failed}")
     return Part("Compared", heads, tuple(rows), tuple(lines))
+
+
+def _honest(sides):
+    """Table of what each side says of its own errors."""
+    made, silent = [], []
+    for side in sides:
+        found = described.of_side(side)
+        if not found:
+            silent.append(f"{side.letter} gives no covariance: there is nothing to judge.")
+        for cells, is_wrong in described.rows(found):
+            made.append((side.letter, *cells[:-1], _bold(cells[-1], is_wrong)))
+    heads = "", "of", "when", ">NEES per degree of freedom", ">expected", ">sigma / error", "sigmas"
+    lines = [
+        "NEES per degree of freedom: mean over all runs of a side, 1 where the covariance is right; 95 % of "
+        "means lie within what is expected. Sigma / error: root mean squares. Wrong is said where chance "
+        "does not explain the NEES (5 %, corrected by Holm for all instants and blocks of a side). Of few "
+        "runs only gross faults show.",
+    ]
+    return Part(
+        "Does the covariance of each describe its errors?", heads if made else (), tuple(made),
+        (*(lines if made else ()), *silent),
+    )  # fmt: skip
+
+
+def reports(sides):
+    """Shell commands that print all figures of each side: list."""
+    return [
+        shlex.join(["shefex-nav", "report", where])
+        for where in dict.fromkeys(str(one.where) for one in sides)
+    ]
 
 
 def _figures(one):
@@ -109,7 +141,11 @@ def _lines(one):
         "one shows one by chance."
     ]
     if any(row.quantity.better == NEARER for row in one.rows):
-        lines.append("NEES: the difference is of |ln(NEES / 9)|, how far it is from what it should be.")
+        lines.append(
+            "NEES: of position, velocity and attitude together, each whole second from the first star fix "
+            "that the filter used until entry, without an entry to the end; its difference is of "
+            "|ln(NEES / 9)|, how far it is from what it should be. Phase by phase: the table of covariances."
+        )
         lines += _too_sure(one)
     lines += one.notes
     if one.different:

@@ -72,7 +72,7 @@ QUANTITIES = (
     Quantity("position, largest", "m", _at(_NAV + "position_error_m.max"), spoken=True),
     Quantity("velocity, largest", "m/s", _at(_NAV + "velocity_error_m_s.max"), spoken=True),
     Quantity("attitude, largest", "deg", _at(_NAV + "attitude_error_deg.max"), spoken=True),
-    Quantity(f"NEES, {NEES_DOF} expected", "", _at(_NAV + "nees.mean"), NEARER),
+    Quantity(f"NEES, stars to entry, {NEES_DOF} expected", "", _at(_NAV + "nees.mean"), NEARER),
     Quantity("ticks with a solution", "%", _at(SOLUTION_SHARE, 100.0), LARGER),
     Quantity("usable, of the time", "%", _at(_NAV + "integrity.usable_share", 100.0), LARGER),
     Quantity("misleading, of the time", "%", _at(_NAV + "integrity.misleading_share", 100.0)),

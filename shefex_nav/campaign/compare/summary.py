@@ -2,7 +2,7 @@
 
 import math
 
-from shefex_nav.campaign.compare import paired, parts
+from shefex_nav.campaign.compare import described, paired, parts
 from shefex_nav.scenario import differences
 from shefex_nav.scenario.document import dotted
 
@@ -23,6 +23,8 @@ def summary(sides, found):
         "confidence": paired.CONFIDENCE,
         "sides": [side.result() for side in sides],
         "comparisons": [_comparison(one) for one in found],
+        "covariances": {side.letter: [one.result() for one in described.of_side(side)] for side in sides},
+        "reports": parts.reports(sides),
     }
 
 
