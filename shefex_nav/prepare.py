@@ -27,7 +27,7 @@ from shefex_nav.scenario import (
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
-from shefex_nav.world import camera, faults, gps, imu, noise, pad
+from shefex_nav.world import absent, camera, faults, gps, imu, noise, pad
 from shefex_nav.world.fault_settings import Faults
 from shefex_nav.world.flight import fly
 from shefex_nav.world.flight.record import MEMORY
@@ -116,13 +116,14 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None, room=
     aboard.activate(scenario)
     scenario = settled(scenario, flight if brief else None)
     world = unmeasured(scenario, seed, flight)
-    sensed = imu.sense(settings(scenario.imu), flight.trajectory, noise.generator(seed, "imu"), biases)
+    unit, shaken = _unit(scenario), absent.VIBRATION not in scenario.without
+    sensed = imu.sense(unit, flight.trajectory, noise.generator(seed, "imu"), biases, shaken)
     room.release()
     receiver, start_s = params.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
     room.release()
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
-    said = gps.received(receiver, seen, flight.events, start_s, *rngs)
+    said = gps.received(receiver, seen, flight.events, start_s, *rngs, scenario.without)
     return Healthy(scenario, seed, world._replace(imu_biases=biases), sensed, said)
 
 
@@ -132,13 +133,14 @@ def unmeasured(scenario, seed, flight):
     catalogue = stars.load_catalogue(8.0)
     at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(scenario.mission.epoch))
     rng = noise.generator(seed, "camera_errors")
-    true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng)
-    rng = noise.generator(seed, "pad")
+    of_camera = absent.of_camera(params.star_camera(scenario), scenario.without)
+    true_camera = camera.init(of_camera, at_epoch, bodies, earth, rng)
+    rng, unknown = noise.generator(seed, "pad"), settings(scenario.pad_alignment)
     return World(
         earth=earth,
         catalogue=catalogue,
         flight=flight,
-        alignment=pad.align(settings(scenario.pad_alignment), flight.trajectory, earth, rng),
+        alignment=pad.align(unknown, flight.trajectory, earth, rng, scenario.without),
         imu=None,
         gps_fixes=[],
         gps_ranges=[],
@@ -168,12 +170,17 @@ def with_faults(scenario, healthy, *, keeps=False):
     seen = flight.trajectory, world.earth
     return world._replace(
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
-        imu=imu.reported(settings(healthy.scenario.imu), flight.trajectory.t_s, sensed, wrong.imu),
+        imu=imu.reported(_unit(healthy.scenario), flight.trajectory.t_s, sensed, wrong.imu),
         gps_fixes=gps.stamped(fixes, receiver.clock_offset),
         gps_ranges=gps.stamped(ranges, receiver.clock_offset),
         faults=wrong,
         measured=measured_by_instruments(healthy.scenario, healthy.seed, *seen, of_instruments),
     )
+
+
+def _unit(scenario):
+    """world.settings.Imu of the unit that is flown, which may lack errors that all on board counts with."""
+    return absent.of_imu(settings(scenario.imu), scenario.without)
 
 
 def gps_sky(scenario, flight, with_ranges=True):
@@ -315,5 +322,5 @@ def true_biases(scenario, seed, trajectory):
     The instrument is asked again, with the same random numbers.
     """
     biases = np.empty((len(trajectory.t_s), 6))
-    imu.measure(settings(scenario.imu), trajectory, noise.generator(seed, "imu"), biases)
+    imu.measure(_unit(scenario), trajectory, noise.generator(seed, "imu"), biases)
     return biases

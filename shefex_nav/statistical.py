@@ -20,6 +20,7 @@ from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import Reason
 from shefex_nav.world import noise
+from shefex_nav.world.absent import STAR_NOISE
 from shefex_nav.world.camera import sightings, undrawn
 
 FRAMES = "statistical"  # the scenario's word for it
@@ -85,6 +86,8 @@ class Statistical:
 
     def __init__(self, scenario, world, tracker, seed, line):
         self.sightings, self.search = models(scenario)
+        if STAR_NOISE in scenario.without:
+            self.sightings = self.sightings._replace(noise=np.zeros_like(self.sightings.noise))
         settings = tracker.params.settings
         merge_radius = settings.catalogue.merge_radius
         self.camera = undrawn.catalogued(tracker.pairs.stars, world.camera, merge_radius)

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands.budget import budget
 from shefex_nav.commands.calibrate import calibrate
 from shefex_nav.commands.campaign import campaign
 from shefex_nav.commands.characterise import characterise
@@ -62,6 +63,7 @@ app.command(epilog=TRUST_HELP)(smooth)
 app.command(epilog=TRUST_HELP)(campaign)
 app.command(epilog=TRUST_HELP)(trade)
 app.command(epilog=TRUST_HELP)(compare)
+app.command(epilog=TRUST_HELP)(budget)
 app.command(epilog=TRUST_HELP)(repeat)
 app.command(epilog=TRUST_HELP)(export)
 app.command()(scenarios)

@@ -6,6 +6,7 @@ from shefex_nav.scenario import field_of_view, lens
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
+from shefex_nav.world.absent import STAR_NOISE
 
 SPOTS = ("sequential", "maximum", "single_pixels")  # scans that take a star for a spot at rest
 CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings along
@@ -223,5 +224,13 @@ def _catalogue_and_latency(scenario):
         yield ("navigation", "history"), words
 
 
+def _absent(scenario):
+    """Errors that cannot be left out: noise of pictures is in their pixels."""
+    tracker = scenario.star_tracker
+    if tracker.enabled and tracker.frames != "statistical" and STAR_NOISE in scenario.without:
+        words = f"{STAR_NOISE} is in the pixels of a picture; fly with star_tracker.frames: statistical"
+        yield ("without",), words
+
+
 OF_CAMERA = (_rows_and_frames, _grey_values, _chain, _lens)  # of sections star_camera and star_tracker alone
-PARTS = (_clock_and_window, _field, _principal_point, *OF_CAMERA, _catalogue_and_latency)
+PARTS = (_clock_and_window, _field, _principal_point, *OF_CAMERA, _catalogue_and_latency, _absent)

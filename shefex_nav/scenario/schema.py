@@ -22,6 +22,7 @@ from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment, StarCamera
 from shefex_nav.scenario.trajectory import Trajectory
 from shefex_nav.scenario.vehicle import Vehicle
+from shefex_nav.world import absent
 
 
 def _unless_given(value: Any, info: ValidationInfo):
@@ -70,6 +71,11 @@ class Sections(Block):
     computer: Computer = Field(default_factory=Computer, description="what runs both")
     log: Log
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
+    without: tuple[Literal[absent.NAMES], ...] = Field(
+        default=(),
+        description="errors of the sensors that do not happen, although all on board counts with them as if "
+        "they did; `budget` finds out by it what each of them does",
+    )
     requirements: Requirements = Field(
         default_factory=Requirements, description="what a run has to achieve; a campaign counts how often"
     )

@@ -40,6 +40,7 @@ def left_out(scenario):
         for one, _, _ in aboard.used(scenario)
         if one.equation is None
     ]
+    found += [f"without: {', '.join(scenario.without)}"] if scenario.without else []
     found += [f"faults.{name}" for name in type(faults).model_fields if getattr(faults, name)]
     return ", ".join(found)
 

@@ -24,6 +24,7 @@ from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.world import gps_channels, gps_errors, gps_receiver
+from shefex_nav.world.absent import GPS_LASTING, GPS_NOISE
 
 MIN_SATELLITES = 4  # position and receiver clock
 
@@ -87,7 +88,7 @@ def sky(settings, trajectory, earth, constellation, with_ranges=True):
     return Sky(arm, settings.rate, antenna, gnss.numbers(constellation), u_e, geometry)
 
 
-def received(settings, seen, events, gps_start_s, rng, rng_errors):
+def received(settings, seen, events, gps_start_s, rng, rng_errors, absent=()):
     """Fixes and ranges of a flight.
 
     Parameters
@@ -99,6 +100,7 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors):
     rng : Generator of noise, spin and outages; as many numbers are drawn whatever is visible, so each
         satellite keeps its errors
     rng_errors : Generator of errors that last, clock and reacquisition
+    absent : of `absent.NAMES`, errors that are in the covariances and do not happen
 
     Returns
     -------
@@ -109,6 +111,7 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors):
     antenna, prn, u_e = seen.antenna, seen.prn, seen.u_e
     t_s = antenna.t_s
     white = rng.standard_normal((2, *u_e.shape[:2]))
+    white *= GPS_NOISE not in absent
     fortune = rng.random(u_e.shape[:2])
     reasons = outage_reasons(settings.outages, events, t_s, rng.random(len(settings.outages)))
     fractions = rng_errors.random(u_e.shape[:2])
@@ -130,6 +133,7 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors):
     lasting = None
     if settings.errors:
         lasting = gps_errors.range_errors(settings.errors, gps_start_s, t_s, antenna.r_ea_e, u_e, rng_errors)
+        lasting = lasting._replace(error=lasting.error * (GPS_LASTING not in absent))
     fixes = _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
     ranges = []

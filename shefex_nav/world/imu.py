@@ -91,16 +91,20 @@ def measure(settings, trajectory, rng, biases=None, wrong=()):
     return reported(settings, trajectory.t_s, sense(settings, trajectory, rng, biases), wrong)
 
 
-def sense(settings, trajectory, rng, biases=None):
-    """What the unit senses before anything fails; arguments as of `measure`. -> Sensed"""
+def sense(settings, trajectory, rng, biases=None, shaken=True):
+    """What the unit senses before anything fails; arguments as of `measure`. -> Sensed
+
+    shaken : False: vibration is no noise; what rectifies it is still there
+    """
     errors, of_gyros, of_accels = draw_errors(settings, rng), None, None
     dt_s = sample_s(trajectory.t_s)
     rms = vibration_rms(settings, trajectory.burning)
     if biases is not None:
         biases[:] = np.concatenate([errors.gyro_bias, errors.accel_bias]) * dt_s
         of_gyros, of_accels = biases[:, :3], biases[:, 3:]
-    dtheta_b = _sensed_rotation(settings, errors, trajectory, rms, dt_s, rng, of_gyros)
-    dv_b = _sensed_velocity_gain(settings, errors, trajectory, rms, dt_s, rng, of_accels)
+    levels = rms, rms if shaken else np.zeros_like(rms)
+    dtheta_b = _sensed_rotation(settings, errors, trajectory, levels, dt_s, rng, of_gyros)
+    dv_b = _sensed_velocity_gain(settings, errors, trajectory, levels, dt_s, rng, of_accels)
     dtheta_b[0] = dv_b[0] = 0.0
     if biases is not None:
         biases /= dt_s
@@ -126,22 +130,27 @@ def reported(settings, t_s, sensed, wrong=()):
     return ImuData(t_s, dtheta_b, dv_b, saturated, sensed.errors, missing)
 
 
-def _sensed_rotation(settings, errors, trajectory, rms, dt_s, rng, bias):
-    """What the gyros would read without end of range and quanta: (N, 3) rad; bias : of `_add_in_run_bias`."""
+def _sensed_rotation(settings, errors, trajectory, levels, dt_s, rng, bias):
+    """What the gyros would read without end of range and quanta: (N, 3) rad; bias : of `_add_in_run_bias`.
+
+    levels : (N,) m/s^2 rms of the vibration that is rectified, and of that which is noise
+    """
+    rms, shaking = levels
     dtheta_b = _apply(_response(errors.gyro_scale_factor, errors.gyro_misalignment), trajectory.dtheta_b)
     _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
     _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
-    add_vibration(dtheta_b, settings, settings.vibration.angular * rms, dt_s, rng)
+    add_vibration(dtheta_b, settings, settings.vibration.angular * shaking, dt_s, rng)
     _add_in_run_bias(dtheta_b, settings.gyro, dt_s, rng, bias)
     _add_random_walk(dtheta_b, settings.gyro.random_walk, dt_s, rng)
     return dtheta_b
 
 
-def _sensed_velocity_gain(settings, errors, trajectory, rms, dt_s, rng, bias):
+def _sensed_velocity_gain(settings, errors, trajectory, levels, dt_s, rng, bias):
     """Likewise the accelerometers: (N, 3) m/s."""
+    rms, shaking = levels
     dv_b = _apply(_response(errors.accel_scale_factor, errors.accel_misalignment), trajectory.dv_b)
     _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
-    add_vibration(dv_b, settings, rms, dt_s, rng)
+    add_vibration(dv_b, settings, shaking, dt_s, rng)
     _add_in_run_bias(dv_b, settings.accelerometer, dt_s, rng, bias)
     _add_random_walk(dv_b, settings.accelerometer.random_walk, dt_s, rng)
     return dv_b

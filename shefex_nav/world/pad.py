@@ -9,11 +9,12 @@ import numpy as np
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Alignment, Phase
+from shefex_nav.world.absent import of_alignment
 
 UNKNOWN = np.pi / np.sqrt(3.0)  # rad, sigma of an angle of which nothing is known
 
 
-def align(settings, trajectory, earth, rng):
+def align(settings, trajectory, earth, rng, absent=()):
     """Alignment at the first sample of the trajectory.
 
     truth = estimate (+) error, q_ib(true) = q_ib(estimate) * exp(error_b): the attitude error is drawn
@@ -27,6 +28,7 @@ def align(settings, trajectory, earth, rng):
     trajectory : Trajectory
     earth : EarthRotation
     rng : Generator
+    absent : of `absent.NAMES`, errors that are reported and do not happen
 
     Returns
     -------
@@ -35,7 +37,8 @@ def align(settings, trajectory, earth, rng):
     t_s = float(trajectory.t_s[0])
     r_e, v_e = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
     error_r, error_v, error_n = rng.standard_normal((3, 3))
-    error_r, error_v = settings.position * error_r, settings.velocity * error_v
+    of_place, of_angles = of_alignment(absent)
+    error_r, error_v = of_place * settings.position * error_r, of_place * settings.velocity * error_v
     if trajectory.phase[0] == Phase.ORBIT:
         C_ie = frames.dcm_ie(earth, t_s)
         r_i, v_i = trajectory.r_i[0] - C_ie @ error_r, trajectory.v_i[0] - C_ie @ error_v
@@ -47,7 +50,7 @@ def align(settings, trajectory, earth, rng):
     if np.isinf(settings.azimuth):  # anything within half a turn, from the same draw
         sigma_n[2], error_n[2] = UNKNOWN, np.sqrt(3.0) * erf(error_n[2] / np.sqrt(2.0))
     q_ib_true = trajectory.q_ib[0]
-    error_b = rotation.dcm_from_quat(q_ib_true).T @ C_in @ (sigma_n * error_n)
+    error_b = rotation.dcm_from_quat(q_ib_true).T @ C_in @ (of_angles * sigma_n * error_n)
     q_ib = rotation.quat_multiply(q_ib_true, rotation.quat_from_rotvec(-error_b))
 
     C_bn = rotation.dcm_from_quat(q_ib).T @ C_in
