@@ -20,6 +20,8 @@ from shefex_nav.report.viewer.sender import (
 )
 
 CONFIDENCE = 0.95  # of the bounds of NEES
+THIN = 0.7  # width of errors: they swing with the spin, a thick line is a block of colour
+WINDOW, TURNS = 10, 3  # points of a piece of a curve, turns in it of one that swings
 _SENSORS = {  # colour of what it accepted; of instruments grey
     "gps_position": BLUE,
     "gps_velocity": VIOLET,
@@ -53,7 +55,44 @@ def errors(sender, data, run="", colours=(BLUE, RED)):
         folder = f"{plot.entity}/{run}" if run else plot.entity
         for sign, name, side in ((1.0, "+3 sigma", "plus"), (-1.0, "-3 sigma", "minus")):
             sender.curve(f"{folder}/{side}", sigma_t_s, sign * 3.0 * sigma[:, k], colours[1], name + suffix)
-        sender.curve(f"{folder}/error", t_s, nine[:, k], colours[0], f"error{suffix}")
+        if run:
+            _outlined(sender, f"{folder}/error", t_s, nine[:, k], colours[0], f"error{suffix}")
+        else:
+            sender.curve(f"{folder}/error", t_s, nine[:, k], colours[0], "error", THIN)
+
+
+def _outlined(sender, entity, t_s, values, colour, name):
+    """A curve over those of another run: where it swings to and fro its edges, which hide nothing."""
+    line, middle_s, edges = outline(t_s, values)
+    sender.curve(entity, t_s, line, colour, name, THIN)
+    for edge, word in zip(edges, ("least", "most"), strict=True):
+        if np.isfinite(edge).any():
+            sender.curve(f"{entity}_{word}", middle_s, edge, colour, f"{name}, {word} of each second", THIN)
+
+
+def outline(t_s, values):
+    """A curve that is a solid block where it swings to and fro, as a line and two edges.
+
+    t_s, values : (N,) some ten points a second
+
+    Returns
+    -------
+    line : (N,) NaN inside of pieces that swing
+    middle_s : (M,) of the pieces, WINDOW points each
+    edges : (2, M) least and largest value of those that swing, else NaN
+    """
+    n = len(values) // WINDOW
+    pieces = values[: n * WINDOW].reshape(n, WINDOW)
+    with np.errstate(invalid="ignore"):
+        steps = np.sign(np.diff(pieces, axis=1))
+    swings = (steps[:, 1:] * steps[:, :-1] < 0.0).sum(axis=1) >= TURNS
+    edges = np.where(swings, [pieces.min(axis=1), pieces.max(axis=1)], np.nan) if n else np.zeros((2, 0))
+    line = values.copy()
+    inside = np.zeros(len(values), bool)
+    inside[: n * WINDOW] = np.repeat(swings, WINDOW)
+    line[inside] = np.nan
+    middle_s = t_s[: n * WINDOW].reshape(n, WINDOW).mean(axis=1) if n else t_s[:0]
+    return line, middle_s, edges
 
 
 def biases(sender, data):

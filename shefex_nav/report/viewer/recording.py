@@ -8,6 +8,7 @@ their own.
 
 import errno
 import os
+import re
 import shutil
 from itertools import cycle
 from pathlib import Path
@@ -106,7 +107,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
 
     runs = [read(log) for log in logs] if runs is None else runs
     _check_space(logs, runs, Path(rrd_path))
-    first, others = runs[0], names(runs)[1:]
+    first, (own, *others) = runs[0], names(runs, logs)
     stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
     shown = scene(first)
     seen = layout.scene(world.path(shown))
@@ -122,7 +123,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     for data, name, (word, colour) in zip(runs[1:], others, colours, strict=False):
         overlay(sender, data, first.mission, name, colour)
         words.append((name, word))
-    legend.send(sender, names(runs)[0], words, counts.limit(first))
+    legend.send(sender, own, words, counts.limit(first))
     stream.flush()
     stream.disconnect()
 
@@ -142,10 +143,24 @@ def _identifier(data):
     return f"{data.mission.scenario}-{data.mission.seed}"
 
 
-def names(runs):
-    """A name for each of some RunData: scenario and seed, with a number where that is not enough."""
-    found = [_identifier(data) for data in runs]
-    return [name if found.count(name) == 1 else f"{name}-{k + 1}" for k, name in enumerate(found)]
+def names(runs, logs=()):
+    """A name for each of some RunData, by what tells them apart.
+
+    Scenario and seed; where some have them in common, what flew; where that is the same too, the names of the
+    files `logs`; where these are alike or not given, scenario and seed with a number.
+    """
+    identifiers = [_identifier(data) for data in runs]
+    by_software = [_flown(data) for data in runs]
+    by_file = [re.sub(r"[^\w.]+", "-", Path(log).stem) for log in logs] if len(logs) == len(runs) else []
+    for found in (identifiers, by_software, by_file):
+        if found and len(set(found)) == len(found):
+            return found
+    return [name if identifiers.count(name) == 1 else f"{name}-{k + 1}" for k, name in enumerate(identifiers)]
+
+
+def _flown(data):
+    """Software of a RunData in a word that a path of the recording may have."""
+    return re.sub(r"[^\w.]+", "-", "-".join(name for _, name, _ in data.mission.software)) or "built-in"
 
 
 def fill(stream, log_path, data):
