@@ -22,7 +22,7 @@ def budget(
         typer.Option(
             metavar="FILE.py:CLASS",
             help="Navigation software in the place of the scenario's: also package.module:Class, "
-            "'command:./my_fsw --flag', or built-in.",
+            "'command:./my_fsw', or built-in.",
         ),
     ] = None,
     source: Annotated[
