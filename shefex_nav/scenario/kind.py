@@ -29,7 +29,7 @@ REPLAY = ("data", "alignment", "gnss")  # sections that flights do not have
 OF_FLIGHTS = (  # sections that replays do not have
     "atmosphere", "wind", "launch", "orbit", "ground", "trajectory", "vehicle", "attitude", "programme",
     "gps", "pad_alignment", "star_camera", "star_tracker", "computer", "log", "faults", "campaign",
-    "dispersions",
+    "without", "dispersions",
 )  # fmt: skip
 CAMERA = ("bad_pixels", "principal_point")  # sections that only the camera of pictures has
 INSTRUMENT = ("instrument", "unit", "source")

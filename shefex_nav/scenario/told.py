@@ -112,6 +112,9 @@ def words(scenario):
         annotation, metadata = field_at(type(scenario), path)
         told, is_so = (_written(annotation, metadata, one) for one in (value, true))
         yield ("navigation", "told", *path), f"{told}, the truth is {is_so}"
+    if gone := getattr(scenario, "without", ()):  # which a replay does not have
+        it = "it" if len(gone) == 1 else "them"
+        yield ("without",), f"{', '.join(gone)}: the computer counts with {it}, the truth is none"
 
 
 def _written(annotation, metadata, value):

@@ -227,6 +227,12 @@ def test_noise_of_pictures_cannot_be_left_out():
         load.load("night_sky", ("without=[star_noise]",))
 
 
+def test_check_says_what_does_not_happen(path, command):
+    done = command("check", path, "--set", "without=[gyro_bias, gps_noise]")
+    words = "without: gyro_bias, gps_noise: the computer counts with them, the truth is none"
+    assert done.code == 0 and words in done.out + done.err
+
+
 def test_what_is_no_software(path, command):
     done = command("budget", path, "--software", "night_sky")
     assert done.code == 2 and "is no software; expected FILE.py:CLASS" in done.err
