@@ -169,8 +169,8 @@ def test_star_fixes_without_noise_report_the_same(tmp_path):
 
 def test_what_a_bias_does_to_software_that_turns_with_the_gyros(path, tmp_path, monkeypatch, command):
     """The bias times the time, seed by seed; the alignment explains the rest."""
-    monkeypatch.chdir(tmp_path)
     words = ("budget", path, "--software", turning(tmp_path), "--runs", RUNS, "--seed", SEED, "--trust")
+    words += "--out", tmp_path / "out"
     for name in ("gyro_bias", "alignment_level", "alignment_azimuth", "gps_noise"):
         words += ("--source", name)
     done = command(*words, "--json")
@@ -238,23 +238,22 @@ def test_what_is_no_software(path, command):
     assert done.code == 2 and "is no software; expected FILE.py:CLASS" in done.err
 
 
-def test_software_without_a_covariance_has_a_budget_too(path, tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
+def test_software_without_a_covariance_has_a_budget_too(path, tmp_path, command):
     own, found = turning(tmp_path), []
     for text in (TURNING, TURNING.replace(", P=P", "")):
         (tmp_path / "turning.py").write_text(text)
         words = "--software", own, "--runs", 2, "--source", "gyro_bias", "--trust", "--json"
-        done = command("budget", path, *words)
+        done = command("budget", path, *words, "--out", tmp_path / "out")
         assert done.code == 0, done.err
         found.append(json.loads(done.out)["sources"])
     assert found[0] == found[1] and found[0]["gyro_bias"]["end"]["attitude"]["rms"] > 0.0
 
 
-def test_flights_that_all_fail_say_so(path, tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
+def test_flights_that_all_fail_say_so(path, tmp_path, command):
     own = turning(tmp_path)
     (tmp_path / "turning.py").write_text(TURNING.replace("return Estimate", "raise ValueError; Estimate"))
-    done = command("budget", path, "--software", own, "--runs", 1, "--source", "gyro_bias", "--trust")
+    words = "--software", own, "--runs", 1, "--source", "gyro_bias", "--trust"
+    done = command("budget", path, *words, "--out", tmp_path / "out")
     assert done.code == 2 and "no run of it has errors over time" in done.err
 
 

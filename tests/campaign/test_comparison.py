@@ -503,23 +503,23 @@ ENDS_ONCE = """import pathlib, signal
             signal.raise_signal(signal.SIGTERM)"""
 
 
-def test_an_interrupted_comparison_shows_what_is_complete_and_goes_on(tmp_path, monkeypatch, command):
+def test_an_interrupted_comparison_shows_what_is_complete_and_goes_on(tmp_path, command):
     """Software B asks for the end in its first run, which still flies."""
-    monkeypatch.chdir(tmp_path)
     own = standing(tmp_path, ENDS_ONCE)
     words = ("compare", "built-in", own, "--scenario", short(tmp_path), "--runs", "3", "--trust")
+    words += "--out", tmp_path / "out"
     ended = command(*words)
     assert ended.code == 130, ended.err
     assert "interrupted; what is flown is kept, the same command goes on from there" in ended.err
-    assert "shefex-nav compare logs/compare/short-seed1/built-in-" in ended.err
+    assert f"shefex-nav compare {tmp_path}/out/built-in-" in ended.err
     assert re.search(r"against A \(built-in\), [12] pairs?\b", ended.out), ended.out
     again = command(*words)
     assert again.code == 0 and re.search(r"against A \(built-in\), 3 pairs", again.out), again.err
 
 
-def test_an_interrupted_comparison_without_a_pair_says_so(tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
+def test_an_interrupted_comparison_without_a_pair_says_so(tmp_path, command):
     first, second = standing(tmp_path, ENDS_ONCE), standing(tmp_path, name="two.py")
-    ended = command("compare", first, second, "--scenario", short(tmp_path), "--runs", "3", "--trust")
+    words = ("compare", first, second, "--scenario", short(tmp_path), "--runs", "3", "--trust")
+    ended = command(*words, "--out", tmp_path / "out")
     assert ended.code == 130 and not ended.out
     assert "not two of them have runs of the same seed yet" in ended.err
