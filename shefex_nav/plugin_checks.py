@@ -30,7 +30,7 @@ TIMES = ("t_valid_s", "t_available_s")
 TAKEN = frozenset(
     "mission plugins earth atmosphere wind launch orbit ground vehicle attitude programme imu gps "
     "pad_alignment star_camera star_tracker navigation computer log faults requirements campaign "
-    "dispersions data gnss alignment truth control attitude_control events timing nav nav_states "
+    "without dispersions data gnss alignment truth control attitude_control events timing nav nav_states "
     "nav_covariance gates gate_innovations health frames frame_truth frame_truth_stars "
     "camera_commands star_fixes star_fix_objects star_vectors errors star_fix_errors columns "
     "trajectory history ground_track sky_map status star_errors camera velocity position biases "

@@ -10,10 +10,16 @@ import os
 import sys
 import sysconfig
 from contextlib import contextmanager
+from importlib.abc import SourceLoader
+from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
+from importlib.util import spec_from_file_location
+from typing import NamedTuple
 
 from shefex_nav.errors import UserError
 from shefex_nav.files import opened
 
+SOURCE = ".py"
+ENDINGS = (*EXTENSION_SUFFIXES, SOURCE)  # of modules, in the order in which Python looks for them
 INSTALLED = (
     *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")),
     os.path.dirname(__file__),
@@ -24,12 +30,27 @@ class LateImportError(UserError):
     """What lies beside a file is imported when the file has been read already; the text says where."""
 
 
-def digest(path, source):
-    """SHA-256 of a file's source (bytes), and of what lies beside it and is imported."""
-    found = hashlib.sha256(source)
-    for name, text in beside(path, source).items():
-        found.update(name.encode() + hashlib.sha256(text).digest())
-    return found.hexdigest()
+class Sources(NamedTuple):
+    """A file, and what it imports from its folder, as they were when they were read."""
+
+    path: str  # of the file
+    text: bytes
+    beside: dict  # path relative to the folder -> content
+
+    @property
+    def sha256(self):
+        """Of all of it: what consent is about."""
+        found = hashlib.sha256(self.text)
+        for name, text in self.beside.items():
+            found.update(name.encode() + hashlib.sha256(text).digest())
+        return found.hexdigest()
+
+
+def read(path):
+    """Sources of a file; OSError, LateImportError."""
+    with opened(path) as file:
+        text = file.read()
+    return Sources(os.path.abspath(path), text, beside(path, text))
 
 
 def beside(path, source):
@@ -47,7 +68,8 @@ def beside(path, source):
                 if relative not in found and os.path.abspath(file) != os.path.abspath(path):
                     with opened(file) as stream:
                         found[relative] = stream.read()
-                    waiting.append((file, found[relative]))
+                    if file.endswith(SOURCE):
+                        waiting.append((file, found[relative]))
     return dict(sorted(found.items()))
 
 
@@ -81,42 +103,113 @@ def _names(node):
 
 
 def _files(folder, name):
-    """Files in a folder that a module or package of that name has."""
-    if os.path.isfile(module := os.path.join(folder, f"{name}.py")):
-        return [module]
+    """Files in a folder that a module or package of that name has, in the order in which Python looks."""
     package = os.path.join(folder, name)
-    if not os.path.isdir(package) or package.startswith(INSTALLED):
-        return []
+    inside = () if package.startswith(INSTALLED) else _of_package(package)
+    if any(os.path.join(package, f"__init__{ending}") in inside for ending in ENDINGS):
+        return inside
+    modules = (f"{package}{ending}" for ending in ENDINGS)
+    return [one for one in modules if os.path.isfile(one)][:1] or inside
+
+
+def _of_package(package):
+    """Modules that a folder holds, in folders within it, too: list of paths."""
     return [
         os.path.join(root, file)
         for root, _, files in sorted(os.walk(package))
         for file in sorted(files)
-        if file.endswith(".py")
+        if file.endswith(ENDINGS)
     ]
 
 
+class _Held(SourceLoader):
+    """Loader of a module from the text that was read with the file; its bytecode is never looked for."""
+
+    def __init__(self, path, text):
+        self._path, self._text = path, text
+
+    def get_filename(self, fullname):
+        return self._path
+
+    def get_data(self, path):
+        if path != self._path:
+            raise OSError(f"{path} was not read")
+        return self._text
+
+
+class _Finder:
+    """Finds what lies beside a file, and nothing else: what was read with it. What is installed comes first.
+
+    Python's own way takes bytecode, and a folder or a compiled file that was put there since, for the file
+    that somebody has read.
+    """
+
+    def __init__(self, sources):
+        self._folder, self._held = os.path.dirname(sources.path), sources.beside
+
+    def find_spec(self, fullname, path=None, target=None):
+        """Of a module that is imported; None for others."""
+        top, *inner = fullname.split(".")
+        if not any(one.partition(os.sep)[0].partition(".")[0] == top for one in self._held):
+            return None
+        if not inner and self._is_installed(top):
+            return None
+        if inner and not _lies_in(sys.modules[top], self._folder):
+            return None
+        place = os.path.join(*fullname.split("."))
+        for ending in ENDINGS:
+            if (package := os.path.join(place, f"__init__{ending}")) in self._held:
+                return self._spec(fullname, package, [os.path.join(self._folder, place)])
+        for ending in ENDINGS:
+            if f"{place}{ending}" in self._held:
+                return self._spec(fullname, f"{place}{ending}", None)
+        if any(one.startswith(os.path.join(place, "")) for one in self._held):  # without an __init__
+            spec = ModuleSpec(fullname, None, is_package=True)
+            spec.submodule_search_locations = [os.path.join(self._folder, place)]
+            return spec
+        return None
+
+    def _is_installed(self, name):
+        """Whether Python finds a module of that name elsewhere."""
+        finders = [one for one in sys.meta_path if not isinstance(one, _Finder)]
+        specs = (one.find_spec(name, None) for one in finders if hasattr(one, "find_spec"))
+        found = next((one for one in specs if one is not None), None)
+        return found is not None and found.loader is not None and not _is_in(found.origin, self._folder)
+
+    def _spec(self, fullname, relative, locations):
+        path = os.path.join(self._folder, relative)
+        loader = _Held(path, self._held[relative])
+        if not relative.endswith(SOURCE):
+            with opened(path) as file:
+                if file.read() != self._held[relative]:
+                    raise ImportError(f"{path} has changed since it was read", name=fullname)
+            loader = ExtensionFileLoader(fullname, path)
+        return spec_from_file_location(fullname, path, loader=loader, submodule_search_locations=locations)
+
+
 @contextmanager
-def importing(path):
+def importing(sources):
     """A file can import what lies beside it, and nobody after it gets that in the place of his own.
 
-    No bytecode of it is kept: Python would take that for the file itself when the file is changed within a
-    second, and consent is about the file.
+    What is imported is what consent is about: the texts that were read with the file. sources : Sources
     """
-    folder, before = os.path.dirname(os.path.abspath(path)), set(sys.modules)
-    sys.path.append(folder)  # what is installed comes first
-    kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    finder, before = _Finder(sources), set(sys.modules)
+    sys.meta_path.insert(0, finder)
     try:
         yield
     finally:
-        sys.dont_write_bytecode = kept
-        sys.path.remove(folder)
+        sys.meta_path.remove(finder)
         for name in set(sys.modules) - before:
-            if _lies_in(sys.modules[name], folder):
+            if _lies_in(sys.modules[name], os.path.dirname(sources.path)):
                 del sys.modules[name]
 
 
 def _lies_in(module, folder):
     """Whether a module or a package is of a folder, and nothing that has been installed there."""
     places = [getattr(module, "__file__", None), *(getattr(module, "__path__", None) or ())]
-    inside = (os.path.abspath(place).startswith(os.path.join(folder, "")) for place in places if place)
+    inside = (_is_in(place, folder) for place in places if place)
     return any(inside) and not any(place.startswith(INSTALLED) for place in places if place)
+
+
+def _is_in(place, folder):
+    return bool(place) and os.path.abspath(place).startswith(os.path.join(folder, ""))

@@ -27,7 +27,6 @@ from typing import NamedTuple
 from shefex_nav import instruments, plugin_checks, plugin_sources
 from shefex_nav.environment import models
 from shefex_nav.errors import UserError
-from shefex_nav.files import opened
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.onboard.startracker import methods
@@ -81,14 +80,14 @@ def load(name, sha256=None, trust=False):
     trust : whether consent is given for the file as it is now
     """
     path, version = (name, "") if is_file(name) else _installed(name)
-    source, found = _read(name, path, sha256)
+    sources, found = _read(name, path, sha256)
     if found not in _LOADED:
         plugin = Plugin(
             os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
         )
         if is_file(name):
             _ask(name, path, found, trust)
-            provided = _module(plugin, source)
+            provided = _module(plugin, sources)
         else:
             provided = _entry(name).load()
         _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
@@ -105,12 +104,12 @@ def software(name, sha256=None, trust=False):
     if not where or not attribute.isidentifier():
         raise PluginError(f"'{name}' names no class; write such as my_navigation.py:MyFilter")
     path = where if is_file(where) else _module_file(where)
-    source, found = _read(where, path, sha256)
+    sources, found = _read(where, path, sha256)
     if is_file(where):
         if found not in _MODULES:
             _ask(where, path, found, trust)
             plugin = Plugin(os.path.basename(path), "", found, os.path.abspath(path))
-            _MODULES[found] = _module(plugin, source)
+            _MODULES[found] = _module(plugin, sources)
         module = _MODULES[found]
     else:
         module = import_module(where)
@@ -134,10 +133,7 @@ def program(words, sha256=None, trust=False):
     total = hashlib.sha256(repr(words[1:]).encode())
     for word in words:
         if os.path.isfile(word):
-            with open(word, "rb") as file:
-                content = file.read()
-            found = _digest(word, content) if word.endswith(".py") else hashlib.sha256(content).hexdigest()
-            total.update(bytes.fromhex(found))
+            total.update(bytes.fromhex(_digest(word)))
     digest, name = total.hexdigest(), " ".join([os.path.basename(there), *words[1:]])
     if sha256 is not None and digest != sha256:
         raise PluginError(
@@ -178,29 +174,30 @@ def _module_file(name):
 
 
 def _read(name, path, sha256):
-    """Source of a file, and its SHA-256, which must be `sha256` unless that is None."""
+    """Sources of a file, and their SHA-256, which must be `sha256` unless that is None."""
     try:
-        with opened(path) as file:
-            source = file.read()
+        sources = plugin_sources.read(path)
     except OSError as error:
         raise PluginError(
             f"'{name}' cannot be read: {error.strerror}; put it there, or name where it is"
         ) from None
-    found = _digest(path, source)
+    except plugin_sources.LateImportError as error:
+        raise PluginError(str(error)) from None
+    found = sources.sha256
     if sha256 is not None and found != sha256:
         raise PluginError(
             f"'{name}' is another file than the one that was flown: its SHA-256 is {found[:12]}..., "
             f"that was {sha256[:12]}..."
         )
-    return source, found
+    return sources, found
 
 
-def _digest(path, source):
-    """SHA-256 of a file with what it imports from its folder."""
-    try:
-        return plugin_sources.digest(path, source)
-    except plugin_sources.LateImportError as error:
-        raise PluginError(str(error)) from None
+def _digest(path):
+    """SHA-256 of a file, of one of Python with what it imports from its folder."""
+    if path.endswith(plugin_sources.SOURCE):
+        return _read(path, path, None)[1]
+    with open(path, "rb") as file:
+        return hashlib.sha256(file.read()).hexdigest()
 
 
 def left_out(pins):
@@ -251,7 +248,7 @@ def _entry(name):
     return found[0]
 
 
-def _module(plugin, source):
+def _module(plugin, sources):
     """The module that the bytes of a file make, under a name of its own. They are what consent is about."""
     name = f"shefex_nav_plugin_{plugin.sha256[:16]}"
     module = types.ModuleType(name)
@@ -259,8 +256,8 @@ def _module(plugin, source):
     sys.modules[name] = module  # where its records are found again in other processes
     try:
         # standard output is for results
-        with plugin_sources.importing(plugin.path), redirect_stdout(sys.stderr):
-            exec(compile(source, plugin.path, "exec"), module.__dict__)
+        with plugin_sources.importing(sources), redirect_stdout(sys.stderr):
+            exec(compile(sources.text, plugin.path, "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         frames = [one for one in traceback.extract_tb(error.__traceback__) if one.filename == plugin.path]
