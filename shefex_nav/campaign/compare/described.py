@@ -5,6 +5,7 @@ sum of their normalised squared errors is chi-square distributed. Nothing is com
 small errors may say too much of itself, and one with large errors may be honest.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ class Described(NamedTuple):
     when: str
     t_s: float  # median over the runs
     verdict: over_time.Verdict  # its value is the mean NEES per degree of freedom
-    sigma_over_error: float  # root mean squares over the runs, of the whole block
+    sigma_over_error: float  # root mean squares over the runs, of the whole block; infinite without an error
 
     @property
     def kind(self):
@@ -36,9 +37,9 @@ class Described(NamedTuple):
 
     @property
     def times(self):
-        """How many times the sigmas are too large or too small, by the NEES."""
-        value = max(self.verdict.value, np.finfo(float).tiny)
-        return max(value, 1.0 / value) ** 0.5
+        """How many times the sigmas are too large or too small, by the NEES; infinite without any error."""
+        value = self.verdict.value
+        return max(value, 1.0 / value) ** 0.5 if value > 0.0 else math.inf
 
     def result(self):
         """Plain dict for JSON."""
@@ -51,9 +52,9 @@ class Described(NamedTuple):
             "nees_per_dof": one.value,
             "expected": [one.low, one.high],
             "p_holm": one.p_holm,
-            "sigma_over_error": self.sigma_over_error,
+            "sigma_over_error": self.sigma_over_error if math.isfinite(self.sigma_over_error) else None,
             "sigmas": {SMALL: "too small", RIGHT: "right", LARGE: "too large"}[self.kind],
-            "times": self.times,
+            "times": self.times if math.isfinite(self.times) else None,
         }
 
 
@@ -130,7 +131,7 @@ def _judged(series, block, when, runs, epochs):
         np.sqrt(np.mean(np.sum(one[runs, epochs, b].astype(float) ** 2, axis=1)))
         for one in (series.errors, series.sigmas)
     )
-    ratio = float(sigma / error) if error > 0.0 else np.inf
+    ratio = float(sigma / error) if error > 0.0 else math.inf
     return Described(block, when, float(np.median(series.t_s[epochs])), verdict, ratio)
 
 
@@ -168,7 +169,7 @@ def _figures(group):
     words = "as chance would have it"
     if (kind := group[0].kind) != RIGHT:
         times = _range([one.times for one in group], digits=2)
-        words = f"sigmas {times} times too {kind}"
+        words = "no error at all" if times == "inf" else f"sigmas {times} times too {kind}"
         if len(group) > 1:
             words += f", most at {max(group, key=lambda one: one.times).when}"
     return nees, f"{low:.2g} to {high:.2g}", ratio, words
