@@ -11,6 +11,7 @@ from shefex_nav.replay.schema_data import CsvData
 from shefex_nav.scenario import aboard, kind
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
+from shefex_nav.scenario.columns import named_twice
 
 SHORTEST_S = 1.0  # of a replay
 
@@ -133,6 +134,20 @@ def _sigmas(scenario):
         yield ("data", "gnss", "velocity_sigma"), "goes with data.gnss.velocity, which is not given"
 
 
+# fields whose columns differ; sigmas may share one, of all axes, and `valid` may be that of `satellites`
+QUANTITIES = "time", "position", "velocity", "attitude", "gyro", "accelerometer"
+
+
+def _columns_once(scenario):
+    """A column of a file for each quantity of it."""
+    data = scenario.data
+    for name in _parts() if isinstance(data, CsvData) else ():
+        section = getattr(data, name, None)
+        own = (one.key for one in TABLE[name].data if one.vector) if name in TABLE else ()
+        given = {("data", name, key): getattr(section, key, None) for key in (*QUANTITIES, *own)}
+        yield from named_twice(given)
+
+
 def _without_height(scenario):
     """Latitude and longitude alone: nothing of a third axis, and a height to start from."""
     data = scenario.data
@@ -181,6 +196,7 @@ PARTS = (
     _states,
     _imu_units,
     _sigmas,
+    _columns_once,
     _without_height,
     _both_or_none,
     _instruments,

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic_core import PydanticCustomError, core_schema
 
+from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import QuantitySpec, describe, quoted, refuse
 
 SIDES = ("x", "y", "z")
@@ -64,3 +65,21 @@ def check_right_handed(axes):
         turns *= -1 if axis[0] == "-" else 1
     if turns < 0:
         raise refuse(f"axes: {', '.join(axes)} are left-handed; expected such as [x, -y, -z]")
+
+
+def named_twice(given):
+    """(path, words) of each field that names a column which another field has, or names one twice.
+
+    given : {path of a field: names of its columns, a str, or None of what is not given}
+    """
+    taken = {}
+    for path, names in given.items():
+        own = [names] if isinstance(names, str) else list(names or ())
+        twice = next((name for k, name in enumerate(own) if name in own[:k]), None)
+        shared = next((name for name in own if name in taken), None)
+        if twice is not None:
+            words = f"{', '.join(own)} name the column {quoted(twice)} {own.count(twice)} times"
+            yield path, f"{words}; expected {len(own)} different ones"
+        elif shared is not None:
+            yield path, f"the column {quoted(shared)} is that of {taken[shared]}; expected another one"
+        taken |= dict.fromkeys(own, dotted(path))

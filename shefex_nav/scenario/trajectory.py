@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from shefex_nav.files import opened
 from shefex_nav.scenario.block import Block, forms, kinds
-from shefex_nav.scenario.columns import SIDES, Axis, Names, Unit, check_right_handed
+from shefex_nav.scenario.columns import SIDES, Axis, Names, Unit, check_right_handed, named_twice
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import Quantity, Time
 
@@ -223,6 +223,17 @@ def contradictions(scenario):
             yield (SECTION, "separations", k), f"times must increase: {at:g} s follows {before:g} s"
     if isinstance(given, Csv):
         yield from _csv(given)
+        yield from _columns_once(given)
+
+
+def _columns_once(given):
+    """A column of a file for each quantity of it."""
+    columns = {
+        (SECTION, key): getattr(given, key) for key in ("time", "position", "velocity", "acceleration")
+    }
+    for key in ("quaternion", "euler"):
+        columns[SECTION, ATTITUDE, key] = getattr(given.attitude, key, None)
+    yield from named_twice(columns)
 
 
 def _csv(given):
