@@ -10,7 +10,7 @@ import numpy as np
 
 from shefex_nav.geometry import euler, wgs84
 from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
-from shefex_nav.replay import plausible
+from shefex_nav.replay import imu_axes
 from shefex_nav.scenario.data_table import DataError
 
 DISAGREE = 5.0  # [E] sigma by which accelerometers and rail may disagree about the elevation
@@ -31,7 +31,7 @@ def attitude(scenario, f_b, span_s, g):
     sigma = float(np.hypot(level, settings.elevation_error))
     if abs(sensed - settings.elevation) > DISAGREE * sigma:
         words = f"the accelerometers sense {np.degrees(sensed):.1f} deg, alignment.elevation says"
-        up = plausible.of_file(f_b / np.linalg.norm(f_b), scenario.data.axes)
+        up = imu_axes.of_file(f_b / np.linalg.norm(f_b), scenario.data.axes)
         raise DataError(
             f"alignment: {words} {np.degrees(settings.elevation):.1f} deg; check elevation, its error, "
             f"imu.accelerometer.bias and data.axes: the first is the nose, axis {up} of the file points up"

@@ -74,7 +74,7 @@ def read(scenario, files):
         fixes=fixes(gnss, scenario.gnss),
         truth=truth,
         readings={name: readings(TABLE[name], one, scenario) for name, one in said.items()},
-        oddities=tuple(torn),
+        oddities=(*torn, *still_axes(imu, scenario.data.imu)),
     )
 
 
@@ -256,6 +256,7 @@ BEYOND = 2.0  # [E] times the range that is told: a sensor that clips gives its 
 TURNS = 3000.0  # [E] rad/s, faster than shells spin (300 turns a second)
 PULLS = 1e5  # [E] m/s^2, 10 000 gee: no vehicle that is navigated pulls as much
 JUMP = 1000.0  # [E] m, between two rows of truth, however near in time
+FEWEST_ROWS = 20  # [E] of an IMU, from which on a value that never changes is no chance
 NO_READING = 1e300  # in SI: what is larger is told as this
 COUNTERS = (32, 31, 24, 16)  # bits
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
@@ -285,6 +286,21 @@ def check_imu(imu, settings, columns):
                 words += f" whose range is {told * unit[1]:.4g} {unit[0]} (imu.{name}.range)"
             more = f"; {len(bad) - 1} more likewise" if len(bad) > 1 else ""
             raise DataError(f"{imu.table.place(row)}: {named[k]}: {words}{more}; check cell and unit")
+
+
+def still_axes(imu, columns):
+    """(field, text) about axes that say the same from the first row to the last, a sensor each.
+
+    imu : ImuSeries;  columns : as of `check_imu`
+    """
+    n = len(imu.t_s)
+    for name, values in (("gyro", imu.gyro), ("accelerometer", imu.accelerometer)):
+        names = getattr(columns, name, None) or [f"{name} {axis}" for axis in "xyz"]
+        still = [named for named, column in zip(names, values.T, strict=True) if (column == column[0]).all()]
+        if still and n >= FEWEST_ROWS:
+            field = f"data.imu.{name}" if hasattr(columns, name) else "data.imu"
+            words = f"{', '.join(still)}: the same value in all {n} rows, to the last digit"
+            yield field, f"{words}; what senses no noise measures no motion"
 
 
 def check_way(truth):

@@ -17,7 +17,7 @@ import numpy as np
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import clocks, plausible
+from shefex_nav.replay import clocks, imu_axes
 from shefex_nav.scenario.data_table import DataError
 
 WINDOW_S = 30.0  # [E] in which the drift of a gyro worth a filter is small
@@ -72,7 +72,7 @@ def find(imu, fixes, arm_b, ratios):
     windows = _windows(fixes, imu.t_s)
     if not windows:
         return None
-    imu = _without_bias(imu, plausible.rest_end(fixes))
+    imu = _without_bias(imu, imu_axes.rest_end(fixes))
     told = _misfit(imu, arm_b, windows, 1.0)
     if told <= FITS:
         return None
@@ -86,7 +86,7 @@ def find(imu, fixes, arm_b, ratios):
 def _without_bias(imu, rest_end_s):
     """Increments less what the gyros say at rest, where there is a rest of some length."""
     rows = np.flatnonzero(imu.t_s <= rest_end_s)
-    if not len(rows) or imu.t_s[rows[-1]] - imu.t_s[0] < plausible.SECOND_S:
+    if not len(rows) or imu.t_s[rows[-1]] - imu.t_s[0] < imu_axes.SECOND_S:
         return imu
     bias = imu.dtheta_b[rows[1:]].sum(axis=0) / (imu.t_s[rows[-1]] - imu.t_s[0])
     return imu._replace(dtheta_b=imu.dtheta_b - np.outer(np.diff(imu.t_s, prepend=imu.t_s[0]), bias))

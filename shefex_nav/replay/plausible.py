@@ -2,21 +2,18 @@
 
 - Velocities against the change of the positions between two fixes, or two rows of truth.
 - Truth against the positions of the fixes.
-- The specific force against that of the truth; without truth, what points up at rest against a vehicle that
-  climbs: it stands nose up.
+- The axes of the IMU (`imu_axes`).
 
 What disagrees beyond any noise, and what another frame or unit explains, is refused with what would fit. What
 is only odd (noise that was stated too small does it, too) is a warning.
 """
 
-from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.environment import gravity
-from shefex_nav.geometry import euler, wgs84
-from shefex_nav.replay import dataset
+from shefex_nav.geometry import wgs84
+from shefex_nav.replay import imu_axes
 from shefex_nav.scenario.data_table import DataError
 
 LONGEST_PAIR_S = 5.0  # [E] between two fixes whose positions are compared
@@ -29,15 +26,6 @@ FRAMES = ("ned", "enu", "ecef")
 SPEED_UNITS = {"km/h": 3.6, "knots": 1.943844, "ft/s": 3.28084, "cm/s": 100.0, "km/s": 1e-3}  # of 1 m/s
 FAR_M, FAR = 1000.0, 50.0  # [E] truth and fixes that are further apart are not of one vehicle; bounds
 APART = 10.0  # [E] bounds, from which on that is odd
-STILL = 0.5  # m/s
-LEAD_S = 0.5  # [E] before the first motion that a receiver tells
-SECOND_S, MOST_SECONDS = 1.0, 100
-MOST_TURN = np.radians(10.0)  # within a second
-STEEP = np.cos(np.radians(45.0))  # of the angle to up
-TILTED, TILT_SLACK = np.radians(20.0), np.radians(5.0)  # [E]
-CLIMBS = 20.0  # m/s
-SIDES = ("forward", "right", "down")
-OPPOSITE = {"forward": "backward", "right": "left", "down": "up"}
 
 
 class Oddity(NamedTuple):
@@ -70,7 +58,7 @@ def check(scenario, data):
         found += _velocities(
             "truth", files.truth, _Track(truth.t_s, truth.r_e, truth.v_e, 10.0 * small, small)
         )
-    return found + _axes(scenario, data, fixes)
+    return found + [Oddity(*one) for one in imu_axes.check(scenario, data, fixes)]
 
 
 def _of_fixes(fixes):
@@ -233,126 +221,3 @@ def _read_otherwise(scenario, r_e):
                 words,
                 np.array([wgs84.ecef_from_geodetic(*one) for one in zip(north, east, up, strict=True)]),
             )
-
-
-# axes of the IMU
-
-
-def _axes(scenario, data, fixes):
-    """Whether the specific force points to where the declared axes have it."""
-    if not fixes:
-        return []
-    g = float(np.linalg.norm(gravity.normal_gravity_e(fixes[0].r_ea_e)))
-    slack = 5.0 * np.sqrt(3.0) * scenario.imu.accelerometer.bias / g + TILT_SLACK
-    if data.truth is not None:
-        return _against_truth(data, scenario.data.axes, g, slack)
-    return _against_climb(data, scenario.data.axes, fixes, g, slack)
-
-
-def _against_truth(data, axes, g, slack):
-    """The specific force against that of the truth, second by second: its acceleration less gravity."""
-    sensed_b, true_b = _specific_forces(data, g)
-    if not len(sensed_b):
-        return []
-    tilt = _tilt(sensed_b, true_b)
-    if tilt <= slack:
-        return []
-    in_file = dataset.file_axes(sensed_b, axes)
-    fitting = [one for one in _right_handed() if _tilt(dataset.body_axes(in_file, one), true_b) <= slack]
-    fits = " or ".join(f"[{', '.join(one)}]" for one in fitting) or "no other axes"
-    words = (
-        f"in axes [{', '.join(axes)}] the specific force points {np.degrees(tilt):.0f} deg from where the "
-        f"truth has it (median of {len(sensed_b)} s); it fits in {fits}"
-    )
-    if tilt > max(TILTED, slack):
-        raise DataError(f"data.axes: {words}: check these and the angles of the truth")
-    return [Oddity("data.axes", words)]
-
-
-def _tilt(a, b):
-    """Median of the angles between vectors (n, 3)."""
-    cosine = np.sum(a * b, axis=1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
-    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-
-
-def _right_handed():
-    """The 24 ways in which axes of a file can point forward, right and down."""
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            if np.linalg.det(np.diag(signs) @ np.eye(3)[list(order)]) > 0.0:
-                yield tuple(f"{'-' if s < 0.0 else ''}{'xyz'[k]}" for k, s in zip(order, signs, strict=True))
-
-
-def _specific_forces(data, g):
-    """Means over seconds as the IMU sensed them and as the truth has them: (k, 3), (k, 3) m/s^2, body axes.
-
-    Seconds in which the vehicle turns, or falls freely, are left out.
-    """
-    imu, truth = data.imu, data.truth
-    begin_s, end_s = max(imu.t_s[0], truth.t_s[0]), min(imu.t_s[-1], truth.t_s[-1])
-    n = min(int((end_s - begin_s) / SECOND_S), MOST_SECONDS)
-    gained, sensed_b, true_b = np.cumsum(imu.dv_b, axis=0), [], []
-    for first_s in np.linspace(begin_s, end_s - SECOND_S, n) if n > 0 else ():
-        ends_s = np.array([first_s, first_s + SECOND_S])
-        sensed = np.diff([np.interp(ends_s, imu.t_s, column) for column in gained.T], axis=1)[:, 0] / SECOND_S
-        rows = np.clip(np.searchsorted(truth.t_s, [*ends_s, ends_s.mean()]), 0, len(truth.t_s) - 1)
-        C_first, C_last, C_nb = (euler.dcm_from_euler(*truth.angles[k]) for k in rows)
-        v_e = np.array([np.interp(ends_s, truth.t_s, column) for column in truth.v_e.T])
-        C_en = wgs84.level_axes(truth.r_e[rows[2]])
-        coriolis_e = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], v_e.mean(axis=1))
-        true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=1)[:, 0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
-        steady = np.trace(C_first.T @ C_last) > 1.0 + 2.0 * np.cos(MOST_TURN)
-        if steady and min(np.linalg.norm(sensed), np.linalg.norm(true)) > 0.5 * g:
-            sensed_b.append(sensed)
-            true_b.append(true)
-    return np.array(sensed_b).reshape(-1, 3), np.array(true_b).reshape(-1, 3)
-
-
-def _against_climb(data, axes, fixes, g, slack):
-    """What points up at rest against a vehicle that climbs afterwards."""
-    end_s = rest_end(fixes)
-    imu, rows = data.imu, np.flatnonzero(data.imu.t_s <= end_s)[1:]
-    span_s = imu.t_s[rows[-1]] - imu.t_s[0] if len(rows) else 0.0
-    if span_s < SECOND_S:
-        return []
-    f_b = imu.dv_b[rows].sum(axis=0) / span_s
-    if abs(np.linalg.norm(f_b) - g) > slack * g:
-        return []  # not at rest, or wrong by a unit: `align` refuses that
-    up_b = f_b / np.linalg.norm(f_b)
-    climb = next((fix for fix in fixes if np.linalg.norm(fix.v_ea_e) > CLIMBS), None)
-    if climb is None or _upward(climb) < STEEP or up_b[0] > STEEP:
-        return []
-    words = f"at rest the file's axis {of_file(up_b, axes)} points up, which data.axes calls {_side(up_b)}"
-    return [
-        Oddity("data.axes", f"{words}; then the vehicle climbs: one that stands nose up has forward there")
-    ]
-
-
-def rest_end(fixes):
-    """Until when the vehicle stands still, s; -inf if nothing says that it does."""
-    if not np.isfinite(fixes[0].v_ea_e).all():
-        return -np.inf
-    t_s = np.array([fix.t_valid_s for fix in fixes])
-    speed = np.array([np.linalg.norm(fix.v_ea_e) for fix in fixes])
-    limit = STILL + 3.0 * np.sqrt(np.mean([np.trace(fix.R_v_e) for fix in fixes]))
-    moving = np.flatnonzero(speed > limit)
-    last = len(t_s) - 1 if not len(moving) else int(moving[0]) - 1
-    return float(t_s[last]) - LEAD_S if last >= 0 else -np.inf
-
-
-def _upward(fix):
-    """Cosine of the angle between the velocity of a fix and up."""
-    return float(-wgs84.level_axes(fix.r_ea_e)[:, 2] @ fix.v_ea_e / np.linalg.norm(fix.v_ea_e))
-
-
-def _side(u_b):
-    """The side of the body that is nearest to a direction, such as 'forward' or 'left'."""
-    k = int(np.argmax(np.abs(u_b)))
-    return SIDES[k] if u_b[k] > 0.0 else OPPOSITE[SIDES[k]]
-
-
-def of_file(u_b, axes):
-    """The axis of the file that is nearest to a direction in body axes, such as '-y'."""
-    k = int(np.argmax(np.abs(u_b)))
-    sign = u_b[k] * (-1.0 if axes[k][0] == "-" else 1.0)
-    return axes[k][-1] if sign > 0.0 else f"-{axes[k][-1]}"

@@ -19,7 +19,7 @@ from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.onboard.navigation.state import POS
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import ImuBlock
-from shefex_nav.replay import external, rerun, said
+from shefex_nav.replay import contradicted, external, rerun, said
 from shefex_nav.report import metrics
 from shefex_nav.scenario.choices import choices
 
@@ -61,7 +61,8 @@ def of_data(scenario, files, from_s, log, watch=_unwatched):
     records = watch(external.run(ready, clock), mission.start_s, end_s)
     data = _collect(records, mission, end_s, setup_s, log)
     summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
-    summary["warnings"] = [one._asdict() for one in ready.oddities]
+    odd = (*ready.oddities, *contradicted.oddities(data))
+    summary["warnings"] = [{"field": field, "text": text} for field, text in odd]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
     summary["barometer"] = highest(ready.data.readings.get("barometer", ()), ready.alignment, data)
     return summary
