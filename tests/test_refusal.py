@@ -1,6 +1,7 @@
 """What the command line cannot take is one plain line on stderr, exit code 2, and nothing is computed."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from shefex_nav.commands import printing, terminal
 from shefex_nav.commands.app import main
 from shefex_nav.commands.output_files import OF_CAMPAIGNS
 
+SHIPPED = Path(__file__).parents[1] / "scenarios"
 LOG, THERE = "{log}", "{there}"  # files that exist
 
 REFUSALS = {
@@ -79,6 +81,43 @@ REFUSALS = {
     ("run", "{default}", "--out", "{default}", "--force"): (
         "--out: {default} is a file that is read here; choose another name"
     ),
+    ("export", LOG, "--kml", "{there}.x", "--geojson", "{there}.x"): (
+        "--geojson: {there}.x is that of --kml too; give each its own"
+    ),
+    ("export", LOG, "--kml", "{there}.x", "--csv", "{there}.x"): (
+        "--kml: {there}.x is that of --csv too; give each its own"
+    ),
+    ("export", LOG, "--csv", "{there}.x", "--frames", "{there}.x"): (
+        "--frames: {there}.x is that of --csv too; give each its own"
+    ),
+    ("export", LOG, "--parquet", "{there}.x", "--kml", "{there}.x/columns.csv"): (
+        "--kml: {there}.x/columns.csv is in the folder of --parquet, whose files it may overwrite; "
+        "give it another place"
+    ),
+    ("report", LOG, "--html", "{there}.x", "--figures", "{there}.x"): (
+        "--figures: {there}.x is that of --html too; give each its own"
+    ),
+    ("solve", "x.png", "--overlay", "{there}.x", "--stages", "{there}.x"): (
+        "--overlay: {there}.x is that of --stages too; give each its own"
+    ),
+    ("view", LOG, "--save", "{there}.x", "--screenshot", "{there}.x"): (
+        "--screenshot: {there}.x is that of --save too; give each its own"
+    ),
+    ("compare", LOG, LOG, "--html", "{there}.x", "--out", "{there}.x"): (
+        "--html: {there}.x is that of --out too; give each its own"
+    ),
+    ("characterise", "{default}", "--runs", "2", "--out", "{there}.x", "--records", "{there}.x"): (
+        "--records: {there}.x is that of --out too; give each its own"
+    ),
+    ("verify", "consistency", "{default}", "--out", "{there}.png", "--keep", "{there}.png"): (
+        "--keep: {there}.png is that of --out too; give each its own"
+    ),
+    ("compare", LOG, "built-in", "--html", LOG, "--force"): (
+        "--html: {log} is the log itself; choose another name"
+    ),
+    ("characterise", "{default}", "--runs", "2", "--out", "{default}", "--force"): (
+        "--out: {default} is a file that is read here; choose another name"
+    ),
     ("campaign", "{default}", "--runs", "2", "--out", THERE): (
         "--out: {there} is a file; give the name of a folder"
     ),
@@ -100,6 +139,39 @@ def test_one_plain_line(arguments, tmp_path, monkeypatch, capsys, default_scenar
     assert printed.out == ""
     assert {path.name for path in tmp_path.iterdir()} == {"run.mcap", "there"}
     assert all(names[name].read_bytes() == b"precious" for name in ("log", "there"))
+
+
+@pytest.mark.parametrize("link", [os.link, os.symlink], ids=["hard", "symbolic"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "{read}", "--out", "{link}"),
+        ("vehicle", "{read}", "--output", "{link}"),
+        ("characterise", "{read}", "--runs", "2", "--out", "{link}"),
+        ("rare", "{read}", "--of", "apogee < 1 km", "--output", "{folder}"),
+        ("impact", "{read}", "--output", "{folder}"),
+        ("smooth", "{read}", "--out", "{link}"),
+        ("compare", "{read}", "built-in", "--html", "{link}"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_link_to_what_is_read_is_not_overwritten(arguments, link, tmp_path, monkeypatch, capsys):
+    name = {"rare": "rare.json", "impact": "impact.json", "vehicle": "a.html"}.get(arguments[0], "link")
+    read, other = tmp_path / "read.yaml", tmp_path / "folder" / name
+    other.parent.mkdir()
+    read.write_text(f"extends: {SHIPPED / 'rexus_like.yaml'}\n")
+    link(read, other)
+    told = {"read": read, "link": other, "folder": other.parent}
+    words = [word.format(**told) for word in arguments]
+    monkeypatch.setattr("sys.argv", ["shefex-nav", *words, "--force"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 2 and said.count("\n") == 1
+    assert re.match(
+        rf"--(out|output|html): {re.escape(str(other))} is (a file that is read|the log)", said
+    ), said
+    assert read.read_text().startswith("extends: ") and other.samefile(read)
 
 
 PICTURES = {

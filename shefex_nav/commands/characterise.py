@@ -14,7 +14,7 @@ import typer
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands import options
 from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers
-from shefex_nav.commands.output_files import OR_FORCE, check_place, check_writable
+from shefex_nav.commands.output_files import check_apart, check_file, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 
@@ -36,7 +36,8 @@ def characterise(
 ):
     """Fit the statistics of a scenario's star tracker to rendered runs, for frames: statistical."""
     loaded = _loaded(scenario, overrides or ())
-    check_place(out, "--out", force=force, instead=OR_FORCE)
+    check_apart({"--out": out, "--records": records})
+    check_file(out, "--out", force=force, given=[name for name, _ in loaded.files])
     if records is not None and not records.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {records.parent}", param_hint="--records")
     if records is not None:

@@ -4,6 +4,7 @@ Exit codes: 0 compared, 1 runs were lost (the same command flies them) or no pai
 or nothing that can be paired, 130 interrupted; the same command goes on.
 """
 
+import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +13,7 @@ import typer
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.options import Json, Overrides, RootSeed, Workers
-from shefex_nav.commands.output_files import check_file, check_writable
+from shefex_nav.commands.output_files import check_apart, check_file, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 RUNS = 20
@@ -49,8 +50,9 @@ def compare(
     from shefex_nav.campaign.compare import given as words
 
     _check_number(given)
+    check_apart({"--out": out, "--html": html})
     if html is not None:
-        check_file(html, "--html", force=force)
+        check_file(html, "--html", force=force, given=[one for one in given if os.path.isfile(one)])
     told = [words.read(text) for text in given]
     if out is not None:
         check_writable(out, "--out")

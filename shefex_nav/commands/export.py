@@ -12,13 +12,20 @@ import typer
 
 from shefex_nav.commands.flights import about, say_if_cut, say_missing_plugins
 from shefex_nav.commands.options import Overrides, mission_time
-from shefex_nav.commands.output_files import check_file, check_writable
+from shefex_nav.commands.output_files import check_apart, check_file, check_writable
 from shefex_nav.commands.printing import say
 from shefex_nav.log.mcap_file import is_log
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
 
 FIRST_SEED = 1  # as of `shefex-nav run`
+TABLES, MAPS = ("csv", "parquet", "replay"), ("kml", "geojson")
+IN_FOLDERS = {  # endings of what is written into each
+    "--csv": (".csv",),
+    "--parquet": (".parquet", ".csv"),
+    "--replay": (".csv", ".yaml"),
+    "--frames": (".png", ".fits", ".csv", ".yaml"),
+}
 
 
 class _Frames(NamedTuple):
@@ -73,17 +80,23 @@ def export(
     A log keeps most pictures without their background: its flight is flown again for them. A scenario is
     flown for its frames alone.
     """
-    folders = {"csv": csv, "parquet": parquet, "replay": replay}
-    folders = {kind: path for kind, path in folders.items() if path is not None}
-    maps = {kind: path for kind, path in (("kml", kml), ("geojson", geojson)) if path is not None}
-    if not folders and not maps and frames is None:
+    told = {
+        "csv": csv,
+        "parquet": parquet,
+        "replay": replay,
+        "kml": kml,
+        "geojson": geojson,
+        "frames": frames,
+    }
+    outputs = {kind: path for kind, path in told.items() if path is not None}
+    folders = {kind: path for kind, path in outputs.items() if kind in TABLES}
+    maps = {kind: path for kind, path in outputs.items() if kind in MAPS}
+    if not outputs:
         raise typer.BadParameter(
             "nothing to write: name at least one of --csv DIR, --parquet DIR, --replay DIR, --kml FILE, "
             "--geojson FILE, --frames DIR"
         )
-    _check_folders(folders | ({} if frames is None else {"frames": frames}), force=force)
-    for kind, path in maps.items():
-        check_file(path, f"--{kind}", force=force, given=[source])
+    _check_outputs(outputs, source, force=force)
     wanted = _Frames(frames, format, from_, until, every, seed, tuple(overrides or ()))
     of_log = frames is None or is_log(Path(source))
     _check_frames(wanted, of_log=of_log, alone=not folders and not maps)
@@ -126,13 +139,14 @@ def _write_replay(log, data, folder):
     say(f"wrote {', '.join(names)} into {folder}; shefex-nav replay {folder / names[-1]}")
 
 
-def _check_folders(folders, *, force):
-    """Refuse folders {kind: path} of which two are one, or one cannot be written into."""
-    if len({path.resolve() for path in folders.values()}) < len(folders):
-        options = " and ".join(f"--{kind}" for kind in folders)
-        raise typer.BadParameter(f"{options} name one folder; give each its own")
-    for kind, path in folders.items():
-        _check_folder(path, f"--{kind}", force=force)
+def _check_outputs(outputs, source, *, force):
+    """Refuse outputs {kind: path} of which two are one, or one would be lost or cannot be written."""
+    check_apart({f"--{kind}": path for kind, path in outputs.items()}, IN_FOLDERS)
+    for kind, path in outputs.items():
+        if kind in MAPS:
+            check_file(path, f"--{kind}", force=force, given=[source])
+        else:
+            _check_folder(path, f"--{kind}", force=force)
 
 
 def _check_folder(path, option, *, force):

@@ -71,7 +71,7 @@ def impact(
     place = None if aim is None else place_of(aim)
     _check_winds(wind or ())
     if output is not None:
-        check_folder(output, studying.FILES, "--output", force=force)
+        check_folder(output, studying.FILES, "--output", force=force, given=[scenario, *(wind or ())])
     asked = studying.Asked(
         scenario,
         tuple(overrides or ()),

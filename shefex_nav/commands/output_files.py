@@ -7,7 +7,7 @@ import errno
 import os
 import tempfile
 from contextlib import contextmanager
-from pathlib import Path
+from itertools import combinations
 
 import typer
 
@@ -29,12 +29,38 @@ def not_made_meanwhile(path, option, instead):
         raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option) from None
 
 
+def is_same(one, other):
+    """Whether two paths are one file or folder, by a link too; also of what is not there yet."""
+    try:
+        return os.path.samefile(one, other)
+    except OSError:
+        return os.path.realpath(one) == os.path.realpath(other)
+
+
+def check_apart(outputs, folders=None):
+    """Refuse outputs of one command that are one file or folder: the later would overwrite the first.
+
+    outputs : {option: path, or None of what is not given}, of files and folders
+    folders : {option of a folder: endings of what is written into it}: no other file has its place there
+    """
+    there = {option: path for option, path in outputs.items() if path is not None}
+    for (first, one), (second, other) in combinations(there.items(), 2):
+        if is_same(one, other):
+            raise typer.BadParameter(f"{other} is that of {first} too; give each its own", param_hint=second)
+    for option, endings in (folders or {}).items():
+        for other, path in there.items():
+            inside = option in there and other != option and is_same(path.parent, there[option])
+            if inside and path.suffix.lower() in endings:
+                words = f"{path} is in the folder of {option}, whose files it may overwrite"
+                raise typer.BadParameter(f"{words}; give it another place", param_hint=other)
+
+
 def check_file(path, option, *, force, given=()):
     """Refuse an output file that would be lost or cannot be written.
 
     given : paths of what is read, which nothing may overwrite
     """
-    if any(path.resolve() == Path(one).resolve() for one in given):
+    if any(is_same(path, one) for one in given):
         what = "the log itself" if path.suffix == ".mcap" else "a file that is read here"
         raise typer.BadParameter(f"{path} is {what}; {OTHER_NAME}", param_hint=option)
     if path.is_dir():
@@ -112,11 +138,17 @@ def check_pictures(folder, names, option, *, force):
     check_writable(folder, option)
 
 
-def check_folder(folder, names, option, *, force):
-    """Refuse a folder in which one of these files would be overwritten, or cannot be written."""
+def check_folder(folder, names, option, *, force, given=()):
+    """Refuse a folder in which one of these files would be overwritten, or cannot be written.
+
+    given : as of `check_file`
+    """
     if folder.exists() and not folder.is_dir():
         raise typer.BadParameter(f"{folder} is no folder", param_hint=option)
     there = [name for name in names if (folder / name).exists()]
+    if read := [name for name in there if any(is_same(folder / name, one) for one in given)]:
+        words = f"{folder / read[0]} is a file that is read here; choose another folder"
+        raise typer.BadParameter(words, param_hint=option)
     if there and not force:
         words = f"{folder / there[0]} exists already; choose another folder or add --force"
         raise typer.BadParameter(words, param_hint=option)

@@ -62,7 +62,7 @@ def rare(
     flights. Flights are without sensors and filter.
     """
     if output is not None:
-        check_folder(output, FILES, "--output", force=force)
+        check_folder(output, FILES, "--output", force=force, given=[scenario])
     counted = None if place is None else place_of(place, "--place")
     from shefex_nav.campaign import rare as study
     from shefex_nav.campaign import rare_events, rare_shown

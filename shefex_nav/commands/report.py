@@ -7,7 +7,7 @@ import typer
 
 from shefex_nav.commands.flights import say_if_cut, say_missing_plugins, show_campaign, show_run
 from shefex_nav.commands.options import Json
-from shefex_nav.commands.output_files import check_file, check_pictures, make_folder
+from shefex_nav.commands.output_files import check_apart, check_file, check_pictures, make_folder
 from shefex_nav.commands.printing import print_json, say
 
 
@@ -19,6 +19,7 @@ def report(
     json: Json = False,
 ):
     """Print the results of a run from its log, or those of a campaign from its folder."""
+    check_apart({"--html": html, "--figures": figures}, {"--figures": (".png",)})
     if html is not None:
         check_file(html, "--html", force=force, given=[log])
     if figures is not None:

@@ -12,7 +12,7 @@ import typer
 from shefex_nav.commands import options
 from shefex_nav.commands.flights import kept
 from shefex_nav.commands.options import Json, Log
-from shefex_nav.commands.output_files import check_place
+from shefex_nav.commands.output_files import check_place, is_same
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.progress import bar
 
@@ -57,7 +57,7 @@ def smooth(
 
 def _check(log, path, option, *, force):
     """Refuse an output file that would be lost or cannot be written, before anything is computed."""
-    if path.exists() and log.exists() and path.samefile(log):
+    if is_same(path, log):
         raise typer.BadParameter(
             f"{path} is the log itself; choose another name with --out", param_hint=option
         )

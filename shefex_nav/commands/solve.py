@@ -12,7 +12,13 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands.options import Json, mission_time, number
-from shefex_nav.commands.output_files import check_picture, check_place, check_writable, make_folder
+from shefex_nav.commands.output_files import (
+    check_apart,
+    check_picture,
+    check_place,
+    check_writable,
+    make_folder,
+)
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.files import named
 from shefex_nav.log.mcap_file import is_log
@@ -173,6 +179,7 @@ def _frame_of_log(logs, frame, of_pictures, drawn, json):
 def _check(images, options, overlay, force):
     """Refuse options that are wrong, or do not go together. options : camera, fov, frame, mirrored, stages"""
     camera, fov, frame, mirrored, stages = options
+    check_apart({"--stages": stages, "--overlay": overlay}, {"--stages": (".png",)})
     if stages is not None:
         _check_stages(stages, len(images), camera)
     if mirrored and (camera is not None or frame is not None):

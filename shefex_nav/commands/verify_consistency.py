@@ -17,7 +17,7 @@ from shefex_nav.commands.options import (
     StudyOverrides,
     Workers,
 )
-from shefex_nav.commands.output_files import check_picture, check_writable, make_folder
+from shefex_nav.commands.output_files import check_apart, check_picture, check_writable, make_folder
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 
@@ -50,6 +50,7 @@ def consistency(
     json: Json = False,
 ):
     """Fly a scenario with many seeds and hold the filter's errors against its own covariance."""
+    check_apart({"--out": out, "--keep": keep})
     if out is not None:
         check_picture(out, "--out", force=force)
     if keep is not None:

@@ -9,7 +9,7 @@ import typer
 
 from shefex_nav.commands.flights import say_if_cut, say_missing_plugins
 from shefex_nav.commands.options import mission_time
-from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.output_files import check_apart, check_file
 from shefex_nav.commands.printing import say
 
 THE_INPUT_SAYS = "-"  # in place of a log that is followed: its path comes when it is known
@@ -51,6 +51,7 @@ def view(
             f"{at} is the time of a picture; name it with --screenshot", param_hint="--at"
         )
     _check_together(web, follow, save or screenshot, logs)
+    check_apart({"--save": save, "--screenshot": screenshot})
     for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
         if path is not None:
             check_file(path, option, force=force, given=logs)

@@ -114,7 +114,9 @@ def test_logs_that_hold_no_whole_measurements_are_refused(tmp_path):
     assert told.exit_code == 2 and "thin.mcap: does not hold every sample" in told.output
     twice = ["--csv", str(tmp_path / "both"), "--replay", str(tmp_path / "both")]
     told = CliRunner().invoke(app, ["export", str(tmp_path / "thin.mcap"), *twice])
-    assert told.exit_code == 2 and "name one folder" in " ".join(told.output.replace("│", " ").split())
+    assert told.exit_code == 2 and "that of --csv too; give each its own" in " ".join(
+        told.output.replace("│", " ").split()
+    )
     blind = flown.data._replace(truth=flown.data.truth._replace(t_s=np.zeros(0)))
     with pytest.raises(measured.NoDataError, match="without truth"):
         measured.write(blind, tmp_path / "no")
