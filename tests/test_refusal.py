@@ -106,7 +106,7 @@ REFUSALS = {
     ("compare", LOG, LOG, "--html", "{there}.x", "--out", "{there}.x"): (
         "--html: {there}.x is that of --out too; give each its own"
     ),
-    ("characterise", "{default}", "--runs", "2", "--out", "{there}.x", "--records", "{there}.x"): (
+    ("characterise", "{default}", "--runs", "6", "--out", "{there}.x", "--records", "{there}.x"): (
         "--records: {there}.x is that of --out too; give each its own"
     ),
     ("verify", "consistency", "{default}", "--out", "{there}.png", "--keep", "{there}.png"): (
@@ -115,7 +115,7 @@ REFUSALS = {
     ("compare", LOG, "built-in", "--html", LOG, "--force"): (
         "--html: {log} is the log itself; choose another name"
     ),
-    ("characterise", "{default}", "--runs", "2", "--out", "{default}", "--force"): (
+    ("characterise", "{default}", "--runs", "6", "--out", "{default}", "--force"): (
         "--out: {default} is a file that is read here; choose another name"
     ),
     ("campaign", "{default}", "--runs", "2", "--out", THERE): (
@@ -147,7 +147,7 @@ def test_one_plain_line(arguments, tmp_path, monkeypatch, capsys, default_scenar
     [
         ("run", "{read}", "--out", "{link}"),
         ("vehicle", "{read}", "--output", "{link}"),
-        ("characterise", "{read}", "--runs", "2", "--out", "{link}"),
+        ("characterise", "{read}", "--runs", "6", "--out", "{link}"),
         ("rare", "{read}", "--of", "apogee < 1 km", "--output", "{folder}"),
         ("impact", "{read}", "--output", "{folder}"),
         ("smooth", "{read}", "--out", "{link}"),

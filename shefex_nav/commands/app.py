@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands import variables
 from shefex_nav.commands.budget import budget
 from shefex_nav.commands.calibrate import calibrate
 from shefex_nav.commands.campaign import campaign
@@ -98,7 +99,7 @@ def options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")
     ] = False,
 ):
-    pass  # typer calls it before a command
+    variables.check()  # typer calls this before a command
 
 
 def main():
