@@ -147,8 +147,16 @@ def program(words, sha256=None, trust=False):
 def address(url, trust=False):
     """NotTrusted unless a program may be talked to at an address; on this machine it may."""
     host = url.partition("://")[2].rpartition(":")[0]
-    if host not in LOOPBACK:
+    if host in LOOPBACK:
+        return
+    try:
         _ask(url, url, hashlib.sha256(url.encode()).hexdigest(), trust)
+    except NotTrusted:
+        words = "is a program elsewhere, which would be told of the flight and steer it"
+        raise NotTrusted(
+            f"'{url}' {words}; if you know it, give --trust (kept for this address); one on this machine "
+            f"({' or '.join(LOOPBACK)}) needs none"
+        ) from None
 
 
 def _is_own_class(value, module):

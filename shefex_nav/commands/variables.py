@@ -10,11 +10,7 @@ import warnings
 from shefex_nav.errors import UserError
 
 LATEST_S = 253_402_300_799  # the last second of the year 9999
-OF_PROGRAM = {
-    "NUMBA_CPU_NAME",
-    "NUMBA_CPU_FEATURES",
-    "NUMBA_DISABLE_INTEL_SVML",
-}  # `compiled.target` sets them
+OF_PROGRAM = {"NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_DISABLE_INTEL_SVML"}  # by `compiled.target`
 WITHOUT_SCREEN = {"agg", "cairo", "pdf", "pgf", "ps", "svg", "template"}
 
 

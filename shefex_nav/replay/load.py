@@ -2,8 +2,10 @@
 
 import math
 import os
+import stat
 from functools import partial
 
+from shefex_nav.files import irregular
 from shefex_nav.instruments import TABLE
 from shefex_nav.replay import schema
 from shefex_nav.replay.schema_alignment import Static
@@ -64,9 +66,24 @@ def _files(found_in, hint, scenario):
     for name in _parts():
         given = _name(scenario.data, name)
         file = given and os.path.join(found_in(scenario), given)
-        if given and not os.path.isfile(file):
-            words = "; --data says in which folder the files are" if hint else ""
-            yield ("data", name, *(["file"] * is_csv)), f"there is no file {file}{words}"
+        if given and (words := _not_a_file(file, hint)):
+            yield ("data", name, *(["file"] * is_csv)), words
+
+
+def _not_a_file(path, hint):
+    """What a path is in place of a file that can be read, '' of one. hint : as of `_files`"""
+    try:
+        found = os.stat(path)
+    except OSError as error:
+        if not isinstance(error, FileNotFoundError | NotADirectoryError):
+            return f"{path} cannot be read: {error.strerror}"
+    except ValueError:  # a null character
+        pass
+    else:
+        what = "a folder" if stat.S_ISDIR(found.st_mode) else irregular(found)
+        return what and f"{path} is {what}, expected a file"
+    words = "; --data says in which folder the files are" if hint else ""
+    return f"there is no file {path}{words}"
 
 
 def _name(data, name):

@@ -10,17 +10,18 @@ content (SHA-256) once it has been read, so a log tells which one flew and anoth
 """
 
 import os
+import re
 import shlex
 from difflib import get_close_matches
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from shefex_nav import plugins
 from shefex_nav.errors import UserError
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
-from shefex_nav.scenario.quantity import Quantity
+from shefex_nav.scenario.quantity import Quantity, quoted, refuse
 
 BUILT_IN = "built_in"
 COMPUTER, SOFTWARE = "computer", "software"
@@ -63,11 +64,30 @@ class Program(_Given):
     start_within: StartWithin = "120 s"
 
 
+ADDRESS = re.compile(r"(tcp|udp)://[^:/]+:([0-9]{1,5})")
+LARGEST_PORT = 65535
+
+
+def _is_address(text):
+    """Whether a text is an address that a program may listen at."""
+    found = ADDRESS.fullmatch(text)
+    return found is not None and 1 <= int(found[2]) <= LARGEST_PORT
+
+
+def _address(text):
+    if not _is_address(text):
+        words = f"{quoted(text)} is no address; expected tcp://HOST:PORT or udp://HOST:PORT, PORT from 1 to"
+        example = "such as tcp://127.0.0.1:5005; one on this machine needs no consent"
+        raise refuse(f"{words} {LARGEST_PORT}, {example}")
+    return text
+
+
 class Reached(_Given):
     """A program that is running, and is talked to over the network."""
 
-    connect: str = Field(
-        pattern=r"^(tcp|udp)://[^:/]+:\d+$", description="where it listens, tcp://127.0.0.1:5005 or udp://"
+    connect: Annotated[str, AfterValidator(_address)] = Field(
+        description="where it listens, tcp://127.0.0.1:5005 or udp://",
+        json_schema_extra={"pattern": r"^(tcp|udp)://[^:/]+:\d+$"},
     )
     answer_within: AnswerWithin = "60 s"
     start_within: StartWithin = "120 s"
@@ -156,6 +176,10 @@ def _pinned(given, trust):
     """What is to fly, with its content; PluginError."""
     if len(keys := [key for key in (PYTHON, COMMAND, CONNECT) if key in given]) > 1:
         raise plugins.PluginError(f"names {' and '.join(keys)}; expected one of them")
+    if PYTHON in given and ADDRESS.fullmatch(given[PYTHON]):
+        raise plugins.PluginError(
+            f"{quoted(given[PYTHON])} is an address; write {{connect: {given[PYTHON]}}}"
+        )
     if PYTHON in given:
         plugin, cls = plugins.software(given[PYTHON], None, trust)
         for method in ("start", "step"):
@@ -165,7 +189,8 @@ def _pinned(given, trust):
     if COMMAND in given:
         words, sha256 = plugins.program(_words(given[COMMAND]), None, trust)
         return {COMMAND: shlex.join(words), HASH: sha256}
-    plugins.address(given[CONNECT], trust)
+    if _is_address(given[CONNECT]):  # else the field says so: there is nothing to consent to
+        plugins.address(given[CONNECT], trust)
     return {}
 
 

@@ -1,4 +1,6 @@
-"""A column of a file is one quantity: one that is named twice is refused, with its line and field."""
+"""A column of a file is one quantity: one that is named twice is refused, with its line and field;
+so is what is no file.
+"""
 
 import pytest
 from replay_files import CSV, scenario
@@ -68,6 +70,19 @@ def test_columns_of_an_instrument(path):
     assert "data.magnetometer.field: mx, mx, mz name the column 'mx' 2 times" in refused(
         path, f"data.magnetometer={columns}"
     )
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("/dev/zero", "/dev/zero is a device, expected a file"),
+        ("..", " is a folder, expected a file"),
+        ("none.csv", "there is no file "),
+    ],
+)
+def test_what_is_no_file_is_told(path, file, words):
+    said = refused(path, f"data.imu.file={file}")
+    assert words in said and ("--data" in said) is (file == "none.csv")
 
 
 def test_sigmas_may_share_a_column_and_so_may_validity(path):

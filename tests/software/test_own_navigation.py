@@ -447,7 +447,14 @@ def test_software_is_run_with_consent_only_and_is_that_of_the_log(tmp_path):
         ("other.py:Reckoning", "cannot be read: No such file"),
         ("no.such.module:Filter", "there is no module 'no.such.module' installed"),
         ("{command: ./nothing}", "there is no such program, or it may not be run"),
-        ("{connect: 127.0.0.1:5005}", "navigation.software.connect"),
+        ("{connect: 127.0.0.1:5005}", "navigation.software.connect: '127.0.0.1:5005' is no address"),
+        (
+            "{connect: tcp://127.0.0.1:99999}",
+            "PORT from 1 to 65535, such as tcp://127.0.0.1:5005; one on this",
+        ),
+        ("{connect: tcp://127.0.0.1:0}", "needs no consent"),
+        ("tcp://127.0.0.1:5005", "is an address; write {connect: tcp://127.0.0.1:5005}"),
+        ("{connect: tcp://192.0.2.7:5005}", "is a program elsewhere, which would be told of the flight"),
         ("{connect: tcp://192.0.2.7:5005}", "give --trust"),
     ],
 )
@@ -459,6 +466,17 @@ def test_software_that_cannot_fly_is_one_line(tmp_path, value, words):
     with pytest.raises(ScenarioError, match=re.escape(words)) as told:
         load(str(scenario), trust=trust)
     assert re.match(r".*mine.yaml:3:\d+: navigation.software", str(told.value))
+
+
+@pytest.mark.parametrize("value", ["127.0.0.1:99999", "192.0.2.7", "tcp://192.0.2.7:70000"])
+def test_what_is_no_address_is_not_asked_consent_for(value):
+    with pytest.raises(
+        ScenarioError, match=r"software\.connect: .* is no address; expected tcp://HOST:PORT"
+    ) as told:
+        load("night_sky", [f"navigation.software={{connect: '{value}'}}"])
+    assert "--trust" not in str(told.value)
+    for port in (1, 65535):
+        load("night_sky", [f"navigation.software={{connect: 'tcp://localhost:{port}'}}"])
 
 
 def test_what_is_about_the_built_in_filter_refuses_another(tmp_path):
