@@ -159,7 +159,8 @@ def test_a_link_to_what_is_read_is_not_overwritten(arguments, link, tmp_path, mo
     name = {"rare": "rare.json", "impact": "impact.json", "vehicle": "a.html"}.get(arguments[0], "link")
     read, other = tmp_path / "read.yaml", tmp_path / "folder" / name
     other.parent.mkdir()
-    read.write_text(f"extends: {SHIPPED / 'rexus_like.yaml'}\n")
+    base = "night_sky.yaml" if arguments[0] == "characterise" else "rexus_like.yaml"
+    read.write_text(f"extends: {SHIPPED / base}\n")
     link(read, other)
     told = {"read": read, "link": other, "folder": other.parent}
     words = [word.format(**told) for word in arguments]

@@ -134,7 +134,7 @@ def relative_to(tree, folder):
     for (_, key), block, given in _given(tree):
         if PYTHON in given:
             file, colon, attribute = given[PYTHON].rpartition(":")
-            if colon and plugins.is_file(file):
+            if colon and plugins.is_file(file) and not ADDRESS.fullmatch(given[PYTHON]):
                 block[key] = given | {PYTHON: f"{os.path.join(folder, file)}:{attribute}"}
         elif COMMAND in given:
             beside = (_beside(word, folder) for word in _words(given[COMMAND]))
