@@ -80,15 +80,8 @@ def export(
     A log keeps most pictures without their background: its flight is flown again for them. A scenario is
     flown for its frames alone.
     """
-    told = {
-        "csv": csv,
-        "parquet": parquet,
-        "replay": replay,
-        "kml": kml,
-        "geojson": geojson,
-        "frames": frames,
-    }
-    outputs = {kind: path for kind, path in told.items() if path is not None}
+    told = zip((*TABLES, *MAPS, "frames"), (csv, parquet, replay, kml, geojson, frames), strict=True)
+    outputs = {kind: path for kind, path in told if path is not None}
     folders = {kind: path for kind, path in outputs.items() if kind in TABLES}
     maps = {kind: path for kind, path in outputs.items() if kind in MAPS}
     if not outputs:

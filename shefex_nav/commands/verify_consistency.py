@@ -50,11 +50,7 @@ def consistency(
     json: Json = False,
 ):
     """Fly a scenario with many seeds and hold the filter's errors against its own covariance."""
-    check_apart({"--out": out, "--keep": keep})
-    if out is not None:
-        check_picture(out, "--out", force=force)
-    if keep is not None:
-        check_writable(keep, "--keep")
+    _check_outputs(out, keep, force=force)
     asked = _study(scenario, overrides or (), keep, turn_field)
     chosen = list(range(first, first + seeds))
     found = _watched(asked, chosen, histories, workers)
@@ -72,6 +68,15 @@ def consistency(
     if outside := [one.what for one in found.verdicts if not one.good]:
         say(f"{len(outside)} of {len(found.verdicts)} statistics outside: " + "; ".join(outside))
         raise typer.Exit(1)
+
+
+def _check_outputs(out, keep, *, force):
+    """Refuse a picture or a folder that cannot be written, would be lost, or is the other one."""
+    check_apart({"--out": out, "--keep": keep})
+    if out is not None:
+        check_picture(out, "--out", force=force)
+    if keep is not None:
+        check_writable(keep, "--keep")
 
 
 def _study(scenario, overrides, keep, turn_field):
