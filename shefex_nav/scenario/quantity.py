@@ -1,10 +1,9 @@
 """Quantities as engineers write them: text with a unit in a scenario file -> float in SI and radians.
 
 In comes `25 mm`, `2 deg/s`, `0.1 deg/sqrt(h)`, `1 mgee`, `7 ppm`; out goes a float in the unit that the field
-names. A number without a unit, a wrong dimension, NaN and infinity are refused with a message that says what
-would be right. Units that are not in `unit_factors`, and those that a message is about, are read with
-`astropy.units`, imported then. `gee`, `mgee` and `ugee` are standard gravity, 9.80665 m/s^2 (ISO 80000-3),
-because `g` is the gram.
+names. A number without a unit, a wrong dimension, NaN and infinity are refused with what would be right.
+Units that are not in `unit_factors`, and those that a message is about, are read with `astropy.units`.
+`gee`, `mgee` and `ugee` are standard gravity, 9.80665 m/s^2 (ISO 80000-3), because `g` is the gram.
 """
 
 import math
