@@ -74,17 +74,16 @@ def campaign(
 
     if runs is None and (dry_run or not until_verified):
         raise typer.BadParameter("is missing; see `shefex-nav campaign --help`", param_hint="--runs")
+    if not dry_run:
+        check_writable(out or OUT, "--out")
     if sweep:
         _check_sweep(cluster, keep, dry_run, until_verified)
-        check_writable(out or OUT, "--out")
         from shefex_nav.campaign.compare import flying
 
         how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
         raise typer.Exit(_sweep(how, sweep, json))
     address = _parsed("--engine", running.address, cluster)
     kept = _parsed("--keep", running.kept, keep or ())
-    if not dry_run:
-        check_writable(out or OUT, "--out")
     loaded = load.load(scenario, overrides or ())
     software.refuse_reached(loaded)
     warn(loaded, loaded.dropped)

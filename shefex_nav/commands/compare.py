@@ -50,12 +50,8 @@ def compare(
     from shefex_nav.campaign.compare import given as words
 
     _check_number(given)
-    check_apart({"--out": out, "--html": html})
-    if html is not None:
-        check_file(html, "--html", force=force, given=[one for one in given if os.path.isfile(one)])
+    _check_outputs(given, out, html, force)
     told = [words.read(text) for text in given]
-    if out is not None:
-        check_writable(out, "--out")
     if scenario is not None and not any(one.kind == words.SOFTWARE for one in told):
         raise typer.BadParameter(
             f"{scenario}: no software is given that would fly in it", param_hint="--scenario"
@@ -72,6 +68,15 @@ def compare(
     _show(sides, found, html, json)
     nothing = any(not any(row.seeds for row in one.rows) for one in found)
     raise typer.Exit(1 if lost or nothing else 0)
+
+
+def _check_outputs(given, out, html, force):
+    """BadParameter for a folder or a page that cannot be written."""
+    check_apart({"--out": out, "--html": html})
+    if html is not None:
+        check_file(html, "--html", force=force, given=[one for one in given if os.path.isfile(one)])
+    if out is not None:
+        check_writable(out, "--out")
 
 
 def _check_number(given):

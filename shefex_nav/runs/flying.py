@@ -46,6 +46,15 @@ def _check(scenario, seed, until_s, pace):
         raise ValueError(f"until_s {until_s!r}: expected a time after the start, from {earliest_s:g} s on")
 
 
+def _loaded(scenario):
+    """The Scenario of a path or a name; whatever else it is, the same."""
+    if not isinstance(scenario, str | PathLike):
+        return scenario
+    from shefex_nav.scenario.load import Scenario
+
+    return Scenario.load(scenario)
+
+
 def get_ready(scenario):
     """Compile what flying a Scenario needs and is not compiled yet."""
     from shefex_nav import warmup
@@ -92,10 +101,7 @@ def fly(
     -------
     Run; LogError if the log cannot be written, FlightError if the vehicle cannot be flown
     """
-    if isinstance(scenario, str | PathLike):
-        from shefex_nav.scenario.load import Scenario
-
-        scenario = Scenario.load(scenario)
+    scenario = _loaded(scenario)
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate
     from shefex_nav.report import programme

@@ -110,8 +110,7 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors, absent=()):
         raise ValueError("the sky is that of another antenna, or of fixes at another rate")
     antenna, prn, u_e = seen.antenna, seen.prn, seen.u_e
     t_s = antenna.t_s
-    white = rng.standard_normal((2, *u_e.shape[:2]))
-    white *= GPS_NOISE not in absent
+    white = rng.standard_normal((2, *u_e.shape[:2])) * (GPS_NOISE not in absent)
     fortune = rng.random(u_e.shape[:2])
     reasons = outage_reasons(settings.outages, events, t_s, rng.random(len(settings.outages)))
     fractions = rng_errors.random(u_e.shape[:2])
@@ -130,10 +129,7 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors, absent=()):
 
     factor = np.where(spinning, settings.spin.noise_factor, 1.0)
     sigmas = np.stack([settings.range_noise * factor, settings.range_rate_noise * factor])
-    lasting = None
-    if settings.errors:
-        lasting = gps_errors.range_errors(settings.errors, gps_start_s, t_s, antenna.r_ea_e, u_e, rng_errors)
-        lasting = lasting._replace(error=lasting.error * (GPS_LASTING not in absent))
+    lasting = _lasting(settings.errors, gps_start_s, antenna, u_e, rng_errors, absent)
     fixes = _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
     ranges = []
@@ -141,6 +137,14 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors, absent=()):
         reception = gps_channels.Reception(t_s, prn, tracked & told, reasons)
         ranges = gps_channels.ranges(seen.geometry, clock, errors, sigmas, reception, settings.latency)
     return GpsData(fixes, ranges, antenna)
+
+
+def _lasting(errors, gps_start_s, antenna, u_e, rng, absent):
+    """Errors of the ranges that last; None of a receiver without any."""
+    if not errors:
+        return None
+    lasting = gps_errors.range_errors(errors, gps_start_s, antenna.t_s, antenna.r_ea_e, u_e, rng)
+    return lasting._replace(error=lasting.error * (GPS_LASTING not in absent))
 
 
 def stamped(messages, offset_s):
