@@ -43,6 +43,8 @@ def whole(path):
     """
     half = part(path)
     try:
+        if half.is_symlink():  # what it leads to is not ours
+            half.unlink()
         yield half
         finish(path)
     except OSError as error:
@@ -52,6 +54,13 @@ def whole(path):
     finally:
         with suppress(OSError):  # of a file that could not even be made
             half.unlink(missing_ok=True)
+
+
+def refuse_links(folder, names):
+    """OSError of the first of these names in a folder that is a symbolic link: it may lead anywhere."""
+    for name in names:
+        if (folder / name).is_symlink():
+            raise OSError(errno.ELOOP, f"{name} is a symbolic link there; remove it")
 
 
 IRREGULAR = (

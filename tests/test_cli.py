@@ -46,6 +46,7 @@ def test_each_command_is_a_file_of_its_name():
         "main",
         "options",
         "output_files",
+        "variables",
         "printing",
         "flights",
         "refusal",

@@ -14,7 +14,7 @@ from shefex_nav.campaign import MOST_RUNS, checking, runs_file, table, units
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.clock import TICK_HZ
-from shefex_nav.files import finish, from_json, put, settle
+from shefex_nav.files import finish, from_json, put, refuse_links, settle
 from shefex_nav.scenario import differences
 
 DIGITS = 6
@@ -68,7 +68,8 @@ class Store:
         try:
             self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = open(self.folder / ".lock", "w")
+            refuse_links(self.folder, OWN)
+            self._lock = open(self.folder / ".lock", "a")  # a file of that name is not emptied
         except OSError as error:
             raise StoreError(f"cannot write into the folder {self.folder}: {error.strerror}") from None
         if not _locked(self._lock):

@@ -27,7 +27,10 @@ def budget(
     ] = None,
     source: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="An error to look at (several times); without it all there are."),
+        typer.Option(
+            metavar="NAME",
+            help="An error to look at, e.g. gyro_bias (several times); another word is answered with all.",
+        ),
     ] = None,
     runs: Annotated[
         int, typer.Option(min=1, max=MOST_RUNS, help="Flights with and without each error.")

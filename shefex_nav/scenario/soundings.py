@@ -46,7 +46,8 @@ BESIDE = {  # what is looked at if a file tells it in a unit that is known: name
     "longitude": (("longitude", "lon"), {"": 1.0, "deg": 1.0, "degrees": 1.0, "°": 1.0}),
 }
 STATION = re.compile(r"Station (latitude|longitude):\s*(\S+)", re.ASCII)  # below a list of Wyoming
-NOT_TOLD = -9999.0, -8888.0, -999.0, 9999.0, 99999.0  # of what is only looked at
+NEGATIVE = -9999.0, -8888.0, -999.0  # marks of a value that was not measured
+NOT_TOLD = *NEGATIVE, 9999.0, 99999.0  # of what is only looked at
 BEGINS = re.compile(r"\s*-?[0-9]")  # of a row of a list
 LIKE_ROW = re.compile(r"\s*-?[0-9.]+(?:\s+-?[0-9.]+){2}")  # three numbers at least
 BARE = {"hght": "m", "drct": "deg", "sknt": "knot"}  # columns of Wyoming, whose name tells the unit
@@ -208,10 +209,7 @@ def _columns(path, text):
         more = any(cell.strip() for cell in row[len(heads) :])
         if more or len(row) < len(heads):  # which value belongs to which column is not known
             raise SoundingError(f"{path}, line {n}: {len(row)} values, but {len(heads)} names of columns")
-    places = {
-        what: next((k for k, head in enumerate(heads) if any(n in head for n in names)), None)
-        for what, names in WANTED.items()
-    }
+    places = {what: _column(path, heads, what) for what in WANTED}
     _all_there(path, places)
     chosen = {what: heads[k] for what, k in places.items()}
     geopotential = "geopotential" in chosen["height"] or "hght" in chosen["height"]
@@ -228,6 +226,16 @@ def _columns(path, text):
     if all(ways) and len(table) > 1:  # the balloon starts there
         told = {what: table[1][1][k] for what, (k, _) in zip(("latitude", "longitude"), ways, strict=True)}
     return rows, _place(path, told)
+
+
+def _column(path, heads, what):
+    """Number of the column of height, direction or speed; None without one. Gusts are no mean wind."""
+    found = [k for k, head in enumerate(heads) if any(n in head for n in WANTED[what]) and "gust" not in head]
+    best = [k for k in found if heads[k].startswith(WANTED[what])] or found
+    if len(best) > 1:
+        several = ", ".join(heads[k] for k in best)
+        raise SoundingError(f"{path}: {len(best)} columns may be the {what}: {several}; keep one of them")
+    return best[0] if best else None
 
 
 def _aside(what, unit, text):
@@ -283,9 +291,10 @@ def _number(path, n, what, text):
     if text.strip("-/*. \t").lower() in MISSING:
         return math.nan
     try:
-        return number(text)
+        value = number(text)
     except ValueError as error:
         raise SoundingError(f"{path}, line {n}: {what}: {error}") from None
+    return math.nan if value in NEGATIVE else value
 
 
 def _open_meteo(path, text, epoch):

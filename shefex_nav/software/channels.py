@@ -2,10 +2,12 @@
 
 import os
 import select
+import signal
 import socket
 import subprocess
 import time
 from collections import deque
+from contextlib import suppress
 
 from shefex_nav import stopping
 from shefex_nav.software.messages import HEAD, split
@@ -75,6 +77,9 @@ class Pipe:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if hasattr(os, "killpg"):  # what it has started, too: the program leads a group of its own
+            with suppress(OSError):
+                os.killpg(self._process.pid, signal.SIGKILL)
 
 
 class Stream:

@@ -1,10 +1,12 @@
-"""What of a campaign is refused because it would fill the memory, or is nested without end."""
+"""What of a campaign is refused because it would fill the memory, has no end, or would write elsewhere."""
 
 import json
 import math
+import re
 
 import pytest
 
+from shefex_nav import files
 from shefex_nav.campaign import results, running, store, table
 
 HEAD = {
@@ -57,3 +59,31 @@ def test_more_runs_than_fit_into_memory_are_refused():
     with pytest.raises(running.BadCampaign, match="10000001; expected 10000000 at most"):
         running.checked(asked)
     assert running.checked(asked._replace(runs=10_000_000)).runs == 10_000_000
+
+
+@pytest.mark.parametrize("name", store.OWN)
+def test_links_in_a_folder_are_not_written_through(tmp_path, name):
+    """The folder of somebody else's may have them lead to any file."""
+    mine = tmp_path / "mine.txt"
+    mine.write_text("precious")
+    folder = tmp_path / "campaign"
+    folder.mkdir()
+    (folder / name).symlink_to(mine)
+    with pytest.raises(store.StoreError, match=f"{re.escape(name)} is a symbolic link"), store.Store(folder):
+        pass
+    assert mine.read_text() == "precious"
+
+
+def test_a_half_written_file_that_is_a_link_is_replaced(tmp_path):
+    mine, path = tmp_path / "mine.txt", tmp_path / "results.json"
+    mine.write_text("precious")
+    files.part(path).symlink_to(mine)
+    files.put(path, "new")
+    assert (mine.read_text(), path.read_text()) == ("precious", "new") and not path.is_symlink()
+
+
+def test_a_lock_that_holds_something_is_not_emptied(tmp_path):
+    (tmp_path / ".lock").write_text("precious")
+    with store.Store(tmp_path):
+        pass
+    assert (tmp_path / ".lock").read_text() == "precious"

@@ -85,6 +85,8 @@ def test_the_scenario_flies_in_them(tmp_path):
     [
         (PLAIN.replace("height_m", "height_fathom"), "the height is in 'fathom'; expected one of m, gpm"),
         (PLAIN.replace("height_m", "height"), "the height has no unit"),
+        (PLAIN.replace("height_m", "height_m,height_km"), "2 columns may be the height: height_m, height_km"),
+        (PLAIN.replace("wind speed_m", "wind speed gust_m"), "no column for speed"),
         (PLAIN.replace("_degree", "_mil"), "the direction is in 'mil'"),
         (PLAIN.replace("_degree", ""), "the direction has no unit"),
         (PLAIN.replace("speed_m/s", "speed"), "the speed has no unit; expected one of m/s"),
@@ -296,3 +298,11 @@ def test_winds_of_a_scenario_that_cannot_be():
         load.load("rexus_like", ["wind={height: [0 m, 5 km], speed: [3 m/s, 900 m/s], from: [0 deg, 0 deg]}"])
     high = ["wind={height: [0 m, 300 km], speed: [3 m/s, 900 m/s], from: [0 deg, 0 deg]}"]
     assert load.load("rexus_like", high).wind.speed[1] == 900.0
+
+
+def test_gusts_and_marks_of_what_was_not_measured_are_no_wind(tmp_path):
+    path = tmp_path / "winds.csv"
+    head = "wind speed gust_m/s,height_m,wind direction_degree,wind speed_m/s\n"
+    path.write_text(f"{head}20,0,90,5\n20,-999,90,5\n20,500,-9999,5\n20,1000,90,-999\n20,2000,90,7\n")
+    found = soundings.read(path, EPOCH)
+    assert found.height == (0.0, 2000.0) and found.speed == (5.0, 7.0)

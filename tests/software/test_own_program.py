@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from operator import attrgetter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -339,3 +340,25 @@ def test_all_messages_are_in_the_proto_text():
 def test_built_in_by_name_and_class_are_two_ways():
     assert load("night_sky", ["navigation.software=built_in"]).navigation.software == "built_in"
     assert load("night_sky", [f"navigation.software={CLASS}"], trust=True).navigation.software.sha256
+
+
+def _runs(pid):
+    """Whether a process is there and not dead; nobody may have asked for its exit code yet."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
+def test_what_a_program_has_started_ends_with_it(tmp_path):
+    noted, until_s = tmp_path / "pid", time.monotonic() + 30.0
+    pipe = channels.Pipe(["sh", "-c", f"sleep 300 & echo $! > {noted}; exec cat"])
+    while not (noted.exists() and noted.read_text().strip()) and time.monotonic() < until_s:
+        time.sleep(0.02)
+    pid = int(noted.read_text())
+    assert _runs(pid)
+    pipe.close()
+    while _runs(pid) and time.monotonic() < until_s:
+        time.sleep(0.02)
+    assert not _runs(pid)

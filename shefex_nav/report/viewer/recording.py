@@ -36,6 +36,7 @@ from shefex_nav.report.viewer.sender import Sender
 
 TIMES_THE_LOG, TIMES_WITHOUT_PICTURES = 1.0, 2.5  # that a recording may have; 0.5 and 2 were seen
 APPLICATION = "shefex_nav"
+OURS = re.compile(r"(\S+ [0-9a-f]+ \d+)?")  # what a stamp says: program, its digest, time of the log
 ENDING = ".view.rrd"  # of the recording kept beside its log
 OVERLAY = {
     "orange": (255, 170, 60),
@@ -70,7 +71,7 @@ def scene(data):
 def kept(log, data=None):
     """Path of the recording of a log, kept beside it and made anew when log or program are others.
 
-    None where the folder cannot be written, and where a file of that name is somebody else's.
+    None where the folder cannot be written, and where a file of one of the names is somebody else's.
     """
     path = Path(log).with_suffix(ENDING)
     stamp = path.with_suffix(".version")
@@ -78,6 +79,8 @@ def kept(log, data=None):
     if path.exists() and not stamp.exists():
         return None
     try:
+        if stamp.is_symlink() or (stamp.exists() and not OURS.fullmatch(stamp.read_text())):
+            return None
         if path.exists() and stamp.exists() and stamp.read_text() == wanted:
             return path
         with whole(path) as half:

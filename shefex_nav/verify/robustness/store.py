@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from shefex_nav.errors import UserError
-from shefex_nav.files import digest, from_json, put, settle
+from shefex_nav.files import digest, from_json, put, refuse_links, settle
 from shefex_nav.verify.robustness import flight, lines
 
 HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
@@ -47,6 +47,7 @@ class Store:
         self.folder = Path(folder)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            refuse_links(self.folder, (HEAD, FLIGHTS))
             self._begin(head, resume)
             self._file = open(self.folder / FLIGHTS, "a", encoding="utf-8")
         except OSError as error:
