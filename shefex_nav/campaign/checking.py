@@ -12,6 +12,7 @@ from shefex_nav.errors import UserError
 from shefex_nav.files import from_json
 
 LARGEST = 1e100  # squares and sums of a million squares stay finite
+LONGEST = 1e16  # [E] of a distance, speed or angle in any unit: what flies is within 1e15 (`possible`)
 LEAST_WHOLE, MOST_WHOLE = -(2**63), 2**64 - 1  # that a table holds
 NUMBERS = frozenset((int, float))
 LARGE = "large"  # kind of whole numbers that no int64 holds
@@ -49,6 +50,7 @@ class Rule(NamedTuple):
 ANYTHING = Rule(frozenset((bool, str, int, float)), -LARGEST, LARGEST, f"a number below {LARGEST:g}")
 NUMBER = Rule(NUMBERS, -LARGEST, LARGEST, f"a number below {LARGEST:g}")
 POSITIVE = Rule(NUMBERS, 0.0, LARGEST, f"a number from 0 to {LARGEST:g}")
+SIZE = Rule(NUMBERS, 0.0, LONGEST, f"a size from 0 to {LONGEST:g}")
 COUNT = Rule(frozenset((int,)), 0, LARGEST, "a whole number, 0 or more")
 POSITIVE_COUNT = COUNT._replace(low=1, words="a whole number, 1 or more")
 SHARE = Rule(NUMBERS, 0.0, 1.0 + ROUNDING, "a share from 0 to 1")
@@ -60,13 +62,13 @@ AN_OBJECT = NOTHING._replace(words="a list or an object in place of a value")
 RUN = Rule(frozenset((int,)), 0, MOST_RUNS - 1, f"the number of a run, 0 to {MOST_RUNS - 1}")
 
 ANY = "*"  # every name: of an instrument, of a reason; or the numbers of a list
-SIZES = {"rms": POSITIVE, "max": POSITIVE}
+SIZES = {"rms": SIZE, "max": SIZE}
 POINTING = SIZES | {"max_at_s": NUMBER}
 PLACE = dict.fromkeys(("t_s", "latitude_deg", "longitude_deg", "altitude_km"), NUMBER)
 FLIGHT = {
     "height_km": {"min": NUMBER, "max": NUMBER},
     **dict.fromkeys(("apogee_km", "climbs_at_km"), NUMBER),
-    **dict.fromkeys(("max_speed_m_s", "range_km"), POSITIVE),
+    **dict.fromkeys(("max_speed_m_s", "range_km"), SIZE),
     **dict.fromkeys(("at_apogee", "at_entry", "at_impact"), PLACE),
     "events": A_LIST,
 }
@@ -107,7 +109,7 @@ NAVIGATION = {
     **dict.fromkeys(("position_error_m", "velocity_error_m_s", "attitude_error_deg"), SIZES),
     "star_phase": {
         **dict.fromkeys(("from_s", "to_s"), NUMBER),
-        **dict.fromkeys(("position_rms_m", "velocity_rms_m_s", "attitude_rms_deg"), POSITIVE),
+        **dict.fromkeys(("position_rms_m", "velocity_rms_m_s", "attitude_rms_deg"), SIZE),
     },
     "star_aided": {
         "from_s": NUMBER,
@@ -120,7 +122,7 @@ NAVIGATION = {
     },
     "at_entry": {
         **dict.fromkeys(("t_s", "altitude_km"), NUMBER),
-        **dict.fromkeys(("position_error_m", "velocity_error_m_s"), POSITIVE),
+        **dict.fromkeys(("position_error_m", "velocity_error_m_s"), SIZE),
         **dict.fromkeys(("position_sigma_m", "velocity_sigma_m_s", "nees"), POSITIVE),
         "attitude_error_deg": {ANY: NUMBER},
         "attitude_sigma_deg": {ANY: POSITIVE},
