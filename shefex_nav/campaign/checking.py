@@ -50,7 +50,7 @@ class Rule(NamedTuple):
 ANYTHING = Rule(frozenset((bool, str, int, float)), -LARGEST, LARGEST, f"a number below {LARGEST:g}")
 NUMBER = Rule(NUMBERS, -LARGEST, LARGEST, f"a number below {LARGEST:g}")
 POSITIVE = Rule(NUMBERS, 0.0, LARGEST, f"a number from 0 to {LARGEST:g}")
-SIZE = Rule(NUMBERS, 0.0, LONGEST, f"a size from 0 to {LONGEST:g}")
+SIZE = Rule(NUMBERS, 0.0, LONGEST, f"a number from 0 to {LONGEST:g}")
 COUNT = Rule(frozenset((int,)), 0, LARGEST, "a whole number, 0 or more")
 POSITIVE_COUNT = COUNT._replace(low=1, words="a whole number, 1 or more")
 SHARE = Rule(NUMBERS, 0.0, 1.0 + ROUNDING, "a share from 0 to 1")

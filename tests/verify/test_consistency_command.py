@@ -46,7 +46,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "kept").write_text("")
     done = command(*SHORT, "--keep", tmp_path / "kept")
     assert done.exit_code == 2
-    assert "cannot make the folder" in done.output
+    assert "kept is a file; give the name of a folder" in done.output
 
 
 def test_a_short_study_is_that_of_its_runs(tmp_path):
