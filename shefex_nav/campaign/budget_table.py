@@ -62,9 +62,9 @@ def _percent(share):
 
 def _lines(found, scenario):
     yield (
-        "Each row: the same flights without this error alone, of which the computer is told as before. "
-        "First the rms of what the error does (the difference of the errors of one seed), then its share of "
-        "the mean square of the whole, then the rms error of the flights without it."
+        "Each row is flown without this error alone; the computer counts with it as before. "
+        "First comes the rms of what the error does: the difference between the two flights of a seed. Then "
+        "its share of the mean square of the whole, and the rms error of the flights without it."
     )
     yield (
         "Shares of errors that have nothing to do with each other add up to 100 % but for chance. "

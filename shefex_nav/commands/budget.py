@@ -13,25 +13,27 @@ from shefex_nav.commands.options import Json, Overrides, RootSeed, Scenario, Wor
 from shefex_nav.commands.printing import print_json, say, stdout
 
 RUNS = 20
+Software = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE.py:CLASS",
+        help="Navigation software in the place of the scenario's: also package.module:Class, "
+        "'command:./my_fsw', or built-in.",
+    ),
+]
+Sources = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="An error to look at, e.g. gyro_bias (several times); another word is answered with all.",
+    ),
+]
 
 
 def budget(
     scenario: Scenario,
-    software: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE.py:CLASS",
-            help="Navigation software in the place of the scenario's: also package.module:Class, "
-            "'command:./my_fsw', or built-in.",
-        ),
-    ] = None,
-    source: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="An error to look at, e.g. gyro_bias (several times); another word is answered with all.",
-        ),
-    ] = None,
+    software: Software = None,
+    source: Sources = None,
     runs: Annotated[
         int, typer.Option(min=1, max=MOST_RUNS, help="Flights with and without each error.")
     ] = RUNS,
@@ -46,8 +48,8 @@ def budget(
 ):
     """Say which errors of the sensors make up the errors of a filter at entry and at the end.
 
-    Each error is left out alone, of the same seeds, while the computer is told the same. Star tracker by
-    statistics. The same command goes on where it was interrupted.
+    The same seeds are flown again without each error, one at a time; the computer is told the same. Star
+    tracker by statistics. The same command goes on where it was interrupted.
     """
     from shefex_nav.campaign import budget as making
     from shefex_nav.campaign import budget_table, tables

@@ -278,7 +278,7 @@ def _nees_summary(data, errors, end_s):
         "mean": float(squares[chosen].mean()),
         "dof": NEES_DOF,
         "samples": int(chosen.sum()),
-        "why": why and f"from the start of the run, for {why}",
+        "why": why and f"from the start of the run, because {why}",
         "times_sigma": {name: rms(ratio[chosen]) for name, ratio in ratios.items()},
     }
 

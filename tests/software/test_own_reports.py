@@ -66,7 +66,7 @@ def test_biases_without_sigmas_have_no_band_and_say_so(tmp_path):
     built_in = runs.fly(load("night_sky"), until_s=1.0)
     titles = [figures.draw("biases", one.data).texts[0].get_text() for one in (mine, built_in)]
     assert ["±3 σ" in one for one in titles] == [False, True]
-    assert ["gives no σ" in one for one in titles] == [True, False]
+    assert ["no σ of them" in one for one in titles] == [True, False]
 
 
 def test_nothing_is_drawn_of_what_the_software_does_not_give(tmp_path):

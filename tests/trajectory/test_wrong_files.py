@@ -4,28 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from given_flight import ALONG, EXAMPLE, ORIGIN, flown, in_orbit, scenario
+from given_flight import ALONG, EXAMPLE, ORIGIN, in_orbit, scenario
 from made import AEM, OEM, csv, rocket, satellite, write_ccsds
 from made import EXAMPLE as FILE
+from refusals import COLUMNS, refused
 
 from shefex_nav import prepare
 from shefex_nav.errors import UserError
 from shefex_nav.report import programme
 from shefex_nav.scenario.load import ScenarioError
-
-COLUMNS = {
-    "file": FILE, "format": "csv", "origin": ORIGIN, "time": "t_s", "position": ["east_m", "north_m", "up_m"],
-    "position_frame": "launch_enu", "velocity": ["ve_m_s", "vn_m_s", "vu_m_s"],
-    "velocity_frame": "launch_enu",
-    "attitude": {"quaternion": ["qw", "qx", "qy", "qz"], "sense": "body_to_frame", "frame": "launch_enu"},
-}  # fmt: skip
-
-
-def refused(trajectory, *overrides, fly=flown):
-    """The message about a trajectory."""
-    with pytest.raises(UserError) as caught:
-        fly(trajectory, *overrides)
-    return str(caught.value)
 
 
 def changed(tmp_path, line, text):

@@ -167,9 +167,9 @@ def biases(data):
     if not any(np.isfinite(one).any() for one in (covariance.gyro_bias, covariance.accel_bias)):
         return None
     band = ", ±3 σ about the estimate" if np.isfinite(covariance.sigma[:, :6]).any() else ""
-    words = f"Biases of the IMU as estimated{band} (the log does not hold the true ones)"
+    words = f"Biases of the IMU as estimated{band} (true ones: not in the log)"
     if not band:
-        words = f"{words}; the software gives no σ of them"
+        words = f"{words}; no σ of them is given"
     spans_s = [style.whole(data)] * 2
     heads = ["gyros [deg/h]", "accelerometers [mgee]"]
     figure, rows = style.panels(data, 3, words, columns=2, heads=heads, spans_s=spans_s)
