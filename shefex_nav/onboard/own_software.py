@@ -124,7 +124,7 @@ def covariance_fault(P):
     if (variances < 0.0).any():
         return "has a negative variance"
     if (variances < LEAST_VARIANCE).any():
-        return "has a variance of zero"
+        return f"has a variance below {LEAST_VARIANCE:g}"
     sigma = np.sqrt(variances)
     correlation = P / np.outer(sigma, sigma)
     if (np.abs(correlation - correlation.T) > SYMMETRIC).any():

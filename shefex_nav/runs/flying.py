@@ -5,7 +5,7 @@ import shutil
 import tempfile
 import time
 import weakref
-from contextlib import nullcontext
+from contextlib import chdir, nullcontext
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -117,9 +117,11 @@ def fly(
     simulate.warm_up(scenario, world)
     clock = None if pace is None else Pace(pace)
     flight = _seen(world, scenario, seed, math.inf if until_s is None else until_s, watch, clock, room)
-    with _cycles(scenario):
+    with _cycles(scenario), chdir(Path.cwd()):  # own software may go elsewhere
         setup_s = time.perf_counter() - began
-        data = _record(flight, mission, scenario.log, path, overwrite, setup_s, pace)
+        data = _record(flight, mission, scenario.log, path.absolute(), overwrite, setup_s, pace)
+    if not path.exists():  # own software may do that
+        raise LogGoneError(f"{path}: was flown to the end, but somebody has deleted the log meanwhile")
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 
@@ -187,8 +189,6 @@ def _record(flight, mission, wanted, path, overwrite, setup_s, pace):
         done = RunSummary(last_s, time.perf_counter() - began, setup_s, flight.cut_s)
         writer.write(done)
         kept.add(done)
-    if not path.exists():  # own software may do that
-        raise LogGoneError(f"{path}: was flown to the end, but somebody has deleted the log meanwhile")
     return kept.build(columns)
 
 

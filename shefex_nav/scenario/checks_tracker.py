@@ -226,8 +226,10 @@ def _catalogue_and_latency(scenario):
 
 def _absent(scenario):
     """Errors that cannot be left out: noise of pictures is in their pixels."""
-    tracker = scenario.star_tracker
-    if tracker.enabled and tracker.frames != "statistical" and STAR_NOISE in scenario.without:
+    tracker, absent = scenario.star_tracker, scenario.without
+    if twice := [name for k, name in enumerate(absent) if name in absent[:k]]:
+        yield ("without",), f"{twice[0]} is there twice; keep one of them"
+    if tracker.enabled and tracker.frames != "statistical" and STAR_NOISE in absent:
         words = f"{STAR_NOISE} is in the pixels of a picture; fly with star_tracker.frames: statistical"
         yield ("without",), words
 

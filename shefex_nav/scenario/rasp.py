@@ -13,6 +13,8 @@ from shefex_nav.scenario.tables import BadTable, Cell, number
 
 HEADER = ("name", "diameter_mm", "length_mm", "delays", "propellant_kg", "total_kg", "manufacturer")
 MOST = {"diameter_mm": 1e5, "length_mm": 1e6, "propellant_kg": 1e7, "total_kg": 1e7}  # [E] of any motor
+LEAST_SIZE = 1.0  # mm, [E] of the smallest motor
+MOST_POINTS = 20_000  # [E] of a curve at 1 kHz for 20 s
 NUMBERS = tuple(MOST)
 
 
@@ -37,6 +39,9 @@ def read(text, file):
         words = f"the file is empty; expected a header ({' '.join(HEADER)}), then pairs of time and thrust"
         raise BadTable([(Mark(file, 1, 1), words)])
     header = _header(lines[0][1])
+    if len(lines) > MOST_POINTS:
+        words = f"has {len(lines) - 1} points of thrust; expected at most {MOST_POINTS}"
+        raise BadTable([(lines[MOST_POINTS][1][0][1], f"{words}, some hundred are enough")])
     errors, t_s, thrust_n = [], [], []
     for n, words in lines[1:]:
         try:
@@ -81,6 +86,8 @@ def _header(words):
             entries[name] = number(word, name, mark)
             if entries[name].value <= 0.0:
                 errors.append((mark, f"{name}: must be greater than zero, got {word}"))
+            elif name.endswith("_mm") and entries[name].value < LEAST_SIZE:
+                errors.append((mark, f"{name}: must be at least {LEAST_SIZE:g}, got {word}"))
             if entries[name].value > MOST[name]:
                 errors.append((mark, f"{name}: must be at most {MOST[name]:g}, got {word}"))
         except BadTable as bad:

@@ -12,6 +12,7 @@ content (SHA-256) once it has been read, so a log tells which one flew and anoth
 import os
 import re
 import shlex
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal
 
@@ -137,16 +138,9 @@ def relative_to(tree, folder):
             if colon and plugins.is_file(file) and not ADDRESS.fullmatch(given[PYTHON]):
                 block[key] = given | {PYTHON: f"{os.path.join(folder, file)}:{attribute}"}
         elif COMMAND in given:
-            beside = (_beside(word, folder) for word in _words(given[COMMAND]))
-            block[key] = given | {COMMAND: shlex.join(beside)}
-
-
-def _words(command):
-    """Words of a command; one word where quotes do not match."""
-    try:
-        return shlex.split(command)
-    except ValueError:
-        return [command]
+            with suppress(ValueError):  # a quote without its other half: `pin` says so
+                beside = (_beside(word, folder) for word in shlex.split(given[COMMAND]))
+                block[key] = given | {COMMAND: shlex.join(beside)}
 
 
 def _beside(word, folder):
@@ -187,7 +181,12 @@ def _pinned(given, trust):
                 raise plugins.PluginError(f"'{given[PYTHON]}' has no method {method}")
         return {PYTHON: plugin.path, HASH: plugin.sha256}
     if COMMAND in given:
-        words, sha256 = plugins.program(_words(given[COMMAND]), None, trust)
+        try:
+            words = shlex.split(given[COMMAND])
+        except ValueError as error:
+            words = f"{given[COMMAND]} cannot be split into words: {error}; expected pairs of quotes"
+            raise plugins.PluginError(words) from None
+        words, sha256 = plugins.program(words, None, trust)
         return {COMMAND: shlex.join(words), HASH: sha256}
     if _is_address(given[CONNECT]):  # else the field says so: there is nothing to consent to
         plugins.address(given[CONNECT], trust)
@@ -233,12 +232,14 @@ def name(own):
     """Of software of a user's own, for messages."""
     if isinstance(own, Own):
         return os.path.basename(own.python)
-    return own.connect if isinstance(own, Reached) else " ".join(map(os.path.basename, _words(own.command)))
+    if isinstance(own, Reached):
+        return own.connect
+    return " ".join(map(os.path.basename, shlex.split(own.command)))
 
 
 def words_of(program):
     """Words of the command of a Program."""
-    return _words(program.command)
+    return shlex.split(program.command)
 
 
 class NotBuiltIn(UserError):

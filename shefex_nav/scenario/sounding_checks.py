@@ -16,7 +16,8 @@ HIGH = 120e3  # m
 MOST_TURN = 360.0  # deg
 PRESSURES = 1e-4, 1100.0  # hPa, of 105 km and of the Dead Sea under a high
 TEMPERATURES = -160.0, 60.0  # C, of the polar mesopause and of deserts
-SAME_HEIGHT = 10.0  # m/s, [E] by which two winds of one height may differ
+SAME_HEIGHT = 1.0  # m, [E] two levels this close are one, their heights being rounded
+OTHER_WIND = 10.0  # m/s, [E] by which two winds of one height may differ
 STANDARD = (  # US Standard Atmosphere 1976: hPa, geopotential m
     (1086.2, -600.0), (1013.25, 0.0), (850.0, 1457.0), (700.0, 3012.0), (500.0, 5574.0), (400.0, 7185.0),
     (300.0, 9164.0), (226.321, 11000.0), (54.7489, 20000.0), (8.68019, 32000.0),
@@ -76,7 +77,7 @@ def twice(rows):
     """
     for one, other in pairwise(rows):
         gap = _components(one) - _components(other)
-        if one.height == other.height and abs(gap) > SAME_HEIGHT:
+        if abs(other.height - one.height) <= SAME_HEIGHT and abs(gap) > OTHER_WIND:
             return one, other
     return None
 

@@ -15,6 +15,7 @@ from shefex_nav import numerals
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of pictures and of the sky
 DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
 MINUTE = 1.0 / (365.25 * 1440.0)  # year
+LONGEST = 86400.0  # s, [E] of pictures that are added up, too
 FASTEST = 1e6  # m/s, of a camera: five times the fastest probe (Parker, 1.92e5 m/s)
 
 
@@ -29,8 +30,9 @@ class Taken(NamedTuple):
 def of_header(header):
     """Taken of a dict of keywords; ValueError with the keyword, its value and what would be right."""
     exposure_s = _number(header, EXPOSURE)
-    if exposure_s is not None and exposure_s <= 0.0:
-        raise ValueError(f"{EXPOSURE}: expected a positive number of seconds, got {header[EXPOSURE]!r}")
+    if exposure_s is not None and not 0.0 < exposure_s <= LONGEST:
+        words = f"expected a positive number of seconds, at most {LONGEST:g}"
+        raise ValueError(f"{EXPOSURE}: {words}, got {header[EXPOSURE]!r}")
     return Taken(year_of(header), exposure_s, velocity_of(header))
 
 

@@ -225,6 +225,8 @@ def test_every_source_of_a_whole_mission_is_another_scenario():
 def test_noise_of_pictures_cannot_be_left_out():
     with pytest.raises(ScenarioError, match=r"is in the pixels of a picture; fly with star_tracker\.frames"):
         load.load("night_sky", ("without=[star_noise]",))
+    with pytest.raises(ScenarioError, match="gyro_bias is there twice; keep one of them"):
+        load.load("night_sky", ("without=[gyro_bias, gps_noise, gyro_bias]",))
 
 
 def test_check_says_what_does_not_happen(path, command):

@@ -255,6 +255,7 @@ def test_headers_that_cannot_be_read(still, tmp_path):
     for key, value, says in (
         ("DATE-OBS", "last night", "DATE-OBS: expected UTC in ISO 8601"),
         ("EXPTIME", "-1", "EXPTIME: expected a positive number of seconds"),
+        ("EXPTIME", "1e30", "EXPTIME: expected a positive number of seconds, at most 86400"),
         ("VELX", "12", "VELY: is missing"),
         ("EXPTIME", "long", "EXPTIME: expected a number"),
     ):

@@ -114,6 +114,7 @@ def test_the_scenario_flies_in_them(tmp_path):
         ("a,b\n1,2\n", "no column for height and direction and speed"),
         (CSV.replace("wind speed_m/s", "wind speed_furlong"), "'furlong'; expected one of m/s"),
         (PLAIN + "1,2,3\n", "1 rows with height"),
+        (PLAIN + "0,2,5\n0.4,2,250\n900,2,3\n", "winds.txt, line 3: another wind at 0 m than in line 2"),
         (PLAIN + "1,2,-3\n900,2,3\n", "winds.txt, line 2: -3 m/s from 2 deg is no wind"),
         ("{}", "no answer of Open-Meteo"),
         (forecast(utc_offset_seconds=-36000), "the hour nearest to lift-off"),

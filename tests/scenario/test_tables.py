@@ -271,6 +271,14 @@ BAD_MOTORS = {
         "M @1e300 900 0 8 14.5 W\n0.1 5\n1 0\n",
         "diameter_mm: must be at most 100000, got 1e300",
     ),
+    "thinner than a hair": (
+        "M @0.001 900 0 8 14.5 W\n0.1 5\n1 0\n",
+        "diameter_mm: must be at least 1, got 0.001",
+    ),
+    "too many points": (
+        "M 120 900 0 8 14.5 W\n" + "1 5\n" * 19_999 + "@1 5\n" + "1 5\n" * 9,
+        "has 20009 points of thrust; expected at most 20000",
+    ),
     "other digits": (
         "M 120 900 0 8 14.5 W\n0.1 @１２\n1 0\n",
         "thrust: expected a number such as 12.5, got '１２'",

@@ -8,6 +8,8 @@ import time
 
 import pytest
 
+from shefex_nav.scenario.load import Scenario, ScenarioError
+
 SHORT = [part for one in ("star_tracker.off=3 s", "mission.time_limit=4 s") for part in ("--set", one)]
 BUILT_IN = "from shefex_nav.software.built_in import BuiltIn\n"
 RUN = [sys.executable, "-m", "shefex_nav", "run", "night_sky", *SHORT]
@@ -68,3 +70,19 @@ def test_a_stream_that_own_code_closes_is_told_in_words(tmp_path, number):
     done = subprocess.run(closes, capture_output=True, text=True, timeout=100)
     said = f"has closed file descriptor {number}, a stream of the program"
     assert done.returncode == 3 and said in done.stderr and "Traceback" not in done.stderr
+
+
+def test_own_code_that_goes_to_another_folder_takes_the_log_nowhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    step = "    def step(self, *given):\n        os.chdir('/')\n        return super().step(*given)\n"
+    goes = words(tmp_path, f"import os\n{BUILT_IN}class Own(BuiltIn):\n{step}")
+    done = subprocess.run([*goes[:-1], "here.mcap"], capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0 and (tmp_path / "here.mcap").stat().st_size > 1000, done.stderr
+
+
+def test_a_quote_without_its_other_half_is_told(tmp_path):
+    (tmp_path / "own.yaml").write_text(
+        'extends: night_sky\nnavigation:\n  software: {command: "python \'own.py"}\n'
+    )
+    with pytest.raises(ScenarioError, match=r"own\.yaml:3:.* python 'own\.py cannot be split into words"):
+        Scenario.load(tmp_path / "own.yaml")
