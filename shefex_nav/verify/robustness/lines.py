@@ -5,15 +5,15 @@ is none and its flight is flown again; any other line that cannot be what `fligh
 """
 
 import json
-import math
 from functools import cache
-from typing import NamedTuple
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shefex_nav.errors import UserError
 from shefex_nav.verify.robustness import design, random_faults
 from shefex_nav.verify.robustness.factors import RIGHT, TOLD
 
-MOST = 1e300  # of a number that may be anything
 LATEST_S = 1e7
 AGAIN = "take the line away, and --resume flies the flight again"
 
@@ -22,69 +22,87 @@ class LineError(UserError):
     """A line that is no record of a flight; the message says which and why."""
 
 
-class Number(NamedTuple):
-    """A finite number within bounds."""
-
-    least: float
-    most: float
-
-    def fault(self, value):
-        """Words about a value that is none; '' if it is one."""
-        if type(value) in (int, float) and abs(value) < math.inf and self.least <= value <= self.most:
-            return ""
-        return f"got {_shown(value)}, expected a number from {self.least:g} to {self.most:g}"
+Seconds = Annotated[float, Field(ge=-LATEST_S, le=LATEST_S)]
+Span = Annotated[float, Field(ge=0.0, le=LATEST_S)]
+Positive = Annotated[float, Field(ge=0.0)]
+Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
-class Whole(NamedTuple):
-    """A whole number within bounds."""
-
-    least: int
-    most: int
-
-    def fault(self, value):
-        """As of Number."""
-        if type(value) is int and self.least <= value <= self.most:
-            return ""
-        return f"got {_shown(value)}, expected a whole number from {self.least} to {self.most}"
+class _Object(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
 
-class Or(NamedTuple):
-    """None, or a shape."""
+class _Quantity(_Object):
+    usable_s: Span
+    misleading_s: Span
+    misleading_times: Count
+    misleading_from_s: Seconds | None
+    largest_ratio: Positive | None
 
-    shape: object
+
+class _Figures(_Object):
+    quantities: dict[str, _Quantity]
+    alarms: list[str]
+    sigma_deg: Positive | None
+    nees_end: Positive | None
+    nees_usable: Positive | None
+    end_s: Seconds
 
 
-ANY = "any name"  # of the key of an object whose keys are names
-SECONDS, SPAN, COUNT = Number(-LATEST_S, LATEST_S), Number(0.0, LATEST_S), Whole(0, 10**9)
-MAYBE = Or(Number(0.0, math.inf))
-FIGURES = {
-    "quantities": {
-        ANY: {
-            "usable_s": SPAN, "misleading_s": SPAN, "misleading_times": COUNT,
-            "misleading_from_s": Or(SECONDS), "largest_ratio": MAYBE,
-        }
-    },
-    "alarms": [str], "sigma_deg": MAYBE, "nees_end": MAYBE, "nees_usable": MAYBE, "end_s": SECONDS,
-}  # fmt: skip
-DETECTABLE = {
-    "what": str,
-    "start_s": SECONDS,
-    "t_s": Or(SECONDS),
-    "by": Or(str),
-    "sum": Or(Number(-MOST, MOST)),
-}
-ALARM = {"beyond_s": SPAN, "late_s": SPAN, "undetected_s": SPAN, "wrong_words": COUNT, "after_s": Or(SECONDS)}
-FAULT = {
-    "start_s": SECONDS, "end_s": SECONDS, "settings": [str], "detectable": [DETECTABLE],
-    "alarm": {ANY: ALARM}, "usable_again_s": Or(SECONDS),
-}  # fmt: skip
-HEAD = {"cell": COUNT, "flight": COUNT, "seed": Whole(0, 2**32 - 1)} | dict.fromkeys(design.FACTORS, str)
-FAILED = HEAD | {"failed": str, "cpu_s": SPAN}
-FLOWN = HEAD | FIGURES | {
-    "told_kind": str, "noise_told": Number(0.0, MOST), "risk": Number(0.0, 1.0), "twin": Or(FIGURES),
-    "fault": Or(FAULT), "cpu_s": SPAN,
-}  # fmt: skip
-KINDS = {str: "a text", list: "a list", dict: "an object"}
+class _Detectable(_Object):
+    what: str
+    start_s: Seconds
+    t_s: Seconds | None
+    by: str | None
+    sum: float | None
+
+
+class _Alarm(_Object):
+    beyond_s: Span
+    late_s: Span
+    undetected_s: Span
+    wrong_words: Count
+    after_s: Seconds | None
+
+
+class _Fault(_Object):
+    start_s: Seconds
+    end_s: Seconds
+    settings: list[str]
+    detectable: list[_Detectable]
+    alarm: dict[str, _Alarm]
+    usable_again_s: Seconds | None
+
+
+class Head(_Object):
+    """Which flight it is."""
+
+    cell: Count
+    flight: Count
+    seed: Annotated[int, Field(ge=0, lt=2**32)]
+    rocket: str
+    grade: str
+    told: str
+    happens: str
+    phase: str
+
+
+class Failed(Head):
+    """Line of a flight that has come to no end."""
+
+    failed: str
+    cpu_s: Span
+
+
+class Flown(Head, _Figures):
+    """Line of a flight."""
+
+    told_kind: str
+    noise_told: Positive
+    risk: Annotated[float, Field(ge=0.0, le=1.0)]
+    twin: _Figures | None
+    fault: _Fault | None
+    cpu_s: Span
 
 
 def read(path, seed_of):
@@ -111,9 +129,11 @@ def _record(place, line, seed_of):
         record = json.loads(line.decode(), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise LineError(f"{place}: is no record of a flight ({error}); {AGAIN}") from None
-    shape = FAILED if isinstance(record, dict) and "failed" in record else FLOWN
-    if fault := _fault(record, shape):
-        raise LineError(f"{place}: {fault}; {AGAIN}")
+    kind = Failed if isinstance(record, dict) and "failed" in record else Flown
+    try:
+        kind.model_validate(record)
+    except ValidationError as error:
+        raise LineError(f"{place}: {_words(error.errors()[0])}; {AGAIN}") from None
     if fault := _other_cell(record):
         raise LineError(f"{place}: {fault}; {AGAIN}")
     wanted = seed_of(record["cell"], record["flight"])
@@ -149,33 +169,16 @@ def _no_number(text):
     raise ValueError(f"{text} is no number")
 
 
-def _fault(value, shape, name=""):
-    """Words about what first differs from a shape, with its field; '' if nothing does."""
-    if isinstance(shape, Or):
-        return "" if value is None else _fault(value, shape.shape, name)
-    if isinstance(shape, Number | Whole):
-        fault = shape.fault(value)
-        return fault and f"{name}: {fault}"
-    kind = shape if isinstance(shape, type) else type(shape)
-    if type(value) is not kind:
-        return f"{name or 'the line'}: got {_shown(value)}, expected {KINDS[kind]}"
-    if kind is list:
-        return _first((one, shape[0], f"{name}.{k}") for k, one in enumerate(value))
-    if kind is not dict:
-        return ""
-    if ANY in shape:
-        return _first((one, shape[ANY], f"{name}.{key}") for key, one in value.items())
-    inner = {key: f"{name}.{key}".lstrip(".") for key in shape}
-    if missing := [inner[key] for key in shape if key not in value]:
-        return f"{missing[0]}: is missing"
-    if other := [key for key in value if key not in shape]:
-        return f"{name + '.' if name else ''}{other[0][:40]}: is no field of a record"
-    return _first((value[key], shape[key], inner[key]) for key in shape)
-
-
-def _first(given):
-    """The first fault of (value, shape, name); '' if there is none."""
-    return next((fault for one in given if (fault := _fault(*one))), "")
+def _words(error):
+    """Of one error of pydantic."""
+    field = ".".join(map(str, error["loc"])) or "the line"
+    if error["type"] == "missing":
+        return f"{field}: is missing"
+    if error["type"] == "extra_forbidden":
+        return f"{field[:60]}: is no field of a record"
+    is_object = error["type"] in ("model_type", "dict_type")
+    wanted = "expected an object" if is_object else error["msg"].replace("Input should be", "expected", 1)
+    return f"{field}: got {_shown(error['input'])}, {wanted}"
 
 
 def _shown(value):
