@@ -31,6 +31,7 @@ class Kind(StrEnum):
     FILTER = "filter"
     C = "c"
     TRACKER = "tracker"
+    IDENTIFICATION = "identification"
     SENSOR = "sensor"
     SCENARIO = "scenario"
 
@@ -53,6 +54,13 @@ KINDS = {
     ),
     Kind.TRACKER: Template(
         "tracker.py", ("shefex-nav run night_sky --set star_tracker.software={file}:MyTracker --trust",)
+    ),
+    Kind.IDENTIFICATION: Template(
+        "identification.py",
+        (
+            "shefex-nav run night_sky --until 20s --trust --set 'plugins=[{file}]'"
+            " --set star_tracker.identification.method=mine --set star_tracker.identification.tracking=false",
+        ),
     ),
     Kind.SENSOR: Template(
         "sensor.py",

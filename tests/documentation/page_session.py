@@ -52,6 +52,7 @@ class Session:
             _replace(folder / name, changes)
         (folder / "scenarios" / "shefex2_dispersed.yaml").write_text(CAMPAIGN)
         monkeypatch.chdir(folder)
+        monkeypatch.syspath_prepend(folder)  # files of a page import each other
         monkeypatch.setattr(shipped, "folder", lambda: str(folder / "scenarios"))
         monkeypatch.setattr(engine, "ProcessLane", HereLane)
         monkeypatch.setattr(simulate, "route", self._brief(simulate.route))

@@ -120,6 +120,7 @@ def test_new_writes_each_and_overwrites_nothing(tmp_path, command):
     assert wrong.code == 2 and "ends in .py" in wrong.err
 
 
-def test_the_sensor_to_start_from_is_that_of_its_page():
-    page = (TEMPLATES.parent.parent / "docs" / "how-to" / "sensor.md").read_text(encoding="utf-8")
-    assert (TEMPLATES / "sensor.py").read_text(encoding="utf-8") in page
+@pytest.mark.parametrize("kind", ["sensor", "identification"])
+def test_a_plug_in_to_start_from_is_that_of_its_page(kind):
+    page = (TEMPLATES.parent.parent / "docs" / "how-to" / f"{kind}.md").read_text(encoding="utf-8")
+    assert (TEMPLATES / f"{kind}.py").read_text(encoding="utf-8") in page
