@@ -16,6 +16,7 @@ from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.files import finish, from_json, put, refuse_links, settle
 from shefex_nav.scenario import differences
+from shefex_nav.scenario.dispersions import SAMPLINGS
 
 DIGITS = 6
 MOST_DIFFERENCES = 10  # values, that are told
@@ -38,7 +39,6 @@ class FewerRunsError(StoreError):
 
 
 NUMBER = int, float
-SAMPLINGS = "random", "latin_hypercube"
 LONGEST_S = 1e12
 HEAD = {  # of campaign.json, what readers cannot do without: its types
     "scenario": (str,), "source": (str,), "seed": (int,), "runs": (int,), "sampling": (str,),

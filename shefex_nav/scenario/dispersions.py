@@ -145,11 +145,13 @@ OF_FLIGHT = (  # sections, and fields, that decide where the vehicle flies and h
     ("star_camera", "mounting", "image_right"),
 )
 
+SAMPLINGS = "random", "latin_hypercube"
+
 
 class Campaign(Block):
     """How the runs of a campaign are made, and what is kept of them."""
 
-    sampling: Literal["random", "latin_hypercube"] = Field(
+    sampling: Literal[SAMPLINGS] = Field(
         default="random",
         description="each run draws for itself, or all runs together so that each of N equal parts of a "
         "distribution is hit once; then the number of runs must not change",
