@@ -59,10 +59,12 @@ def check(
 
 def checked(scenario, overrides, against):
     """Checked of the scenario with this name."""
-    from shefex_nav.scenario import aboard, lens, load, surroundings, told
+    from shefex_nav.scenario import aboard, lens, load, software, surroundings, told
     from shefex_nav.scenario.document import dotted
 
     loaded, differences = load.load(scenario, overrides), []
+    for section, error in software.changed(loaded):  # of what names its content, which `load` leaves alone
+        raise type(error)(loaded.line_about((section, software.SOFTWARE), str(error)))
     if against is not None:
         from shefex_nav.campaign import against as other
 

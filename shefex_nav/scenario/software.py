@@ -9,6 +9,7 @@ What a scenario names is run with the user's consent only (`plugins`); it stands
 content (SHA-256) once it has been read, so a log tells which one flew and another one is refused.
 """
 
+import inspect
 import os
 import re
 import shlex
@@ -175,10 +176,7 @@ def _pinned(given, trust):
             f"{quoted(given[PYTHON])} is an address; write {{connect: {given[PYTHON]}}}"
         )
     if PYTHON in given:
-        plugin, cls = plugins.software(given[PYTHON], None, trust)
-        for method in ("start", "step"):
-            if not callable(getattr(cls, method, None)):
-                raise plugins.PluginError(f"'{given[PYTHON]}' has no method {method}")
+        plugin = _flyable(given[PYTHON], None, trust)
         return {PYTHON: plugin.path, HASH: plugin.sha256}
     if COMMAND in given:
         try:
@@ -191,6 +189,22 @@ def _pinned(given, trust):
     if _is_address(given[CONNECT]):  # else the field says so: there is nothing to consent to
         plugins.address(given[CONNECT], trust)
     return {}
+
+
+def _flyable(name, sha256, trust=False):
+    """Plugin of a class that can fly; PluginError for another. Arguments as of `plugins.software`"""
+    plugin, cls = plugins.software(name, sha256, trust)
+    for method in ("start", "step"):
+        if not callable(getattr(cls, method, None)):
+            raise plugins.PluginError(f"'{name}' has no method {method}")
+    try:
+        inspect.signature(cls).bind()
+    except TypeError as error:
+        words = "is made without arguments; give its own a default, or read mission.settings in start"
+        raise plugins.PluginError(f"'{name}' {words}: {error}") from None
+    except ValueError:  # its signature is not known
+        pass
+    return plugin
 
 
 def _owned(scenario):
@@ -268,16 +282,25 @@ def refuse_reached(scenario):
             raise NotBuiltIn(scenario.line_about((section, SOFTWARE), f"{words}: give its command"))
 
 
-def refuse_changed(scenario):
-    """PluginError if software of a user's own has another content than the scenario says, or no consent."""
+def changed(scenario):
+    """Why software of a user's own would not fly: yields (section, PluginError).
+
+    It has another content than the scenario says, it is not there, it cannot fly, or it has no consent.
+    """
     for section, one in _owned(scenario):
         try:
             if isinstance(one, Own):
-                plugins.software(one.python, one.sha256)
+                _flyable(one.python, one.sha256)
             elif isinstance(one, Program):
                 plugins.program(words_of(one), one.sha256)
         except plugins.PluginError as error:
-            raise plugins.PluginError(f"{section}.{SOFTWARE}: {error}") from None
+            yield section, error
+
+
+def refuse_changed(scenario):
+    """The first PluginError of `changed`, with the section."""
+    for section, error in changed(scenario):
+        raise type(error)(f"{section}.{SOFTWARE}: {error}") from None
 
 
 def flown(scenario):

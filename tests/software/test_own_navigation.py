@@ -468,6 +468,41 @@ def test_software_that_cannot_fly_is_one_line(tmp_path, value, words):
     assert re.match(r".*mine.yaml:3:\d+: navigation.software", str(told.value))
 
 
+@pytest.mark.parametrize(
+    ("of", "into", "words"),
+    [
+        ("own.py:Reckoning", "own.py:Reckonin", "has no class Reckonin; it has: Reckoning"),
+        ("own.py:Reckoning", "other.py:Reckoning", "cannot be read: No such file"),
+        ("sha256: ", "sha256: 0", "is another file than the one that was flown"),
+    ],
+)
+def test_check_looks_at_software_whose_content_is_named(tmp_path, command, of, into, words):
+    path = reckoning(tmp_path)
+    digest = plugins.software(f"{path}:Reckoning", None, trust=True)[0].sha256
+    value = f"{{python: own.py:Reckoning, sha256: {digest}}}"
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(f"extends: night_sky\nnavigation:\n  software: {value}\n")
+    assert command("check", scenario).code == 0
+    value = value.replace(of, into).replace(f"{digest}}}", f"{digest[: 64 - (of == 'sha256: ')]}}}")
+    scenario.write_text(f"extends: night_sky\nnavigation:\n  software: {value}\n")
+    done = command("check", scenario)
+    assert done.code == 2 and words in done.err
+    assert re.search(r"mine.yaml:3:\d+: navigation.software", done.err)
+
+
+def test_a_class_that_wants_arguments_is_told_before_the_flight(tmp_path):
+    path = reckoning(tmp_path)
+    text = path.read_text()
+    for wanted, good in (("self, gain=1.0, *more", True), ("self, gain", False), ("self, *, gain", False)):
+        path.write_text(text + f"\n    def __init__({wanted}):\n        pass\n")
+        given = [f"navigation.software={path}:Reckoning"]
+        if good:
+            load("night_sky", given, trust=True)
+            continue
+        with pytest.raises(ScenarioError, match=r"is made without arguments.*missing a required .*gain"):
+            load("night_sky", given, trust=True)
+
+
 @pytest.mark.parametrize("value", ["127.0.0.1:99999", "192.0.2.7", "tcp://192.0.2.7:70000"])
 def test_what_is_no_address_is_not_asked_consent_for(value):
     with pytest.raises(
