@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from shefex_nav.campaign import over_time
 from shefex_nav.campaign.compare import described, parts, sides
@@ -52,15 +53,15 @@ def test_an_honest_filter_has_a_row_for_each_block(judged):
     assert [(cells[0], cells[1], is_wrong) for cells, is_wrong in rows] == [
         (block, "entry and all ends of phases", False) for block in ("position", "velocity", "attitude")
     ]
-    assert all(cells[-1] == "as chance would have it" for cells, _ in rows)
+    assert all(cells[-1].startswith(described.CHANCE) for cells, _ in rows)
 
 
 def test_the_phase_and_the_block_are_named_whose_sigmas_are_wrong(judged):
     """Ten times too large on the way down, where entry is, and a third of the errors at rest."""
     rows = judged(series_of({(5, "attitude"): 10.0, (0, "velocity"): 1.0 / 3.0}), entry_s=1.5)
     found = {cells[:2]: cells[-1] for cells, _ in rows}
-    assert found[("position", "entry and all ends of phases")] == "as chance would have it"
-    assert found[("velocity", "at all others")] == "as chance would have it"
+    assert found[("position", "entry and all ends of phases")].startswith(described.CHANCE)
+    assert found[("velocity", "at all others")].startswith(described.CHANCE)
     for key, kind, times in (
         (("attitude", "entry"), "large", 10.0),
         (("attitude", "end of descent"), "large", 10.0),
@@ -81,6 +82,31 @@ def test_what_is_wrong_alike_everywhere_is_one_row(judged):
     assert words[1] == "all ends of phases" and "times too large, most at end of descent" in words[-1]
     low, _, high = words[-1].split()[1:4]
     assert (float(low), float(high)) == pytest.approx((4.0, 8.0), rel=0.15)
+
+
+def test_a_verdict_explains_a_value_outside_of_what_is_expected_beside_it():
+    """p of 1 % is outside of 95 %: chance explains it among fifteen, and does not among two."""
+
+    def found(*p):
+        """Described of position at entry, then of ends of phases, by the p of each."""
+        values = [stats.chi2.isf(0.5 * one, 3 * RUNS) for one in p]
+        alone = [over_time.chi_square("", value, 3 * RUNS, RUNS) for value in values]
+        return [
+            described.Described("position", described.ENTRY if k == 0 else f"end of {k}", k, verdict, 1.0)
+            for k, verdict in enumerate(over_time.with_holm(alone))
+        ]
+
+    ((cells, is_wrong),) = described.rows(found(0.01, *[0.9] * 14))
+    assert not is_wrong
+    assert cells[-1] == "as chance would have it: 1 of 15 outside if judged alone, not among all 15"
+    low, high = (float(end) for end in cells[3].split(" to "))
+    assert low < 1.0 < high < float(cells[2].split(" to ")[1])
+    ((cells, is_wrong),) = described.rows(found(0.06, *[0.9] * 14))
+    assert not is_wrong and cells[-1] == "as chance would have it"
+    (cells, is_wrong), (others, _) = described.rows(found(0.01, 0.9))
+    assert is_wrong and "too small" in cells[-1] and others[-1] == "as chance would have it"
+    (_, (others, is_wrong)) = described.rows(found(1e-9, 0.03, *[0.9] * 3)[:2])
+    assert not is_wrong and others[-1] == "as chance would have it: outside if judged alone, not among all 2"
 
 
 def test_compare_says_it_of_logs_and_names_the_reports(tmp_path, command):

@@ -16,6 +16,7 @@ from shefex_nav.campaign.over_time import CORRELATED, DOF
 
 ENTRY, ENTRY_S = "entry", "navigation.at_entry.t_s"
 RATE_HZ = 10.0  # at which a log is looked at, as a campaign keeps it
+CHANCE = "as chance would have it"
 SMALL, RIGHT, LARGE = "small", "right", "large"  # sigmas, against the errors
 
 
@@ -34,6 +35,11 @@ class Described(NamedTuple):
         if not self.verdict.certain:
             return RIGHT
         return SMALL if self.verdict.value > 1.0 else LARGE
+
+    @property
+    def outside(self):
+        """Whether the NEES lies outside of what is expected of it alone, whatever the verdict says."""
+        return not self.verdict.low <= self.verdict.value <= self.verdict.high
 
     @property
     def times(self):
@@ -149,7 +155,7 @@ def rows(found):
         else:
             groups = [*([one] for one in wrong), *([right] if right else [])]
         for group in groups:
-            yield (block, _when(group, of_block), *_figures(group)), group[0].kind != RIGHT
+            yield (block, _when(group, of_block), *_figures(group, len(found))), group[0].kind != RIGHT
 
 
 def _when(group, of_block):
@@ -160,19 +166,30 @@ def _when(group, of_block):
     return f"{'entry and ' if any(one.when == ENTRY for one in group) else ''}all ends of phases"
 
 
-def _figures(group):
-    """NEES, what is expected, sigma over error, verdict of Described of one kind: texts."""
+def _figures(group, together):
+    """NEES, what is expected, sigma over error, verdict of Described of one kind: texts.
+
+    together : how many are judged together
+    """
     verdicts = [one.verdict for one in group]
     low, high = min(one.low for one in verdicts), max(one.high for one in verdicts)
     nees = _range([one.value for one in verdicts])
     ratio = _range([one.sigma_over_error for one in group])
-    words = "as chance would have it"
+    words = f"{CHANCE}{_outside(group, together)}"
     if (kind := group[0].kind) != RIGHT:
         times = _range([one.times for one in group], digits=2)
         words = "no error at all" if times == "inf" else f"sigmas {times} times too {kind}"
         if len(group) > 1:
             words += f", most at {max(group, key=lambda one: one.times).when}"
     return nees, f"{low:.2g} to {high:.2g}", ratio, words
+
+
+def _outside(group, together):
+    """Why values beyond what is printed beside them are no fault; '' where there are none."""
+    if not (n := sum(one.outside for one in group)):
+        return ""
+    which = "outside" if len(group) == 1 else f"{n} of {len(group)} outside"
+    return f": {which} if judged alone, not among all {together}"
 
 
 def _range(values, digits=3):

@@ -56,10 +56,10 @@ def _honest(sides):
             made.append((side.letter, *cells[:-1], _bold(cells[-1], is_wrong)))
     heads = "", "of", "when", ">NEES per degree of freedom", ">expected", ">sigma / error", "sigmas"
     lines = [
-        "NEES per degree of freedom: mean over all runs of a side, 1 where the covariance is right; 95 % of "
-        "means lie within what is expected. Sigma / error: root mean squares. Wrong is said where chance "
-        "does not explain the NEES (5 %, corrected by Holm for all instants and blocks of a side). Of few "
-        "runs only gross faults show.",
+        "NEES per degree of freedom: mean over all runs of a side, 1 where the covariance is right. 95 % of "
+        "means lie within what is expected, so of many one or another lies outside by chance: wrong is said "
+        "where chance does not explain the NEES among all instants and blocks of a side (5 %, corrected by "
+        "Holm). Sigma / error: root mean squares. Of few runs only gross faults show.",
     ]
     return Part(
         "Does the covariance of each describe its errors?", heads if made else (), tuple(made),
