@@ -130,6 +130,15 @@ NAVIGATION = {
     "nees": {"mean": POSITIVE, "dof": POSITIVE_COUNT, "samples": COUNT, "times_sigma": {ANY: POSITIVE}},
     **dict.fromkeys(("beyond_sigma", "errors_fit", "unknown"), A_LIST),
     "measurements": {ANY: dict.fromkeys(("delivered", "used", "refused"), COUNT)},
+    "nis": {
+        ANY: {
+            **dict.fromkeys(("mean", "per_dof"), POSITIVE),
+            **dict.fromkeys(("dof", "samples"), POSITIVE_COUNT),
+            "rejected": COUNT,
+            "interval": {ANY: POSITIVE},
+            "level_percent": POSITIVE,
+        }
+    },
     "instruments": {ANY: {"readings": COUNT, "used": COUNT}},
     "integrity": INTEGRITY,
 }

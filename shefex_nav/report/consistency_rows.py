@@ -17,7 +17,7 @@ def uses_stars(navigation):
 
 
 def of_sensors(navigation):
-    """(name, text) of the measurements of GPS and star tracker, where software of a user's own got them."""
+    """(name, text) of the measurements of GPS and star tracker, of what was on board."""
     for name, words, is_odd in sensor_use.rows(navigation.get("measurements") or {}):
         yield name, Text(words, style=ODD if is_odd else "")
 

@@ -9,11 +9,10 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import euler, frames, rotation, wgs84
-from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report import innovations
 from shefex_nav.report.pairing import same_times
 
 REPLAY_START = "replay_start"  # Event of a log whose data are not of the simulator
-LEVEL = 99.0  # %, of the interval in which the mean of a normalised innovation squared should lie
 
 
 def is_replay(data):
@@ -42,30 +41,13 @@ def summarise(data, from_s=None):
         "attitude_rms_rpy_deg": rms and np.degrees(rms[6:]).tolist(),
         "error_over_sigma": over
         and {"position_ned": over[:3], "velocity_ned": over[3:6], "attitude_rpy": over[6:]},
-        "nis": {name: _nis(data.gates, name, begin_s) for name in sorted({g.sensor for g in data.gates})},
+        "nis": innovations.summarise(data.gates, begin_s),
     }
 
 
 def _rms(values):
     """Root mean square of each column as a list; None without rows."""
     return np.sqrt(np.mean(values**2, axis=0)).tolist() if len(values) else None
-
-
-def _nis(gates, sensor, begin_s):
-    """Mean normalised innovation squared, and where it should lie if the filter is right."""
-    judged = [g for g in gates if g.sensor == sensor and g.dof and g.t_valid_s >= begin_s - SAME_S]
-    if not judged:
-        return None
-    dof, n = sum(gate.dof for gate in judged), len(judged)
-    low, high = chi2_bounds(dof, LEVEL / 100.0)
-    return {
-        "mean": float(np.mean([gate.nis for gate in judged])),
-        "dof": judged[0].dof,
-        "samples": n,
-        "rejected": sum(not gate.accepted for gate in judged),
-        "interval": [float(low / n), float(high / n)],
-        "level_percent": LEVEL,
-    }
 
 
 def errors(data):

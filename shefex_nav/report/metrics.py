@@ -29,7 +29,8 @@ Definitions
   begins at the start of the run; `why` says so, and why there is no figure. Where no covariance is of a whole
   second, the first in each second counts. `times_sigma` is the root of the same per degree of freedom, of
   position, velocity and attitude each.
-- `beyond_sigma` lists where an error was far beyond its sigma (`beyond_sigma`). `measurements`, `unknown` and
+- `beyond_sigma` lists where an error was far beyond its sigma (`beyond_sigma`). `measurements` are of GPS and
+  star tracker, `nis` of every sensor with gate results (`sensor_use`, `innovations`). `unknown` and
   `errors_fit` are of software of a user's own alone (`sensor_use`, `likely_mistakes`).
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none. Without truth the flight is that of the solution
@@ -52,6 +53,7 @@ from shefex_nav.onboard.navigation.quantity import about
 from shefex_nav.report import (
     beyond_sigma,
     flight,
+    innovations,
     likely_mistakes,
     local_level,
     programme,
@@ -197,7 +199,9 @@ def _navigation(data, height, entry, known):
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
         "beyond_sigma": [one._asdict() for one in beyond_sigma.stretches_of(data, errors)],
         **_of_own_software(data, errors, known),
+        **({"measurements": sensor_use.measurements(data)} if sensor_use.flew(data) else {}),
         "instruments": instrument_use(data.gates),
+        "nis": innovations.summarise(data.gates),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry]), known),
     }
 
@@ -207,9 +211,7 @@ def _of_own_software(data, errors, known):
     if not sensor_use.is_own(data):
         return {}
     fits = {"errors_fit": [one._asdict() for one in likely_mistakes.found(data, errors, known.scenario)]}
-    if not sensor_use.flew(data):
-        return fits
-    return fits | {"measurements": sensor_use.measurements(data), "unknown": sensor_use.unknown(data)}
+    return fits | ({"unknown": sensor_use.unknown(data)} if sensor_use.flew(data) else {})
 
 
 def _star_phase(data, t_s, position, velocity, attitude_deg):

@@ -3,9 +3,8 @@
 from rich.text import Text
 
 from shefex_nav import event_words
-from shefex_nav.instruments import TABLE
 from shefex_nav.records import QUANTITIES, Doubt
-from shefex_nav.report import columns, consistency_rows, doubts, requirements, trust
+from shefex_nav.report import columns, consistency_rows, doubts, innovations, requirements, trust
 from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
 from shefex_nav.report.sizes import number
 from shefex_nav.report.star_rows import star_rows
@@ -154,14 +153,7 @@ def _navigation_rows(navigation):
     yield from _integrity_rows(navigation["integrity"])
     if navigation.get("position_rms_ned_m"):
         yield from _level_rows(navigation)
-    for sensor, nis in navigation.get("nis", {}).items():
-        if nis:
-            low, high = nis["interval"]
-            name = f"NIS, {sensor.replace('_', ' ')}"
-            words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
-            if sensor in TABLE and TABLE[sensor].errors_last:
-                words = f"below {nis['dof']} where its sigmas are right, for its errors last"
-            yield name, f"{number(nis['mean'], 2)}, mean of {nis['samples']}; {words}"
+    yield from innovations.rows(navigation.get("nis") or {})
     yield from consistency_rows.rows(navigation)
 
 

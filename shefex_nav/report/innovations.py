@@ -1,0 +1,61 @@
+"""Normalised innovations squared (NIS) of each sensor: their mean, and where it should lie.
+
+If the filter is right, innovations are white and each NIS is chi-square distributed with as many degrees of
+freedom as the measurement has rows; so is their sum. All that met the gate count, refused ones too.
+"""
+
+import numpy as np
+
+from shefex_nav.clock import SAME_S
+from shefex_nav.instruments import TABLE
+from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report.sizes import number
+
+LEVEL = 99.0  # %, of the interval in which the mean should lie
+
+
+def summarise(gates, begin_s=-np.inf):
+    """{sensor: NIS} of a sequence of GateResult from a mission time on; None of a sensor without any.
+
+    NIS: mean, dof (of the first), per_dof (sum over the sum of degrees of freedom), samples, rejected,
+    interval of the mean, level_percent.
+    """
+    met = {name: [] for name in sorted({gate.sensor for gate in gates})}
+    for gate in gates:
+        if gate.dof and np.isfinite(gate.nis) and gate.t_valid_s >= begin_s - SAME_S:
+            met[gate.sensor].append(gate)
+    return {name: _of_sensor(some) for name, some in met.items()}
+
+
+def _of_sensor(met):
+    if not met:
+        return None
+    total, dof, n = float(sum(gate.nis for gate in met)), int(sum(gate.dof for gate in met)), len(met)
+    low, high = chi2_bounds(dof, LEVEL / 100.0)
+    return {
+        "mean": total / n,
+        "dof": int(met[0].dof),
+        "per_dof": total / dof,
+        "samples": n,
+        "rejected": sum(not gate.accepted for gate in met),
+        "interval": [float(low / n), float(high / n)],
+        "level_percent": LEVEL,
+    }
+
+
+def errors_last(sensor):
+    """Whether the errors of a sensor last from one measurement to the next: its NIS is below what is said."""
+    return sensor in TABLE and bool(TABLE[sensor].errors_last)
+
+
+def rows(found):
+    """(name, text) of `summarise`, for the table."""
+    for sensor, nis in found.items():
+        if not nis:
+            continue
+        low, high = nis["interval"]
+        words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
+        if errors_last(sensor):
+            words = f"below {nis['dof']} where its sigmas are right, for its errors last"
+        name = f"NIS, {sensor.replace('_', ' ')}"
+        yield name, f"{number(nis['mean'], 2)}, mean of {nis['samples']}; {words}"
