@@ -43,6 +43,19 @@ def _of_sensor(met):
     }
 
 
+def expected_per_dof(get, sensor):
+    """Interval of `per_dof` if the sigmas are right: low, high; None where nothing is known.
+
+    get : function that gives the value at a dotted path of a summary
+    """
+    mean, per_dof, interval = (
+        get(f"navigation.nis.{sensor}.{key}") for key in ("mean", "per_dof", "interval")
+    )
+    if not mean or not interval or None in interval:
+        return None
+    return tuple(end * per_dof / mean for end in interval)
+
+
 def errors_last(sensor):
     """Whether the errors of a sensor last from one measurement to the next: its NIS is below what is said."""
     return sensor in TABLE and bool(TABLE[sensor].errors_last)

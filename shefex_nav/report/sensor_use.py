@@ -71,11 +71,34 @@ def unknown(data):
     return [*([] if data.gates else [NO_GATES]), *([] if has_covariance else [NO_COVARIANCE])]
 
 
+def named(sensor):
+    """A sensor, for people."""
+    name = "star fixes" if sensor == STARS else sensor.replace("_", " ").replace("gps", "GPS")
+    return f"{name} fixes" if name == "GPS" else name
+
+
+def fate(get, sensor):
+    """(used, refused) of the measurements of a sensor, None of what is not known.
+
+    get : function that gives the value at a dotted path of a summary; of GPS, stars and instruments alike
+    """
+    used, refused = (get(f"navigation.measurements.{sensor}.{key}") for key in ("used", "refused"))
+    if used is None and (readings := get(f"navigation.instruments.{sensor}.readings")) is not None:
+        used = get(f"navigation.instruments.{sensor}.used")
+        refused = None if used is None else readings - used
+    return used, refused
+
+
+def refused_share(get, sensor):
+    """Share of the measurements of a sensor that was refused; None where it is not known. As `fate`"""
+    used, refused = fate(get, sensor)
+    return None if used is None or refused is None or not used + refused else refused / (used + refused)
+
+
 def rows(found):
     """(name, text, whether it is odd) of `measurements`, for the table."""
     for sensor, one in found.items():
-        name = "star fixes" if sensor == STARS else sensor.replace("_", " ").replace("gps", "GPS")
-        name = name if " " in name else f"{name} fixes"
+        name = named(sensor)
         delivered, used, refused = (one[key] for key in ("delivered", "used", "refused"))
         said = [] if delivered is None else [f"{delivered} delivered"]
         if used == 0:

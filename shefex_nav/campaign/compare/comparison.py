@@ -6,11 +6,12 @@ import numpy as np
 
 from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG, CompareError
-from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES, SOLUTION_SHARE
+from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES, SOLUTION_SHARE, TOLD, of_sensor
 from shefex_nav.scenario import differences, software
 
 MOST_SEEDS = 3  # that are named
 IN_TURN = "flown one after the other"
+BY_ITSELF = "more is no merit"
 SAME_SHARE = 1e-3  # of the ticks with a solution, by which two sides of a seed may differ
 
 
@@ -55,6 +56,8 @@ def compare(a, b):
     whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
     one_flight = a.kind == b.kind == LOG and a.where == b.where  # of which two filters say something
     compared = [one for one in QUANTITIES if not one.timed or (a.kind == b.kind and not one_flight)]
+    for sensor in sorted({*a.sensors, *b.sensors}):
+        compared += of_sensor(sensor)
     rows = tuple(_row(quantity, a, b, whole) for quantity in compared)
     rows = tuple(row for row in rows if row.a is not None or row.b is not None)
     shares = (_failed(a, b, seeds), *_met(a, b, whole))
@@ -99,9 +102,18 @@ def _row(quantity, a, b, seeds):
     named, of_a, of_b = zip(*both, strict=True)
     x, y = ([quantity.compared(value) for value in side] for side in (of_a, of_b))
     found = paired.difference(x, y, larger_is_better=quantity.better == LARGER)
-    if why := _unfair(quantity, a, b, named):
+    if quantity.better == TOLD:
+        found = _only_told(found)
+    elif why := _unfair(quantity, a, b, named):
         found = found._replace(verdict=paired.NOT_JUDGED, why=why)
     return Row(quantity, *samples, found, named, np.array(y) - np.array(x), found.why)
+
+
+def _only_told(found):
+    """A Difference of what is not better for being more or less."""
+    found = found._replace(better=0, worse=0)
+    is_same = found.verdict == paired.NOT_SEEN and found.low is None
+    return found if is_same else found._replace(verdict=paired.NOT_JUDGED, why=BY_ITSELF)
 
 
 def _unfair(quantity, a, b, seeds):

@@ -6,8 +6,10 @@ import numpy as np
 
 from shefex_nav.campaign.compare import described, paired
 from shefex_nav.campaign.compare.given import LOG
-from shefex_nav.campaign.compare.quantities import NEARER
+from shefex_nav.campaign.compare.quantities import NEARER, NEES, TOLD
+from shefex_nav.campaign.over_time import PRACTICAL
 from shefex_nav.campaign.parts import Bold, Command, Part
+from shefex_nav.report import innovations, sensor_use
 from shefex_nav.report.metrics import NEES_DOF
 from shefex_nav.report.table import TOO_SURE
 from shefex_nav.scenario import differences
@@ -97,7 +99,8 @@ def _row(row, one):
     found = row.difference
     if found is None:
         return row.quantity.name, unit, *medians, "-", "-", "-", row.why
-    better, log = f"{found.better} of {found.n}", "ln: " if row.quantity.better == NEARER else ""
+    better = "-" if row.quantity.better == TOLD else f"{found.better} of {found.n}"
+    log = "ln: " if row.quantity.better == NEARER else ""
     return (
         row.quantity.name, unit, *medians, log + number(found.mean, sign=True), _interval(found), better,
         verdict(found, one),
@@ -108,7 +111,8 @@ def number(value, *, sign=False):
     """A number for people."""
     if value == 0.0:
         return "0"
-    return f"{value:{'+' if sign else ''}.3g}"
+    is_count = abs(value) >= 1e3 and float(value).is_integer()
+    return f"{value:{'+' if sign else ''}{'.0f' if is_count else '.3g'}}"
 
 
 def _interval(found):
@@ -140,13 +144,20 @@ def _lines(one):
         f"interval of {paired.FEW} pairs or more does not include zero. Of twenty rows without a difference, "
         "one shows one by chance."
     ]
-    if any(row.quantity.better == NEARER for row in one.rows):
+    if any(row.quantity is NEES for row in one.rows):
         lines.append(
             "NEES: of position, velocity and attitude together, each whole second from the first star fix "
             "that the filter used until entry, without an entry to the end; its difference is of "
             "|ln(NEES / 9)|, how far it is from what it should be. Phase by phase: the table of covariances."
         )
         lines += _too_sure(one)
+    if sensors := sorted({*one.a.sensors, *one.b.sensors}):
+        lines.append(
+            "NIS: per degree of freedom, of all measurements of a sensor that met the gate, refused ones "
+            "too; its difference is of |ln NIS|. What is used and refused has no verdict: to refuse a wrong "
+            "fix is right."
+        )
+        lines += _wrong_nis(one, sensors)
     lines += one.notes
     if one.different:
         told = differences.lines(one.different, most=MOST_DIFFERENCES)
@@ -159,12 +170,33 @@ def _lines(one):
 
 def _too_sure(one):
     """A line for each side whose errors are larger than its covariances say, whatever the other does."""
-    nees = [row for row in one.rows if row.quantity.better == NEARER]
+    nees = [row for row in one.rows if row.quantity is NEES]
     for row in nees:
         for side, sample in ((one.a, row.a), (one.b, row.b)):
             if sample is not None and sample.median > TOO_SURE * NEES_DOF:
                 words = f"NEES {number(sample.median)}: its errors are larger than its covariances say"
                 yield Bold(f"{side.letter}, {words}")
+
+
+def _wrong_nis(one, sensors):
+    """A line for each side and sensor whose NIS, the median of the runs, is not where it should be."""
+    for side in (one.a, one.b):
+        runs = [side.runs[seed].get for seed in one.seeds if not side.runs[seed].failed]
+        for sensor in (name for name in sensors if not innovations.errors_last(name)):
+            if not (known := [found for get in runs if (found := _nis(get, sensor))]):
+                continue
+            value, low, high = np.median(known, axis=0)
+            if not low <= value <= high and abs(value - 1.0) > PRACTICAL:
+                size = "larger" if value > high else "smaller"
+                found = f"NIS of {sensor_use.named(sensor)} {number(value)}, {low:.2f} to {high:.2f} expected"
+                yield Bold(f"{side.letter}, {found}: its innovations are {size} than it says")
+
+
+def _nis(get, sensor):
+    """NIS per degree of freedom of a run, and the ends of where it should be; None where it is not known."""
+    value = get(f"navigation.nis.{sensor}.per_dof")
+    expected = innovations.expected_per_dof(get, sensor)
+    return None if value is None or expected is None else (value, *expected)
 
 
 def _shares(one):

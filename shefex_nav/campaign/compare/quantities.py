@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple
 
 from shefex_nav.clock import TICK_HZ
-from shefex_nav.report import requirements
+from shefex_nav.report import innovations, requirements, sensor_use
 from shefex_nav.report.metrics import NEES_DOF
 
-SMALLER, LARGER, NEARER = "smaller", "larger", "nearer"
+SMALLER, LARGER, NEARER, TOLD = "smaller", "larger", "nearer", "neither"
 
 
 class Quantity(NamedTuple):
@@ -18,7 +18,8 @@ class Quantity(NamedTuple):
     figure: (
         object  # function of `get`, which gives the value at a dotted path of the summary -> float or None
     )
-    better: str = SMALLER
+    better: str = SMALLER  # TOLD: no verdict
+    target: float = NEES_DOF  # of what should be near it
     timed: bool = False  # of the whole simulation: not compared where one wrote a log and one did not
     wall: bool = False  # measured in wall time, in which two sides are not flown at once: no verdict
     spoken: bool = False  # over the ticks that have a solution: no verdict where one side has fewer
@@ -26,7 +27,7 @@ class Quantity(NamedTuple):
     def compared(self, value):
         """The number whose difference is told: the value, or how far it is from what it should be."""
         if self.better == NEARER:
-            return abs(math.log(value / NEES_DOF)) if value > 0.0 else math.inf
+            return abs(math.log(value / self.target)) if value > 0.0 else math.inf
         return value
 
 
@@ -52,6 +53,7 @@ def _tick_ms(get):
 _NAV = "navigation."
 _AIDED = _NAV + "star_aided."
 SOLUTION_SHARE = _NAV + "solution_share"
+NEES = Quantity(f"NEES, stars to entry, {NEES_DOF} expected", "", _at(_NAV + "nees.mean"), NEARER)
 QUANTITIES = (
     Quantity("position at entry", "m", _at(_NAV + "at_entry.position_error_m")),
     Quantity("velocity at entry", "m/s", _at(_NAV + "at_entry.velocity_error_m_s")),
@@ -72,7 +74,7 @@ QUANTITIES = (
     Quantity("position, largest", "m", _at(_NAV + "position_error_m.max"), spoken=True),
     Quantity("velocity, largest", "m/s", _at(_NAV + "velocity_error_m_s.max"), spoken=True),
     Quantity("attitude, largest", "deg", _at(_NAV + "attitude_error_deg.max"), spoken=True),
-    Quantity(f"NEES, stars to entry, {NEES_DOF} expected", "", _at(_NAV + "nees.mean"), NEARER),
+    NEES,
     Quantity("ticks with a solution", "%", _at(SOLUTION_SHARE, 100.0), LARGER),
     Quantity("usable, of the time", "%", _at(_NAV + "integrity.usable_share", 100.0), LARGER),
     Quantity("misleading, of the time", "%", _at(_NAV + "integrity.misleading_share", 100.0)),
@@ -84,3 +86,29 @@ QUANTITIES = (
     Quantity("time per star frame", "ms", _at("star_tracker.chain_ms.median"), wall=True),
     Quantity("time per tick, with the simulator", "ms", _tick_ms, timed=True, wall=True),
 )
+
+
+def _used(sensor):
+    return lambda get: sensor_use.fate(get, sensor)[0]
+
+
+def _refused(sensor):
+    def figure(get):
+        share = sensor_use.refused_share(get, sensor)
+        return None if share is None else 100.0 * share
+
+    return figure
+
+
+def of_sensor(sensor):
+    """Quantities of what became of the measurements of a sensor, and of their NIS."""
+    name, lasts = sensor_use.named(sensor), innovations.errors_last(sensor)
+    yield Quantity(f"{name}, used", "", _used(sensor), TOLD)
+    yield Quantity(f"{name}, refused", "%", _refused(sensor), TOLD)
+    yield Quantity(
+        f"NIS, {name}, {'below 1' if lasts else '1'} expected",
+        "",
+        _at(f"{_NAV}nis.{sensor}.per_dof"),
+        TOLD if lasts else NEARER,
+        target=1.0,
+    )

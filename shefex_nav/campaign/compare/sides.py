@@ -13,6 +13,7 @@ from shefex_nav.scenario import software as own
 
 MOST = 200  # sides
 LETTERS = tuple(first + second for first in ("", *ascii_uppercase) for second in ascii_uppercase)[:MOST]
+OF_SENSORS = ("measurements", "instruments", "nis")  # sections of `navigation` with figures by sensor
 
 
 class Flown(NamedTuple):
@@ -48,6 +49,7 @@ class Side(NamedTuple):
     runs: dict  # seed -> Flown
     notes: tuple = ()
     data: object = None  # RunData of a log
+    sensors: tuple = ()  # with figures of their own
 
     @property
     def name(self):
@@ -125,10 +127,13 @@ def _of_data(path, data, letter, label):
         notes.append(f"{letter}: the log ends early, at T{data.reached_s:+.1f} s")
     if data.until_s is not None:
         notes.append(f"{letter}: was looked at until T{data.until_s:+.1f} s")
+    navigation = summary["navigation"]
+    paths = (f"navigation.{key}.{name}" for key in OF_SENSORS for name in navigation.get(key, ()))
     flown = Flown(seed, None, data.failure.partition("\n")[0], _figures_of(summary), judged, {})
     return Side(
         letter, label, path, LOG, data.mission.scenario_text, summary["software"],
         {"shefex_nav": data.mission.version}, {seed: flown}, notes=tuple(notes), data=data,
+        sensors=_sensors(paths),
     )  # fmt: skip
 
 
@@ -152,8 +157,14 @@ def _of_campaign(folder, letter, label):
     head = store.read_head(folder)
     return Side(
         letter, label, folder, CAMPAIGN, head["source"], software_in(head["source"]), head["versions"],
-        flown, notes=notes,
+        flown, notes=notes, sensors=_sensors(name.removeprefix(results.SUMMARY) for name in campaign.columns),
     )  # fmt: skip
+
+
+def _sensors(paths):
+    """Sensors that figures of a summary are of, in the order of their names. paths : dotted"""
+    found = (path.split(".") for path in paths)
+    return tuple(sorted({one[2] for one in found if one[0] == "navigation" and one[1] in OF_SENSORS}))
 
 
 def _of_row(row):
