@@ -14,10 +14,11 @@ import numpy as np
 
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign import results
+from shefex_nav.campaign.compare import sides
 from shefex_nav.campaign.compare.flying import DIGITS, Flight
-from shefex_nav.campaign.compare.given import override
+from shefex_nav.campaign.compare.given import CAMPAIGN, override
 from shefex_nav.errors import UserError
-from shefex_nav.report import intervals
+from shefex_nav.report import intervals, sensor_use
 from shefex_nav.scenario import load, software
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.overriding import Option
@@ -64,6 +65,7 @@ class Budget(NamedTuple):
     sources: dict  # name -> {instant: {quantity: Given}}
     rest: dict  # instant -> {quantity: Given}, what the sources do not add up to; empty without a common seed
     notes: tuple
+    refused: dict  # sensor -> share of its measurements, of sensors of which the filter refused most
 
 
 def sources(scenario, wanted=()):
@@ -154,7 +156,18 @@ def budget(whole, flights):
         }
         for instant in at
     }
-    return Budget(len(base), rms, of_sources, every, tuple(notes))
+    return Budget(len(base), rms, of_sources, every, tuple(notes), dict(mostly_refused(whole)))
+
+
+def mostly_refused(flight):
+    """(sensor, share) of sensors of which more was refused than used, in all runs of a Flight together."""
+    side = sides.of(CAMPAIGN, flight.folder, "A")
+    runs = [one.get for one in side.runs.values() if not one.failed]
+    for sensor in side.sensors:
+        known = [fate for get in runs if None not in (fate := sensor_use.fate(get, sensor))]
+        used, refused = (sum(counts) for counts in zip((0, 0), *known, strict=True))
+        if refused > used:
+            yield sensor, refused / (used + refused)
 
 
 def errors_of(flight):

@@ -2,6 +2,7 @@
 
 from shefex_nav.campaign.budget import END, ENTRY, GRAVITY, QUANTITIES
 from shefex_nav.campaign.parts import Bold, Part
+from shefex_nav.report import sensor_use
 
 LEAST = 1e-3  # share of a source that has a row of its own
 FEW = 6
@@ -61,6 +62,11 @@ def _percent(share):
 
 
 def _lines(found, scenario):
+    for sensor, share in found.refused.items():
+        yield Bold(
+            f"{sensor_use.named(sensor)}: the filter refused {_percent(share)} % of them. The shares mean "
+            "little until it uses them."
+        )
     yield (
         "Each row is flown without this error alone; the computer counts with it as before. "
         "First comes the rms of what the error does: the difference between the two flights of a seed. Then "
@@ -94,6 +100,7 @@ def as_numbers(found, scenario, seed):
         },
         "not_explained": {instant: _numbers(one) for instant, one in found.rest.items()},
         "notes": list(found.notes),
+        "mostly_refused": found.refused,
     }
 
 

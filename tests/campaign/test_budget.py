@@ -262,3 +262,39 @@ def test_flights_that_all_fail_say_so(path, tmp_path, command):
 def test_a_row_says_share_interval_and_what_is_left():
     one = budget.Given(8, 0.5, 0.25, 0.0004, 0.5, 0.9)
     assert list(budget_table._cells({"position": one})) == ["0.5", "25 % (0 to 50)", "0.9"]
+
+
+RECORDS = "from shefex_nav.records import GateResult\n"
+JUDGING = TURNING.replace("import numpy as np\n", f"import numpy as np\n\n{RECORDS}")
+JUDGING = JUDGING.replace(
+    "        return Estimate(self.r, self.v, self.q, P=P)",
+    """        said = [Estimate(self.r, self.v, self.q, P=P)]
+        for fix in (one for one in arrived if type(one).__name__ == "GpsFix"):
+            self.met = getattr(self, "met", 0) + 1
+            for sensor, used in (("gps_position", self.met % 4 == 0), ("gps_velocity", self.met % 4 != 0)):
+                at_s = imu.t_valid_s
+                said.append(GateResult(at_s, fix.t_valid_s, sensor, 3, 3.0, 9.0, used, "", np.zeros(3)))
+        return said""",
+)
+
+
+def test_a_filter_that_refuses_most_of_a_sensor_is_told(path, tmp_path, command):
+    """Of the position three fixes of four, of the velocity one of four."""
+    own = turning(tmp_path)
+    (tmp_path / "turning.py").write_text(JUDGING)
+    words = ("budget", path, "--software", own, "--runs", 2, "--source", "gyro_bias", "--trust")
+    words += "--set", "gps.rate=10 Hz", "--out", tmp_path / "out"
+    done = command(*words, "--json")
+    assert done.code == 0, done.err
+    refused = json.loads(done.out)["mostly_refused"]
+    assert set(refused) == {"gps_position"} and 0.7 < refused["gps_position"] < 0.85
+    text = " ".join(command(*words).out.split())
+    share = f"{100.0 * refused['gps_position']:.0f} %"
+    assert f"GPS position: the filter refused {share} of them." in text
+    assert "GPS velocity: the filter refused" not in text
+
+
+def test_of_a_filter_that_uses_its_fixes_nothing_is_said_of_them(path, tmp_path, command):
+    words = ("budget", path, "--runs", 1, "--source", "gyro_bias", "--out", tmp_path / "out", "--json")
+    done = command(*words)
+    assert done.code == 0 and json.loads(done.out)["mostly_refused"] == {}
