@@ -25,6 +25,12 @@ def overrides(help):
 
 Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'.")
 StudyOverrides = overrides("Override one value.")
+Until = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
+    ),
+]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=1024, help="Processes on this machine; default one a core.")
 ]

@@ -12,9 +12,9 @@ import typer
 
 from shefex_nav.commands import options
 from shefex_nav.commands.flights import followed, kept, object_of_failed
-from shefex_nav.commands.options import Json, mission_time
+from shefex_nav.commands.options import Json, Until, mission_time
 from shefex_nav.commands.output_files import OTHER_NAME, check_place, not_made_meanwhile
-from shefex_nav.commands.printing import print_json, stdout
+from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.log.mcap_file import is_log
 
 
@@ -26,19 +26,23 @@ def replay(
     from_: Annotated[
         str | None, typer.Option("--from", help="Statistics from this mission time on, e.g. 60s.")
     ] = None,
+    until: Until = None,
     log: Annotated[Path | None, typer.Option(help="Write a log (.mcap) for report and view.")] = None,
     overrides: options.overrides("Override one value, e.g. --set gnss.latency='0.1 s'.") = None,
     json: Json = False,
 ):
     """Run the on-board navigation over external data, or over a log with another configuration."""
     from_s = -math.inf if from_ is None else mission_time(from_, "--from", "60s")
+    until_s = math.inf if until is None else mission_time(until, "--until", "240s")
     if data is not None and not data.is_dir():
         raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
     if log is not None:
         check_place(log, "--log")
     summarise = _of_log if is_log(Path(source)) else _of_data
     with kept(log, "replayed"), object_of_failed(log, json), not_made_meanwhile(log, "--log", OTHER_NAME):
-        summary = summarise(source, data, overrides or (), from_s, log)
+        summary = summarise(source, data, overrides or (), (from_s, until_s), log)
+    if until is not None and summary["until_s"] != until_s:
+        say(f"--until {until}: the data are over before")
     if json:
         print_json(summary)
     else:
@@ -47,19 +51,19 @@ def replay(
         stdout(100).print(table.summary_table(summary))
 
 
-def _of_data(source, folder, overrides, from_s, log):
-    """Replay external data. -> the summary"""
+def _of_data(source, folder, overrides, span_s, log):
+    """Replay external data; span_s : of the statistics. -> the summary"""
     from shefex_nav.replay import load
 
     scenario, files = load.load(source, overrides, folder)
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_data(scenario, files, from_s, log, followed)
+        return replayed.of_data(scenario, files, span_s, log, followed)
 
 
-def _of_log(source, folder, overrides, from_s, log):
-    """Run the filter again over a log. -> the summary"""
+def _of_log(source, folder, overrides, span_s, log):
+    """Run the filter again over a log; span_s : of the statistics. -> the summary"""
     if folder is not None:
         raise typer.BadParameter("belongs to a replay scenario; a log holds its data", param_hint="--data")
     from shefex_nav.replay import rerun
@@ -68,15 +72,15 @@ def _of_log(source, folder, overrides, from_s, log):
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_log(recording, from_s, log, followed)
+        return replayed.of_log(recording, span_s, log, followed)
 
 
 @contextmanager
 def _under_its_option():
-    """That nothing is left for statistics is refused under the name of their option."""
+    """That nothing is left for statistics is refused under the name of the option that leaves nothing."""
     from shefex_nav.replay.replayed import NothingLeft
 
     try:
         yield
     except NothingLeft as error:
-        raise typer.BadParameter(str(error), param_hint="--from") from None
+        raise typer.BadParameter(str(error), param_hint=error.option) from None

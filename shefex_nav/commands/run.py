@@ -11,17 +11,10 @@ import typer
 
 from shefex_nav import children
 from shefex_nav.commands.flights import about, kept, object_of_failed, show_run, warn, watched, written
-from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
+from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, Until, mission_time
 from shefex_nav.commands.output_files import OR_FORCE, check_file, not_made_meanwhile
 from shefex_nav.commands.printing import say
 from shefex_nav.commands.view import THE_INPUT_SAYS
-
-Until = Annotated[
-    str | None,
-    typer.Option(
-        metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
-    ),
-]
 
 
 def run(

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 import numpy as np
 
 from shefex_nav import __version__, warmup
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import atmosphere
 from shefex_nav.errors import UserError
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.instruments import state_sizes
+from shefex_nav.log import thinning
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import RunSummary
 from shefex_nav.onboard.driving import drive
@@ -27,20 +29,28 @@ BRIEF_TICKS = 300  # of a log, by which everything is compiled: the first fixes 
 
 
 class NothingLeft(UserError):
-    """Statistics are to begin where the data are over."""
+    """Statistics are to begin where the data are over, or the data are to end before they begin."""
+
+    option = "--from"
+
+
+class NothingBefore(NothingLeft):
+    """The data are to end before they begin."""
+
+    option = "--until"
 
 
 def _unwatched(records, _start_s, _end_s):
     return records
 
 
-def of_data(scenario, files, from_s, log, watch=_unwatched):
+def of_data(scenario, files, span_s, log, watch=_unwatched):
     """Replay external data.
 
     Parameters
     ----------
     scenario, files : ReplayScenario, and the paths of its data by their names: what `load.load` returns
-    from_s : mission time [s] from which on there are statistics
+    span_s : mission times [s] from which on there are statistics, and until which the data are looked at
     log : Path of a log that is written, or None
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
 
@@ -53,24 +63,27 @@ def of_data(scenario, files, from_s, log, watch=_unwatched):
     began = time.perf_counter()
     warmup.get_ready({"command=replay", *choices(scenario)})
     ready = external.prepare(scenario, files)
-    end_s = float(ready.blocks.t_valid_s[-1])
-    _check_within(from_s, end_s)
+    imu, cut_s = _looked_at(ready.blocks, ready.alignment.t_valid_s, span_s)
+    ready, end_s = ready._replace(blocks=imu), float(imu.t_valid_s[-1])
     external.warm_up(ready)
     setup_s, clock = time.perf_counter() - began, external.Clock()
     mission = external.mission(ready)
     records = watch(external.run(ready, clock), mission.start_s, end_s)
-    data = _collect(records, mission, end_s, setup_s, log)
-    summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
+    data = _collect(records, mission, end_s, setup_s, log, until_s=cut_s)
+    summary = _summary(data, log, span_s[0], clock.filter_s, end_s - mission.start_s)
     odd = (*ready.oddities, *contradicted.oddities(data))
     summary["warnings"] = [{"field": field, "text": text} for field, text in odd]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
-    summary["barometer"] = highest(ready.data.readings.get("barometer", ()), ready.alignment, data)
+    readings = [one for one in ready.data.readings.get("barometer", ()) if one.t_valid_s <= end_s + SAME_S]
+    summary["barometer"] = highest(readings, ready.alignment, data)
     return summary
 
 
-def of_log(recording, from_s, log, watch=_unwatched):
+def of_log(recording, span_s, log, watch=_unwatched):
     """Run the filter again over the log of a rerun.Recording. The rest is as of `of_data`."""
-    _check_within(from_s, float(recording.data.imu.t_valid_s[-1]))
+    imu, cut_s = _looked_at(recording.data.imu, recording.data.mission.start_s, span_s)
+    if math.isfinite(cut_s):
+        recording = rerun.until(recording, cut_s, imu)
     began = time.perf_counter()
     warmup.get_ready({"command=replay of a log"})
     data = recording.data
@@ -83,14 +96,28 @@ def of_log(recording, from_s, log, watch=_unwatched):
     mission = mission._replace(software=recording.software)
     end_s = float(data.imu.t_valid_s[-1])
     records = watch(rerun.records(recording), mission.start_s, end_s)
-    replayed = _collect(records, mission, end_s, setup_s, log, until_s=data.cut_s)
-    return _summary(replayed, log, from_s, None, end_s - mission.start_s)
+    replayed = _collect(records, mission, end_s, setup_s, log, until_s=float(np.fmin(cut_s, data.cut_s)))
+    return _summary(replayed, log, span_s[0], None, end_s - mission.start_s)
 
 
-def _check_within(from_s, end_s):
-    """Refuse statistics that begin where there is nothing left."""
+def _looked_at(imu, start_s, span_s):
+    """ImuBlock of arrays as far as it is looked at, and the time at which it is cut, NaN where it is not.
+
+    NothingLeft, NothingBefore where nothing is left.
+    """
+    from_s, until_s = span_s
+    n = int(np.searchsorted(imu.t_valid_s, until_s + SAME_S))
+    earliest_s = max(thinning.earliest_end(start_s), float(imu.t_valid_s[0]))
+    if until_s < earliest_s - SAME_S:
+        raise NothingBefore(
+            f"{until_s:g} s is not after the start of the data, T{start_s:+g} s: from {earliest_s:g} s on "
+            "there is something to see"
+        )
+    end_s, is_cut = float(imu.t_valid_s[n - 1]), n < len(imu.t_valid_s)
     if from_s >= end_s:
-        raise NothingLeft(f"{from_s:g} s is not before the end of the data, T{end_s:+.1f} s")
+        what = "what is looked at" if is_cut else "the data"
+        raise NothingLeft(f"{from_s:g} s is not before the end of {what}, T{end_s:+.1f} s")
+    return ImuBlock(*(column[:n] for column in imu)), until_s if is_cut else math.nan
 
 
 def _collect(records, mission, end_s, setup_s, log, *, until_s=math.nan):

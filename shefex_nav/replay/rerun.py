@@ -151,6 +151,22 @@ def _configuration(data, name, overrides):
     return params.nav, scenario.source, known, own, software.flown(scenario)
 
 
+def until(recording, end_s, imu):
+    """The same Recording as if its log ended at a mission time.
+
+    imu : ImuBlock of arrays until then
+    """
+    data = recording.data
+    arrays = {}
+    for name in ("truth", "control"):
+        whole = getattr(data, name)
+        n = int(np.searchsorted(whole.t_s, end_s + SAME_S))
+        arrays[name] = type(whole)(*(column[:n] for column in whole))
+    events = [one for one in data.events if one.t_s <= end_s + SAME_S]
+    frames = [one for one in data.frame_truths if one.t_valid_s <= end_s + SAME_S]
+    return recording._replace(data=data._replace(imu=imu, events=events, frame_truths=frames, **arrays))
+
+
 def _received(data):
     """Lists of what the sensors of a RunData said that have no pictures."""
     yield from (data.gps, data.gps_ranges)

@@ -75,6 +75,41 @@ def test_replay_of_its_log_is_the_same(example, command):
     assert not np.allclose(figures(json.loads(other.out))[0], figures(summary)[0], rtol=1e-3)
 
 
+def test_what_is_looked_at_until_a_time_is_the_same_so_far(example, command, tmp_path):
+    """Nothing later is in the log or counts; a whole log that is cut gives what cut data give."""
+    from shefex_nav.log import reader
+
+    summary, log = example
+    cut = tmp_path / "cut.mcap"
+    told = json.loads(command("replay", EXAMPLE, "--until", "25s", "--json", "--log", cut).out)
+    assert (told["until_s"], told["ended_early"]) == (25.0, False) and summary["until_s"] is None
+    assert told["simulated_s"] == pytest.approx(13.0, abs=0.05)
+    whole, part = reader.read(log), reader.read(cut)
+    n = int(np.sum(whole.nav.t_s <= 25.0 + 1e-6))
+    assert np.array_equal(part.nav.r_i, whole.nav.r_i[:n]) and n < len(whole.nav.t_s)
+    assert part.truth.t_s[-1] == part.imu.t_valid_s[-1] == pytest.approx(25.0)
+    assert max(fix.t_available_s for fix in part.gps) <= 25.0 + 1e-6
+    again = json.loads(command("replay", log, "--until", "25s", "--json").out)
+    assert again["until_s"] == 25.0
+    np.testing.assert_allclose(figures(again)[0], figures(told)[0], rtol=1e-9)
+    table = command("report", cut).out
+    assert "looked at" in table and "until T+25.0 s" in table
+    late = command("replay", cut, "--until", "30s", "--json")
+    assert late.code == 0 and "--until 30s: the data are over before" in late.err
+    assert json.loads(late.out)["until_s"] == 25.0  # as of the log
+
+
+def test_a_flight_replayed_until_a_time_is_one_flown_until_then(command, tmp_path):
+    whole, errors = tmp_path / "whole.mcap", []
+    assert command("run", "night_sky", "--until", "4s", "--out", whole).code == 0
+    for words in (("run", "night_sky", "--out", tmp_path / "part.mcap"), ("replay", whole)):
+        told = json.loads(command(*words, "--until", "3s", "--json").out)
+        assert told["until_s"] == 3.0
+        errors.append(told["navigation"]["attitude_error_deg"])
+        assert told["navigation"]["nis"]["star_tracker"]["samples"] > 5
+    assert errors[0] == pytest.approx(errors[1], rel=1e-9)
+
+
 def test_without_truth_there_are_no_errors_but_everything_else(command, tmp_path):
     for file in (ROOT / "scenarios" / "replay" / "csv_example").glob("*.csv"):
         shutil.copy(file, tmp_path)
@@ -96,6 +131,15 @@ WRONG = {
     "no folder": ((EXAMPLE, "--data", "nowhere"), "there is no folder nowhere"),
     "no data": ((NAVEGO, "--data", "docs"), "data.imu: there is no file docs"),
     "no time": ((EXAMPLE, "--from", "later"), "--from"),
+    "nothing before": (
+        (EXAMPLE, "--until", "3s"),
+        "--until: 3 s is not after the start of the data, T+12 s: from 12.1 s on there is something to see",
+    ),
+    "nothing between": (
+        (EXAMPLE, "--until", "25s", "--from", "26s"),
+        "--from: 26 s is not before the end of what is looked at, T+25.0 s",
+    ),
+    "no end": ((EXAMPLE, "--until", "60"), "--until"),
     "a mission": ((ROOT / "scenarios" / "orbit.yaml",), "is a scenario of a flight; `shefex-nav run "),
     "a value": ((EXAMPLE, "--set", "gnss.latency=3"), "gnss.latency: 3 has no unit"),
     "a log that exists": ((EXAMPLE, "--log", "README.md"), "README.md exists already"),
