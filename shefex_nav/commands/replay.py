@@ -52,18 +52,20 @@ def replay(
 
 
 def _of_data(source, folder, overrides, span_s, log):
-    """Replay external data; span_s : of the statistics. -> the summary"""
+    """Replay external data. span_s : from, until. -> the summary"""
+    from_s, until_s = span_s
     from shefex_nav.replay import load
 
     scenario, files = load.load(source, overrides, folder)
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_data(scenario, files, span_s, log, followed)
+        return replayed.of_data(scenario, files, from_s, log, followed, until_s=until_s)
 
 
 def _of_log(source, folder, overrides, span_s, log):
-    """Run the filter again over a log; span_s : of the statistics. -> the summary"""
+    """Run the filter again over a log. span_s : from, until. -> the summary"""
+    from_s, until_s = span_s
     if folder is not None:
         raise typer.BadParameter("belongs to a replay scenario; a log holds its data", param_hint="--data")
     from shefex_nav.replay import rerun
@@ -72,7 +74,7 @@ def _of_log(source, folder, overrides, span_s, log):
     from shefex_nav.replay import replayed
 
     with _under_its_option():
-        return replayed.of_log(recording, span_s, log, followed)
+        return replayed.of_log(recording, from_s, log, followed, until_s=until_s)
 
 
 @contextmanager

@@ -44,15 +44,16 @@ def _unwatched(records, _start_s, _end_s):
     return records
 
 
-def of_data(scenario, files, span_s, log, watch=_unwatched):
+def of_data(scenario, files, from_s, log, watch=_unwatched, *, until_s=math.inf):
     """Replay external data.
 
     Parameters
     ----------
     scenario, files : ReplayScenario, and the paths of its data by their names: what `load.load` returns
-    span_s : mission times [s] from which on there are statistics, and until which the data are looked at
+    from_s : mission time [s] from which on there are statistics
     log : Path of a log that is written, or None
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
+    until_s : mission time [s] until which the data are looked at
 
     Returns
     -------
@@ -63,14 +64,14 @@ def of_data(scenario, files, span_s, log, watch=_unwatched):
     began = time.perf_counter()
     warmup.get_ready({"command=replay", *choices(scenario)})
     ready = external.prepare(scenario, files)
-    imu, cut_s = _looked_at(ready.blocks, ready.alignment.t_valid_s, span_s)
+    imu, cut_s = _looked_at(ready.blocks, ready.alignment.t_valid_s, from_s, until_s)
     ready, end_s = ready._replace(blocks=imu), float(imu.t_valid_s[-1])
     external.warm_up(ready)
     setup_s, clock = time.perf_counter() - began, external.Clock()
     mission = external.mission(ready)
     records = watch(external.run(ready, clock), mission.start_s, end_s)
     data = _collect(records, mission, end_s, setup_s, log, until_s=cut_s)
-    summary = _summary(data, log, span_s[0], clock.filter_s, end_s - mission.start_s)
+    summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
     odd = (*ready.oddities, *contradicted.oddities(data))
     summary["warnings"] = [{"field": field, "text": text} for field, text in odd]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
@@ -79,9 +80,9 @@ def of_data(scenario, files, span_s, log, watch=_unwatched):
     return summary
 
 
-def of_log(recording, span_s, log, watch=_unwatched):
+def of_log(recording, from_s, log, watch=_unwatched, *, until_s=math.inf):
     """Run the filter again over the log of a rerun.Recording. The rest is as of `of_data`."""
-    imu, cut_s = _looked_at(recording.data.imu, recording.data.mission.start_s, span_s)
+    imu, cut_s = _looked_at(recording.data.imu, recording.data.mission.start_s, from_s, until_s)
     if math.isfinite(cut_s):
         recording = rerun.until(recording, cut_s, imu)
     began = time.perf_counter()
@@ -97,15 +98,14 @@ def of_log(recording, span_s, log, watch=_unwatched):
     end_s = float(data.imu.t_valid_s[-1])
     records = watch(rerun.records(recording), mission.start_s, end_s)
     replayed = _collect(records, mission, end_s, setup_s, log, until_s=float(np.fmin(cut_s, data.cut_s)))
-    return _summary(replayed, log, span_s[0], None, end_s - mission.start_s)
+    return _summary(replayed, log, from_s, None, end_s - mission.start_s)
 
 
-def _looked_at(imu, start_s, span_s):
+def _looked_at(imu, start_s, from_s, until_s):
     """ImuBlock of arrays as far as it is looked at, and the time at which it is cut, NaN where it is not.
 
     NothingLeft, NothingBefore where nothing is left.
     """
-    from_s, until_s = span_s
     n = int(np.searchsorted(imu.t_valid_s, until_s + SAME_S))
     earliest_s = max(thinning.earliest_end(start_s), float(imu.t_valid_s[0]))
     if until_s < earliest_s - SAME_S:

@@ -2,6 +2,7 @@
 
 metrics, requirements            every figure of a run; what the scenario asks of them
 programme, lasting, states, trust    what the planned flight means for navigation
+innovations, sensor_use          of each sensor: NIS; what was used and refused
 imu_range, gps_limits            what of it IMU and receiver cannot show
 instrument_sheets                instruments of the package, to choose from
 table, page                      printed; one HTML page
