@@ -8,6 +8,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.instruments import TABLE
+from shefex_nav.report import sensor_use
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.sizes import number
 
@@ -70,5 +71,5 @@ def rows(found):
         words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
         if errors_last(sensor):
             words = f"below {nis['dof']} where its sigmas are right, for its errors last"
-        name = f"NIS, {sensor.replace('_', ' ')}"
+        name = f"NIS, {sensor_use.named(sensor)}"
         yield name, f"{number(nis['mean'], 2)}, mean of {nis['samples']}; {words}"

@@ -63,7 +63,7 @@ def test_report_gives_the_figures_of_the_replay(example, command):
     whole = np.array(report["navigation"]["velocity_rms_ned_m_s"])
     assert (whole > np.array(summary["navigation"]["velocity_rms_ned_m_s"])).all()  # from the start on
     text = command("report", log).out
-    assert "position N, E, D" in text and "NIS, gps velocity" in text
+    assert "position N, E, D" in text and "NIS, GPS velocity" in text
 
 
 def test_replay_of_its_log_is_the_same(example, command):

@@ -45,7 +45,7 @@ def test_what_met_no_gate_does_not_count_and_rows_of_several_sizes_do():
     stars, ranges = found["star_tracker"], found["gps_range"]
     assert (stars["samples"], stars["rejected"], stars["mean"], stars["per_dof"]) == (2, 1, 6.0, 2.0)
     assert (ranges["mean"], ranges["per_dof"]) == (6.0, 1.0)
-    assert [name for name, _ in innovations.rows(found)] == ["NIS, gps range", "NIS, star tracker"]
+    assert [name for name, _ in innovations.rows(found)] == ["NIS, GPS range", "NIS, star fixes"]
 
 
 def test_of_errors_that_last_no_interval_is_told():
