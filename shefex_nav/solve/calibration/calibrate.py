@@ -5,11 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
-from shefex_nav.solve.calibration import hot_pixels, lens_fit, noise, pictures, spots
+from shefex_nav.solve.calibration import hot_pixels, lens_fit, noise, one_lens, pictures, spots
 from shefex_nav.solve.calibration.pictures import Unsolved
 
 FEWEST_STARS = 40  # named, in all pictures: fewer leave a lens of eight parameters to its prior
 LOOSEST = 0.01  # of the focal length: a larger sigma is no calibration
+# RMS of the stars, of the width of a spot: noise makes a fifth of it of the faintest star that is detected
+WORST, WORST_PX = 1.0, 0.5  # and a spot within one pixel has such errors, whatever its width
 
 
 class CalibrationError(UserError):
@@ -35,6 +37,7 @@ class Calibration(NamedTuple):
     noise: noise.Noise | None
     hot: hot_pixels.HotPixels
     why: dict  # name -> words, of what is not told
+    notes: dict  # name -> words, of what is told and should not be believed as it stands
     apart: float  # rad, largest angle between the axes of two pictures
 
 
@@ -55,6 +58,7 @@ def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
             "give more pictures, or such with more stars"
         )
     first = seen[int(np.argmax([len(one.sights.u_i) for one in seen]))].lens
+    notes = check_one_lens(seen)
     lens = lens_fit.fit([one.sights for one in seen], first, size_px)
     share = lens.sigma[0] / lens.values[0]
     if not share < LOOSEST:
@@ -63,9 +67,10 @@ def of_seen(seen, known=Known()):  # noqa: B008 a NamedTuple does not change
     psf = spots.combined(np.concatenate([one.widths_px for one in seen]))
     if psf is None:
         why["psf_sigma"] = f"fewer than {spots.FEWEST} stars are bright and not saturated"
+    notes |= _residual_note(lens.residual_px, psf)
     return Calibration(
         size_px, lens, int(sum(keep.sum() for keep in lens.used)), [one.name for one in seen], unsolved,
-        psf, _noise(seen, known, why), _hot(seen, lens, size_px), why, _apart(lens.attitudes),
+        psf, _noise(seen, known, why), _hot(seen, lens, size_px), why, notes, _apart(lens.attitudes),
     )  # fmt: skip
 
 
@@ -95,6 +100,42 @@ def check_together(seen):
             raise CalibrationError(
                 f"{one.name} has the grey values of {first.name}: it is the same picture; give it once"
             )
+
+
+def check_one_lens(seen):
+    """Notes on the focal length, {} of a good set; CalibrationError where pictures have several.
+
+    seen : list of Seen
+    """
+    if len(seen) < 2:
+        return {}
+    found = one_lens.focal_lengths([one.sights for one in seen], [one.lens for one in seen], seen[0].size_px)
+    groups = one_lens.groups(found)
+    if len(groups) > 1:
+        said = [
+            f"{', '.join(seen[n].name for n in one.members)}: {one.focal_px:.1f} +- {one.sigma_px:.1f} px"
+            for one in groups
+        ]
+        raise CalibrationError(
+            f"the pictures have {len(groups)} focal lengths; {'; '.join(said)}; they are not of one camera, or "
+            "its zoom or focus was touched: calibrate each by itself"
+        )
+    if len(one_lens.groups(found, untouched=0.0)) == 1:
+        return {}
+    scatter = 100.0 * float(np.std(found.values) / found.values.mean())
+    words = (
+        f"that of single pictures scatters by {scatter:.1g} %, more than their stars say: sigma is too small"
+    )
+    return {"focal_length_px": words}
+
+
+def _residual_note(residual_px, psf):
+    """Note on stars that are further from the lens than noise puts them. psf : (value, sigma) px or None"""
+    limit = WORST_PX if psf is None else max(WORST * psf[0], WORST_PX)
+    if residual_px <= limit:
+        return {}
+    words = f"more than {limit:.2g} px, which noise of centroids does not reach: this lens is not theirs"
+    return {"residual_px": words}
 
 
 def _named(one):

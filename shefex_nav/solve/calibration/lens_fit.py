@@ -33,6 +33,14 @@ class Sights(NamedTuple):
     P_px: np.ndarray  # (n, 2, 2) px^2
 
 
+class Own(NamedTuple):
+    """Step of the unknowns that are one picture's own: its turn, and what else it has for itself."""
+
+    change: np.ndarray  # (a,)
+    by_common: np.ndarray  # (a, k) how far they go back where the common unknowns go on
+    inverse: np.ndarray  # (a, a) covariance, were the common unknowns known
+
+
 class LensFit(NamedTuple):
     """The lens of all pictures."""
 
@@ -58,27 +66,31 @@ class LensFit(NamedTuple):
 
 def fit(sights, first, size_px):
     """LensFit of Sights. first : Lens near it, whose attitude is not looked at;  size_px : (width, height)"""
-    spread = WIDER * lenses.spread(0.5 * float(np.hypot(*size_px)) / first.focal_px)
-    off = OFF_CENTRE * float(np.hypot(*size_px))
-    prior = np.concatenate([[np.inf, off, off], spread])
+    prior, expected = before(first.focal_px, size_px)
     values = np.array([first.focal_px, *lenses.middle(size_px), *first.k])
-    expected = np.array([0.0, *lenses.middle(size_px), *np.zeros(5)])
     attitudes = [one.C_ci for one in sights]
     used = [np.ones(len(one.u_i), dtype=bool) for one in sights]
     for _ in range(STEPS):
-        equations = [_linear(*both, values, size_px) for both in zip(sights, attitudes, strict=True)]
+        equations = [linear(*both, values, size_px) for both in zip(sights, attitudes, strict=True)]
         residual = np.concatenate([e[keep] for (_, e), keep in zip(equations, used, strict=True)])
         P_px = np.concatenate([one.P_px[keep] for one, keep in zip(sights, used, strict=True)])
         multiple, floor2 = steps.noise_seen(residual, P_px, 3.0 * len(sights) + len(NAMES))
         W = [np.linalg.inv(multiple * one.P_px + floor2 * np.eye(2)) for one in sights]
-        used = [_fits(e, w) for (_, e), w in zip(equations, W, strict=True)]
-        change, covariance, turns = _step(equations, W, used, values - expected, prior)
+        used = [fits(e, w) for (_, e), w in zip(equations, W, strict=True)]
+        change, covariance, own = step(equations, W, used, values - expected, prior)
         values = values + change
-        attitudes = [dcm_from_rotvec(turn) @ C for turn, C in zip(turns, attitudes, strict=True)]
+        attitudes = [dcm_from_rotvec(one.change) @ C for one, C in zip(own, attitudes, strict=True)]
         if (np.abs(change) < SMALL * np.sqrt(np.diag(covariance))).all():
             break
     rms = float(np.sqrt((residual**2).sum(axis=1).mean()))
     return LensFit(values, covariance, prior, attitudes, used, rms, float(np.sqrt(floor2)), float(multiple))
+
+
+def before(focal_px, size_px):
+    """What is known before the pictures: standard deviations and expected values of the eight, (8,) each."""
+    spread = WIDER * lenses.spread(0.5 * float(np.hypot(*size_px)) / focal_px)
+    off = OFF_CENTRE * float(np.hypot(*size_px))
+    return np.array([np.inf, off, off, *spread]), np.array([0.0, *lenses.middle(size_px), *np.zeros(5)])
 
 
 def lens_of(values, C_ci):
@@ -92,7 +104,7 @@ def places(values, C_ci, u_i, size_px):
     return at + values[1:3] - lenses.middle(size_px)
 
 
-def _linear(one, C_ci, values, size_px):
+def linear(one, C_ci, values, size_px):
     """Jacobian (n, 2, 11) by turn and the eight, and residual (n, 2) [px], of a picture."""
     at = lens_of(values, C_ci)
     predicted, ideal = lenses.project(at, one.u_i, size_px)
@@ -102,29 +114,32 @@ def _linear(one, C_ci, values, size_px):
     return J, one.xy_px - predicted - (values[1:3] - lenses.middle(size_px))
 
 
-def _fits(residual, W):
+def fits(residual, W):
     """Which stars are where the lens puts them; all, where most are not: (n,) bool."""
     near = np.einsum("ni,nij,nj->n", residual, W, residual) < steps.OUTLIER**2
     return near if near.sum() >= max(4, 0.6 * len(near)) else np.ones(len(near), dtype=bool)
 
 
-def _step(equations, W, used, off, prior):
-    """Gauss-Newton step: change of the eight (8,), covariance (8, 8), turn of each picture (m, 3).
+def step(equations, W, used, off, prior):
+    """Gauss-Newton step: change of the common unknowns (k,), their covariance (k, k), list of Own.
 
-    off : (8,) values minus what the prior expects
+    equations : (Jacobian (n, 2, 11), residual (n, 2)) of each picture;  off : (k,) values of the last k of
+    the eleven unknowns minus what `prior` (k,) expects; the unknowns before them are each picture's own
     """
-    scale = np.zeros(len(NAMES))
     N, b = np.diag(prior**-2.0), -off * prior**-2.0
-    parts = []
+    a, parts = 3 + len(NAMES) - len(prior), []
     for (J, e), w, keep in zip(equations, W, used, strict=True):
         WJ = w[keep] @ J[keep]
         M = np.einsum("nij,nik->jk", J[keep], WJ)
         r = np.einsum("nij,ni->j", WJ, e[keep])
-        across = np.linalg.solve(M[:3, :3], np.column_stack([M[:3, 3:], r[:3]]))  # the attitude eliminated
-        N += M[3:, 3:] - M[3:, :3] @ across[:, :-1]
-        b += r[3:] - M[3:, :3] @ across[:, -1]
-        parts.append(across)
+        scale = 1.0 / np.sqrt(np.diag(M)[:a])
+        inverse = scale[:, None] * np.linalg.inv(scale[:, None] * M[:a, :a] * scale) * scale
+        by_common, alone = inverse @ M[:a, a:], inverse @ r[:a]  # the picture's own unknowns eliminated
+        N += M[a:, a:] - M[a:, :a] @ by_common
+        b += r[a:] - M[a:, :a] @ alone
+        parts.append((alone, by_common, inverse))
     scale = 1.0 / np.sqrt(np.diag(N))
     covariance = scale[:, None] * np.linalg.inv(scale[:, None] * N * scale) * scale
     change = covariance @ b
-    return change, covariance, [across[:, -1] - across[:, :-1] @ change for across in parts]
+    own = [Own(alone - by_common @ change, by_common, inverse) for alone, by_common, inverse in parts]
+    return change, covariance, own

@@ -178,6 +178,8 @@ def _no_levels(name, values):
         return "the pictures are compressed with loss, which changes noise"
     if values.ndim == 3 and values.shape[2] >= 3:
         return "the pictures are in colour: values of neighbours are mixed in them"
-    if values.dtype.kind == "f" and (values % 1.0 != 0.0).any():
+    with np.errstate(invalid="ignore"):  # infinite values: they are not whole, and refused later
+        whole = values.dtype.kind != "f" or not (values % 1.0 != 0.0).any()
+    if not whole:
         return "the grey values are not whole: they are no longer those of the detector"
     return ""

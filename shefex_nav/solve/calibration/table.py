@@ -42,6 +42,7 @@ def as_numbers(found):
             {"row": int(r), "column": int(c), "excess_dn": float(excess), "sigma_dn": float(sigma)}
             for (r, c), excess, sigma in zip(hot.row_column, hot.excess, hot.sigma, strict=True)
         ],
+        "notes": found.notes,
         "not_told": found.why | ({"hot_pixels": hot.why} if hot.why else {}),
     }
 
@@ -53,7 +54,8 @@ def lens(found):
         table.add_column(title, justify="right" if title in ("value", "1 sigma") else "left")
     fit = found.lens
     for name, value, sigma, told in zip(NAMES, fit.values, fit.sigma, fit.is_told, strict=True):
-        table.add_row(TITLES.get(name, name), *_digits(value, sigma), UNITS[name], "" if told else UNTOLD)
+        words = found.notes.get(name, "") if told else UNTOLD
+        table.add_row(TITLES.get(name, name), *_digits(value, sigma), UNITS[name], words)
     return table
 
 
@@ -79,7 +81,8 @@ def detector(found):
     table.add_row("hot pixels", "-" if hot.why else str(len(hot.excess)), "", "", hot.why or _brightest(hot))
     if len(found.pictures) > 1:
         table.add_row("pictures look apart by", f"{np.degrees(found.apart):.3g}", "", "deg", _alike(found))
-    table.add_row("stars off the lens", f"{found.lens.residual_px:.3f}", "", "px rms", "")
+    words = found.notes.get("residual_px", "")
+    table.add_row("stars off the lens", f"{found.lens.residual_px:.3f}", "", "px rms", words)
     return table
 
 
