@@ -152,6 +152,15 @@ def test_values_beyond_float32_are_refused_without_a_warning(folder, shots):
     assert "huge.fits: has grey values" in refused("huge.fits", "--camera", BASE, *DATED)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+def test_values_that_are_no_numbers_are_refused_without_a_warning(folder, shots, value):
+    values = shots[0].astype(np.float32)
+    values[3, 4] = value
+    Image.fromarray(values).save("odd.tif")
+    assert "odd.tif: contains NaN or infinite values" in refused("odd.tif", "--camera", BASE, *DATED)
+
+
 @pytest.mark.parametrize("name", ["none", "empty", "folder", "short"])
 @pytest.mark.parametrize("ending", ["png", "raw"])
 def test_what_is_no_picture_is_refused(folder, name, ending):

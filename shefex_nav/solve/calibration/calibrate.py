@@ -117,8 +117,8 @@ def check_one_lens(seen):
             for one in groups
         ]
         raise CalibrationError(
-            f"the pictures have {len(groups)} focal lengths; {'; '.join(said)}; they are not of one camera, or "
-            "its zoom or focus was touched: calibrate each by itself"
+            f"the pictures have {len(groups)} focal lengths; {'; '.join(said)}; they are not of one camera, "
+            "or its zoom or focus was touched: calibrate each by itself"
         )
     if len(one_lens.groups(found, untouched=0.0)) == 1:
         return {}
