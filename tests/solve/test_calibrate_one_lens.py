@@ -107,7 +107,7 @@ def test_what_air_and_heat_do_is_noted_and_not_refused(sets):
     for _, seen in sets:
         touched = zoomed(seen, 0.001, {0, 1, 2})
         found = calibrate.of_seen(touched)
-        assert "scatter by 0.05 %" in found.notes["focal_length_px"]
+        assert "scatters by 0.05 %" in found.notes["focal_length_px"]
         assert table.as_numbers(found)["notes"] == found.notes
         assert calibrate.of_seen(seen).notes == {}
 

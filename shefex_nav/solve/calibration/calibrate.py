@@ -134,7 +134,7 @@ def _residual_note(residual_px, psf):
     limit = WORST_PX if psf is None else max(WORST * psf[0], WORST_PX)
     if residual_px <= limit:
         return {}
-    words = f"more than {limit:.2g} px, which noise of centroids does not reach: this lens is not theirs"
+    words = f"more than {limit:.2g} px, which noise of centroids does not reach: do not rely on this lens"
     return {"residual_px": words}
 
 
