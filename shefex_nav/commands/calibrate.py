@@ -64,7 +64,7 @@ def calibrate(
                 taken = taken._replace(julian_year=year)
             seen.append(pictures.look(str(image), values, taken, given))
             calibration.check_together([one for one in seen if isinstance(one, pictures.Seen)])
-            count(_words(seen[-1]))
+            count(_words(seen[-1], given.fov_deg))
     found = calibration.of_seen(seen, *(() if base is None else [_known(base)]))
     if isinstance(found, str):
         say(found)
@@ -124,13 +124,13 @@ def _known(base):
     return calibrated.known(base)
 
 
-def _words(one):
-    """What is said of a picture that has been looked at."""
+def _words(one, fov_deg):
+    """What is said of a picture that has been looked at. fov_deg : that is told, or None"""
     from shefex_nav.solve.calibration.pictures import Unsolved
-    from shefex_nav.solve.table import WHY
+    from shefex_nav.solve.table import why
 
     if isinstance(one, Unsolved):
-        return f"{one.name} is not solved and not used, {one.reason}: {WHY[one.reason]}"
+        return f"{one.name} is not solved and not used, {why(one, False, fov_deg)}"
     return f"{one.name}, {len(one.sights.u_i)} stars"
 
 

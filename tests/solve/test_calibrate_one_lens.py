@@ -150,5 +150,5 @@ def test_pictures_of_two_cameras_are_refused_and_nothing_is_written(tmp_path, mo
     said = " ".join(result.output.split())
     assert f"a0.png, a1.png: {camera.values[0]:.0f}"[:-1] in said
     assert f"b0.png, b1.png: {values[0]:.0f}"[:-1] in said
-    assert "they are not of one camera, or its zoom or focus was touched: calibrate each by itself" in said
+    assert "they are not of one camera, its zoom or focus was touched, or it turned" in said
     assert not Path("mixed.yaml").exists()

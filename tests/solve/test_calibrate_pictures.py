@@ -21,6 +21,7 @@ from PIL import Image
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
+from shefex_nav.commands import calibrate as commands
 from shefex_nav.commands.app import app
 from shefex_nav.frames import camera_file
 from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
@@ -239,6 +240,9 @@ def test_what_cannot_be_calibrated_is_said_with_its_exit_code(folder):
     cloud = called(folder / "cloud.png", "--epoch", YEAR, "--fov", "15 deg")
     assert cloud.exit_code == 1
     assert "none of the 1 pictures is solved" in cloud.output
+    no_match = commands._words(pictures.Unsolved("x.png", "no_match"), 15.0)
+    assert "x.png is not solved and not used, no_match: " in no_match
+    assert "within 20 % of 15 deg" in no_match and "{" not in no_match
     undated = called(folder / "p0.png", "--fov", "15 deg")
     assert undated.exit_code == 2
     no_base = called(folder / "p0.png", "--output", folder / "x.yaml")

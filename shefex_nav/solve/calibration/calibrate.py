@@ -118,7 +118,7 @@ def check_one_lens(seen):
         ]
         raise CalibrationError(
             f"the pictures have {len(groups)} focal lengths; {'; '.join(said)}; they are not of one camera, "
-            "or its zoom or focus was touched: calibrate each by itself"
+            "its zoom or focus was touched, or it turned under a rolling shutter: calibrate each by itself"
         )
     if len(one_lens.groups(found, untouched=0.0)) == 1:
         return {}
