@@ -16,6 +16,7 @@ from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import Alignment, Event, GpsFix, ImuBlock, Phase, StarFix, TruthSample, row
 from shefex_nav.replay import (
+    accelerometer_unit,
     align,
     clocks,
     dataset,
@@ -57,9 +58,10 @@ def prepare(scenario, files):
     data = dataset.read(scenario, files)
     check(scenario, data)
     data, common = clocks.made_one(scenario, data)
+    odd_force = accelerometer_unit.check(scenario, data)
     oddities = plausible.check(scenario, data)
     gyro_unit.check(scenario, data)
-    odd = (*data.oddities, *clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
+    odd = (*odd_force, *data.oddities, *clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
     oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(

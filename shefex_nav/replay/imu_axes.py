@@ -46,7 +46,7 @@ def _against_truth(data, axes, g, slack):
     begin_s, end_s = max(data.imu.t_s[0], data.truth.t_s[0]), min(data.imu.t_s[-1], data.truth.t_s[-1])
     parts = {
         "median": _specific_forces(data, g, begin_s, end_s),
-        "at rest, median": _specific_forces(data, g, begin_s, min(_rest_end_of_truth(data.truth), end_s)),
+        "at rest, median": _specific_forces(data, g, begin_s, min(rest_end_of_truth(data.truth), end_s)),
     }
     parts = {name: forces for name, forces in parts.items() if len(forces[0])}
     tilts = {name: _tilt(*forces) for name, forces in parts.items()}
@@ -72,7 +72,7 @@ def _fit(parts, axes, others, slack):
     )
 
 
-def _rest_end_of_truth(truth):
+def rest_end_of_truth(truth):
     """Until when the truth has the vehicle stand still, s; -inf if it moves from the first row on."""
     moving = np.flatnonzero(np.linalg.norm(truth.v_e, axis=1) > STILL)
     last = len(truth.t_s) - 1 if not len(moving) else int(moving[0]) - 1
@@ -141,10 +141,14 @@ def rest_end(fixes):
         return -np.inf
     t_s = np.array([fix.t_valid_s for fix in fixes])
     speed = np.array([np.linalg.norm(fix.v_ea_e) for fix in fixes])
-    limit = STILL + 3.0 * np.sqrt(np.mean([np.trace(fix.R_v_e) for fix in fixes]))
-    moving = np.flatnonzero(speed > limit)
+    moving = np.flatnonzero(speed > still_speed(fixes))
     last = len(t_s) - 1 if not len(moving) else int(moving[0]) - 1
     return float(t_s[last]) - LEAD_S if last >= 0 else -np.inf
+
+
+def still_speed(fixes):
+    """m/s, up to which fixes are of a vehicle that stands still."""
+    return STILL + 3.0 * float(np.sqrt(np.mean([np.trace(fix.R_v_e) for fix in fixes])))
 
 
 def _upward(fix):
