@@ -5,6 +5,7 @@ them is wrong. What is not told, NaN, cannot be wrong.
 """
 
 import math
+import re
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -27,6 +28,11 @@ OFF = 1000.0  # m, [E] by which the height of a pressure may differ from the sta
 OFF_SHARE = 0.15  # [E] of the standard height, in addition
 EARTH_RADIUS = 6371e3  # m, mean
 FAR = 300e3  # m, [E] from there on the wind is of another place
+GROUND = re.compile(
+    r"(?<![a-z])(agl|(above|over|relative[ _-]+to)[ _-]+(the[ _-]+)?(local[ _-]+)?"
+    r"(ground|surface|terrain|launch(er)?|pad|site|station)(?![ _-]+of))(?![a-z])"
+)  # in the heading of a height that is not above the sea
+WHITHER = re.compile(r"(?<![a-z])(?<!relative[ _])(?<!respect[ _])(to|towards?)(?![a-z])")  # of a direction
 
 
 class Level(NamedTuple):
@@ -54,6 +60,18 @@ def fault(level):
     if abs(height - usual) > OFF + OFF_SHARE * abs(usual):
         words = f"{pressure:g} hPa at {height:g} m do not belong together"
         return f"{words}; expected about {round(usual, -2):g} m: check both"
+    return ""
+
+
+def another(what, heading):
+    """What else a column is than what it seems to be, and what would be right; '' if it is none such.
+
+    what : 'height', 'direction' or 'speed';  heading : of the column, in lower case
+    """
+    if what == "height" and GROUND.search(heading):
+        return "heights above the ground; expected heights above mean sea level: add the height of the place"
+    if what == "direction" and WHITHER.search(heading):
+        return "directions to which the wind blows; expected those from which it comes: turn them by 180 deg"
     return ""
 
 

@@ -2,9 +2,10 @@
 
 Read are soundings of the University of Wyoming, its text list and its CSV, or any CSV whose columns are named
 likewise, and answers of Open-Meteo with winds at pressure levels (JSON). Units are those that the file names;
-what has none, or one that is not known, is refused. Heights are above mean sea level. Those that are called
-geopotential, or HGHT, or are in gpm, become geometric, z = R h / (R - h) with R = 6356.766 km (US Standard
-Atmosphere 1976). They count as heights above the ellipsoid: the geoid, up to 110 m off, is not known.
+what has none, or one that is not known, is refused. Heights are above mean sea level, directions those from
+which the wind comes; headings that say otherwise are refused. Heights that are called geopotential, or HGHT,
+or are in gpm, become geometric, z = R h / (R - h) with R = 6356.766 km (US Standard Atmosphere 1976). They
+count as heights above the ellipsoid: the geoid, up to 110 m off, is not known.
 """
 
 import csv
@@ -54,6 +55,7 @@ BARE = {"hght": "m", "drct": "deg", "sknt": "knot"}  # columns of Wyoming, whose
 HEAD = re.compile(
     r"(?P<name>.*[^\s_(\[])[\s_]*(?:[(\[](?P<inside>[^)\]]*)[)\]]|(?<=[\s_])(?P<last>[^\s_()\[\]]+))$"
 )
+JSON = re.compile(r"\s*(\{|\[\s*[{\]])")  # an answer, or a list of some
 LEVEL = re.compile(r"wind_speed_([0-9]{1,5})hPa$")
 
 
@@ -83,7 +85,7 @@ def read(path, epoch):
         text = read_text(path, "winds", LARGEST_DATA, errors="replace")
     except Unreadable as error:
         raise SoundingError(f"{path} {error}") from None
-    if text.lstrip().startswith("{"):
+    if JSON.match(text):
         rows, what, place = _open_meteo(path, text, epoch)
     elif "PRES" in text and "HGHT" in text and "," not in _line_with(text, "HGHT"):
         (rows, place), what = _wyoming_list(path, text), "sounding"
@@ -211,6 +213,10 @@ def _columns(path, text):
             raise SoundingError(f"{path}, line {n}: {len(row)} values, but {len(heads)} names of columns")
     places = {what: _column(path, heads, what) for what in WANTED}
     _all_there(path, places)
+    for what, k in places.items():
+        if words := sounding_checks.another(what, heads[k]):
+            n, told = table[0]
+            raise SoundingError(f"{path}, line {n}: column {told[k].strip()!r} has {words}")
     chosen = {what: heads[k] for what, k in places.items()}
     geopotential = "geopotential" in chosen["height"] or "hght" in chosen["height"]
     read = _read_as(path, {what: _unit(head, what) for what, head in chosen.items()}, geopotential)
@@ -229,8 +235,12 @@ def _columns(path, text):
 
 
 def _column(path, heads, what):
-    """Number of the column of height, direction or speed; None without one. Gusts are no mean wind."""
+    """Number of the column of height, direction or speed; None without one. Gusts are no mean wind.
+
+    One that is something else, such as heights above the ground, is given where there is no other.
+    """
     found = [k for k, head in enumerate(heads) if any(n in head for n in WANTED[what]) and "gust" not in head]
+    found = [k for k in found if not sounding_checks.another(what, heads[k])] or found
     best = [k for k in found if heads[k].startswith(WANTED[what])] or found
     if len(best) > 1:
         several = ", ".join(heads[k] for k in best)
@@ -249,8 +259,11 @@ def _aside(what, unit, text):
 def _place(path, told):
     """(latitude, longitude), deg, of {'latitude': text or number, 'longitude'}; None without one."""
     found = [_aside(what, "deg", str(told.get(what, ""))) for what in ("latitude", "longitude")]
-    if any(map(math.isnan, found)):
-        return None
+    return None if any(map(math.isnan, found)) else _on_earth(path, *found)
+
+
+def _on_earth(path, *found):
+    """(latitude, longitude), deg, of numbers."""
     if not sounding_checks.is_place(*found):
         words = "expected a latitude of -90 to 90 deg and a longitude of -360 to 360 deg"
         raise SoundingError(f"{path}: its place is {found[0]:g} deg, {found[1]:g} deg; {words}")
@@ -303,6 +316,9 @@ def _open_meteo(path, text, epoch):
         answer = from_json(text)
     except ValueError as error:
         raise SoundingError(f"{path}: begins as JSON and is none: {error}") from None
+    if isinstance(answer, list):
+        words = "expected one answer, for the place of the launch"
+        raise SoundingError(f"{path}: an answer of Open-Meteo for {len(answer)} places; {words}")
     hourly, units = (_asked(path, answer, key, dict) for key in ("hourly", "hourly_units"))
     offset = answer.get("utc_offset_seconds", 0)
     if not isinstance(offset, int | float) or not abs(offset) <= FARTHEST_ZONE_S:
@@ -316,7 +332,19 @@ def _open_meteo(path, text, epoch):
     if abs(times[k] - wanted) > NEAREST:
         raise SoundingError(f"{path}: the hour nearest to lift-off, {epoch} UTC, is {times[k].isoformat()}")
     rows = [_level(path, hourly, units, level, k) for level in levels]
-    return rows, f"forecast for {times[k].isoformat(timespec='minutes')} UTC", _place(path, answer)
+    what = f"forecast for {times[k].isoformat(timespec='minutes')} UTC"
+    return rows, what, _answered_place(path, answer)
+
+
+def _answered_place(path, answer):
+    """(latitude, longitude), deg, of an answer; None if it tells neither."""
+    told = {what: answer[what] for what in ("latitude", "longitude") if what in answer}
+    for what, value in told.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+            raise SoundingError(f"{path}: {what} is {value!r:.60}; expected a number of degrees")
+    if len(told) == 1:
+        raise SoundingError(f"{path}: {next(iter(told))} without the other; expected latitude and longitude")
+    return _on_earth(path, *map(float, told.values())) if told else None
 
 
 def _utc(path, text, offset):
@@ -337,8 +365,11 @@ def _level(path, hourly, units, level, k):
     read = _read_as(path, {what: _asked(path, units, name, str) for what, name in names.items()}, True)
     values = []
     for name in names.values():
-        column = _asked(path, hourly, name, list)
-        value = column[k] if k < len(column) else None
+        column, times = _asked(path, hourly, name, list), hourly["time"]
+        if len(column) != len(times):
+            words = f"has {len(column)} values, hourly.time has {len(times)}"
+            raise SoundingError(f"{path}: hourly.{name} {words}; expected a value for each time")
+        value = column[k]
         if isinstance(value, str | list | dict | bool) or (value is not None and not abs(value) < LARGEST):
             raise _unlike(path, f"hourly.{name} holds {value!r:.60}")
         values.append(math.nan if value is None else float(value))
