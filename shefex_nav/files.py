@@ -9,6 +9,8 @@ import zlib
 from contextlib import contextmanager, suppress
 from zipfile import BadZipFile
 
+from shefex_nav.errors import UserError
+
 
 def part(path):
     """Where the file `path` is written until it is whole: beside its place, on the same disk. -> Path"""
@@ -71,14 +73,44 @@ IRREGULAR = (
 )
 
 
+class IrregularError(UserError, OSError):
+    """A folder, a pipe, a device or a socket in the place of a file."""
+
+    def __str__(self):
+        return f"{self.filename}: {self.strerror}" if self.filename else super().__str__()
+
+
 def opened(path):
-    """A file of the user, opened to read its bytes; OSError also of a pipe, a device or a socket.
+    """A file of the user, opened to read its bytes; IrregularError of a pipe, a device or a socket.
 
     There a reader would wait for a writer that never comes, or read what has no end.
     """
-    if what := irregular(os.stat(path)):
-        raise OSError(errno.EINVAL, f"is {what}, expected a file", str(path))
+    _refuse(path, os.stat(path))
     return open(path, "rb")
+
+
+def content_of(path):
+    """Bytes of a file of the user; IrregularError as of `opened`, and of a folder."""
+    if os.path.isdir(path):
+        raise IrregularError(errno.EISDIR, "is a folder, expected a file", str(path))
+    with opened(path) as file:
+        return file.read()
+
+
+def text_of(path):
+    """Text of a file of the user, in UTF-8; ValueError if it is none. The rest is as of `content_of`."""
+    return content_of(path).decode()
+
+
+def refuse_irregular(path):
+    """IrregularError of a pipe, a device or a socket, for libraries that open a file by its name."""
+    with suppress(FileNotFoundError):
+        _refuse(path, os.stat(path))
+
+
+def _refuse(path, found):
+    if what := irregular(found):
+        raise IrregularError(errno.EINVAL, f"is {what}, expected a file", str(path))
 
 
 def irregular(found):
@@ -115,7 +147,7 @@ UNREADABLE = OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile, zli
 
 def arrays(path, names=None):
     """Arrays of an .npz file: {name: array}, or those named alone; nothing in it is run."""
-    with open(path, "rb") as file:
+    with opened(path) as file:
         return arrays_of(file, names)
 
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from shefex_nav.clock import TICK_HZ
 
+SLOWEST = 1e-3  # [E] mission time over real time: ten minutes take a week
+
 
 class RealTime(NamedTuple):
     """How well a flight has kept its pace."""

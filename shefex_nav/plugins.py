@@ -27,6 +27,7 @@ from typing import NamedTuple
 from shefex_nav import instruments, plugin_checks, plugin_sources
 from shefex_nav.environment import models
 from shefex_nav.errors import UserError
+from shefex_nav.files import content_of
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.onboard.startracker import methods
@@ -204,8 +205,7 @@ def _digest(path):
     """SHA-256 of a file, of one of Python with what it imports from its folder."""
     if path.endswith(plugin_sources.SOURCE):
         return _read(path, path, None)[1]
-    with open(path, "rb") as file:
-        return hashlib.sha256(file.read()).hexdigest()
+    return hashlib.sha256(content_of(path)).hexdigest()
 
 
 def left_out(pins):
@@ -374,10 +374,10 @@ def is_trusted(sha256):
 def _kept():
     """SHA-256 of the files with a consent that was kept: set."""
     try:
-        with open(_kept_in(), encoding="ascii", errors="replace") as file:
-            return {line.split(" ", 1)[0] for line in file}
+        text = content_of(_kept_in()).decode("ascii", "replace")
     except OSError:
         return set()
+    return {line.split(" ", 1)[0] for line in text.splitlines()}
 
 
 def _kept_in():

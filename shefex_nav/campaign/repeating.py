@@ -5,6 +5,7 @@ from typing import NamedTuple
 from shefex_nav import files
 from shefex_nav.campaign import draws, engine, runs_file, store, table
 from shefex_nav.campaign import plan as planning
+from shefex_nav.files import content_of
 from shefex_nav.log import thinning
 from shefex_nav.plugins import NotTrusted, PluginError
 from shefex_nav.scenario import load, software
@@ -135,7 +136,7 @@ def _flight(head, folder):
     """The flight that all runs share, as bytes."""
     path = folder / "flight.npz"
     try:
-        content = path.read_bytes()
+        content = content_of(path)
     except FileNotFoundError:
         raise store.StoreError(f"{path}: the flight that all runs share is not there") from None
     if planning.digest(content) != head["flight_sha256"]:

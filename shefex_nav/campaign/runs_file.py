@@ -17,7 +17,7 @@ from typing import NamedTuple
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.campaign.plan import digest
 from shefex_nav.errors import UserError
-from shefex_nav.files import from_json, unpacked
+from shefex_nav.files import from_json, refuse_irregular, unpacked
 
 NAME = "runs.sqlite"
 FILES = (NAME, f"{NAME}-wal", f"{NAME}-shm", f"{NAME}-journal")
@@ -93,6 +93,7 @@ class RunsFile:
         if not write and not (self.path.exists() and self.path.stat().st_size):
             address = "file::memory:"
         with self._told():
+            refuse_irregular(self.path)
             self._db = sqlite3.connect(
                 address, uri=True, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False
             )

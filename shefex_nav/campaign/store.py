@@ -14,7 +14,16 @@ from shefex_nav.campaign import MOST_RUNS, checking, runs_file, table, units
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.clock import TICK_HZ
-from shefex_nav.files import finish, from_json, put, refuse_links, settle
+from shefex_nav.files import (
+    content_of,
+    finish,
+    from_json,
+    put,
+    refuse_irregular,
+    refuse_links,
+    settle,
+    text_of,
+)
 from shefex_nav.scenario import differences
 from shefex_nav.scenario.dispersions import SAMPLINGS
 
@@ -69,9 +78,12 @@ class Store:
             self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
             self.folder.mkdir(parents=True, exist_ok=True)
             refuse_links(self.folder, OWN)
+            refuse_irregular(self.folder / ".lock")
             self._lock = open(self.folder / ".lock", "a")  # a file of that name is not emptied
         except OSError as error:
-            raise StoreError(f"cannot write into the folder {self.folder}: {error.strerror}") from None
+            which = "" if error.filename in (None, str(self.folder)) else f"{error.filename}: "
+            words = f"cannot write into the folder {self.folder}: {which}{error.strerror}"
+            raise StoreError(words) from None
         if not _locked(self._lock):
             self._lock.close()
             self._lock = None
@@ -187,7 +199,7 @@ class Store:
         """The flight that all runs share, as bytes: the one that is kept here, else `make()`."""
         path, head = self.folder / "flight.npz", self.head()
         with self._writing():
-            if path.exists() and planning.digest(content := path.read_bytes()) == head["flight_sha256"]:
+            if path.exists() and planning.digest(content := content_of(path)) == head["flight_sha256"]:
                 return content
             content = make()
             if head["flight_sha256"] not in (None, planning.digest(content)):
@@ -283,7 +295,7 @@ def read_head(folder, missing=StoreError):
     if Path(folder).is_file():
         raise StoreError(f"{folder}: is a file; expected the folder of a campaign")
     try:
-        head = from_json(path.read_text())
+        head = from_json(text_of(path))
     except FileNotFoundError:
         if missing is None:
             return None

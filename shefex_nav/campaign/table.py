@@ -20,7 +20,7 @@ import numpy as np
 
 from shefex_nav.campaign import checking
 from shefex_nav.campaign.checking import LARGE, TableError
-from shefex_nav.files import named, whole
+from shefex_nav.files import named, refuse_irregular, whole
 
 LONGEST = 6  # numbers of a list that become columns
 HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
@@ -235,6 +235,7 @@ def made(path):
     import pyarrow.parquet as pq
 
     with named(path):
+        refuse_irregular(path)
         found = pq.read_metadata(path)
     said = found.metadata or {}
     return Made(found.num_rows, said[DIGEST].decode(), said[STATE].decode())
@@ -264,6 +265,7 @@ def _reading(path):
 
     try:
         with named(path):
+            refuse_irregular(path)
             yield
     except (OSError, pa.ArrowException) as error:
         of_machine = getattr(error, "errno", None) is not None

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands import variables
+from shefex_nav.commands import memory, variables
 from shefex_nav.commands.budget import budget
 from shefex_nav.commands.calibrate import calibrate
 from shefex_nav.commands.campaign import campaign
@@ -100,6 +100,7 @@ def options(
     ] = False,
 ):
     variables.check()  # typer calls this before a command
+    memory.check()
 
 
 def main():

@@ -3,6 +3,7 @@
 Exit codes: 0 done, 2 an unknown name, or a file that is no instrument.
 """
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -31,7 +32,7 @@ def instruments(
         _list(instrument_sheets, instrument_sheets.sheets(), json)
         return
     stem = Path(name).name.removesuffix(ENDING)
-    if name.endswith(ENDING) and Path(name).is_file():
+    if name.endswith(ENDING) and Path(name).exists():
         found = instrument_sheets.of_file(stem, name)
     else:
         try:
@@ -48,6 +49,8 @@ def _unknown(name):
     """Words about a name that no instrument has."""
     from shefex_nav.scenario import instruments, shipped
 
+    if os.path.isdir(name):
+        return f"{name} is a folder; expected the name of an instrument, or its file"
     if name != (name := name.removesuffix(ENDING)):
         return f"there is no file '{name}{ENDING}', and no instrument '{name}' comes with the program"
     known = list(instruments.files())

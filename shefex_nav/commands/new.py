@@ -90,8 +90,9 @@ def new(
     check_place(file, "FILE")
     text = (TEMPLATES / template.file).read_text(encoding="utf-8")
     stem = os.path.join(".", file.with_suffix(""))
-    for word, meant in (("FILE", file), ("PROGRAM", stem), ("name: NAME", f"name: {file.stem}")):
-        text = text.replace(word, str(meant))
+    told = os.path.join(".", file) if str(file).startswith("-") else str(file)  # else it is an option
+    for word, meant in (("FILE", told), ("PROGRAM", stem), ("name: NAME", f"name: {file.stem}")):
+        text = text.replace(word, meant)
     others = {file.parent / name: (TEMPLATES / name).read_text(encoding="utf-8") for name in template.beside}
     written = {file: text} | {path: content for path, content in others.items() if not path.exists()}
     try:
@@ -102,6 +103,6 @@ def new(
         raise typer.BadParameter(f"{error.filename}: {error.strerror}", param_hint="FILE") from None
     say(f"wrote {', '.join(map(str, written))}; fly it:")
     for line in template.next:
-        say(f"  {line.format(file=file, stem=stem)}")
+        say(f"  {line.format(file=told, stem=stem)}")
     if template.note:
         say(template.note)

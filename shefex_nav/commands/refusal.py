@@ -128,6 +128,9 @@ class PlainGroup(NumbersGroup):
                 raise
             tell(f"{_place(error)} {MACHINE[error.errno]}: {os.strerror(error.errno)}")
             sys.exit(UserError.exit_code)
+        except MemoryError as error:
+            tell(f"there is not enough memory: {error}" if str(error) else "there is not enough memory")
+            sys.exit(UserError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -16,6 +16,7 @@ from shefex_nav.progress import bar, lines
 from shefex_nav.stopping import interrupt, wishes
 
 OUT = Path("logs/reproduce")
+MOST_SAMPLES = 1_000_000_000  # [E] of any experiment
 REPORT = "report"  # in place of an experiment
 
 
@@ -58,8 +59,9 @@ def reproduce(
     if names[0] not in registry.EXPERIMENTS:
         known = ", ".join(["all", REPORT, *registry.EXPERIMENTS])
         raise typer.BadParameter(f"there is no experiment {name!r}; choose from: {known}", param_hint="NAME")
-    if samples is not None and samples < 1:
-        raise typer.BadParameter(f"{samples} is not possible; at least 1", param_hint="--samples")
+    if samples is not None and not 1 <= samples <= MOST_SAMPLES:
+        words = f"{samples} is not possible; 1 to {MOST_SAMPLES}"
+        raise typer.BadParameter(words, param_hint="--samples")
     _writable(out, "--out")
     if keep is not None:
         _writable(keep, "--keep")

@@ -70,8 +70,10 @@ def run(
 
 def _check_pace(pace):
     """BadParameter for a pace at which nothing can fly; None: as fast as it goes."""
-    if pace is not None and not 0.0 < pace < math.inf:
-        words = f"{pace:g} is no pace: mission time over real time, above 0; 1 is real time"
+    from shefex_nav.pacing import SLOWEST
+
+    if pace is not None and not SLOWEST <= pace < math.inf:
+        words = f"{pace:g} is no pace: mission time over real time, from {SLOWEST:g} on; 1 is real time"
         raise typer.BadParameter(words, param_hint="--pace")
 
 

@@ -90,7 +90,7 @@ def _copy(sources, folder):
     content = {target: source.read_bytes() for source, target in pairs}
     try:
         for target in content:
-            if target.exists() and (not target.is_file() or target.read_bytes() != content[target]):
+            if target.exists() and (not target.is_file() or files.content_of(target) != content[target]):
                 words = f"{target} exists already and is another; choose another folder"
                 raise typer.BadParameter(words, param_hint="--copy")
         for target in (one for one in content if not one.exists()):

@@ -11,6 +11,7 @@ import zlib
 from io import BytesIO
 from pathlib import Path
 
+from shefex_nav.files import refuse_irregular
 from shefex_nav.log import topics
 from shefex_nav.log.mcap_file import MAGIC
 from shefex_nav.log.topics import LogError, Mission
@@ -83,6 +84,7 @@ class Tail:
         try:
             if self._path.stat().st_mtime_ns == self._old_ns:
                 return False
+            refuse_irregular(self._path)
             file = self._path.open("rb", buffering=0)  # what has been read may have changed
         except FileNotFoundError:
             return False

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shefex_nav import __version__
 from shefex_nav.errors import UserError
-from shefex_nav.files import from_json
+from shefex_nav.files import content_of, from_json, text_of
 from shefex_nav.papers import registry
 from shefex_nav.papers.table import number
 from shefex_nav.papers.verdict import DIFFERS, Verdict
@@ -47,14 +47,14 @@ def read(folder):
         if not path.exists():
             continue
         try:
-            one = from_json(path.read_text())
+            one = from_json(text_of(path))
             ours = one["version"] == __version__ and set(one) >= WANTED and all(map(_is_row, one["rows"]))
         except (OSError, ValueError, TypeError, KeyError):
             ours = False
         if not ours:
             raise FolderError(f"{path} is no result of this version; run 'reproduce {name}' again")
         figure = Path(folder) / f"{name}.png"
-        if not (figure.is_file() and figure.read_bytes().startswith(PNG)):
+        if not (figure.is_file() and content_of(figure).startswith(PNG)):
             raise FolderError(f"the figure {name}.png is not beside {path}; run 'reproduce {name}' again")
         found[name] = one
     if not found:
@@ -106,7 +106,7 @@ def _counts(rows_of):
 def _experiment(name, one, folder):
     """Heading, figure and table of an experiment: list of Safe."""
     about = f"{one['samples']} {one['unit']}, seed {one['seed']}"
-    png = (folder / f"{name}.png").read_bytes()
+    png = content_of(folder / f"{name}.png")
     picture = html.picture(png, name, one["title"], about, size_inches=None, kind="png")
     lines = [_line(row) for row in one["rows"]]
     return [html.element("h3", f"{name}: {one['title']}"), picture, html.table("", HEADS, lines, NUMBERS)]

@@ -7,6 +7,8 @@ several of them is computed.
 import math
 from typing import NamedTuple
 
+from shefex_nav.files import text_of
+
 ASSUMED = "[E] assumed"
 KINDS = {"imu": "inertial measurement units", "gps": "GPS receivers", "star_camera": "star cameras"}
 HEADS = {  # columns of a list, by kind; '>' of numbers
@@ -69,8 +71,7 @@ def of_file(name, path):
     """Sheet of the instrument `name` in a file; ScenarioError, or OSError, if it is none."""
     from shefex_nav.scenario import document, instruments, load
 
-    with open(path, encoding="utf-8") as stream:
-        text = stream.read()
+    text = text_of(path)
     try:
         own = document.parse(text, path)
     except document.BadText as error:

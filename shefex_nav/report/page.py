@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import event_words
-from shefex_nav.files import put
+from shefex_nav.files import opened, put
 from shefex_nav.records import QUANTITIES, Reason, protected
 from shefex_nav.report import (
     beyond_sigma,
@@ -103,7 +103,7 @@ def _version():
 def _digest(log):
     from hashlib import file_digest
 
-    with open(log, "rb") as file:
+    with opened(log) as file:
         return file_digest(file, "sha256").hexdigest()
 
 

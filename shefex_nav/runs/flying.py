@@ -17,7 +17,7 @@ from shefex_nav.log import thinning
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
 from shefex_nav.log.topics import LogError, RunSummary
-from shefex_nav.pacing import Pace
+from shefex_nav.pacing import SLOWEST, Pace
 from shefex_nav.records import TruthSample
 from shefex_nav.runs.room import Room
 from shefex_nav.runs.run import Run
@@ -35,8 +35,9 @@ class LogGoneError(LogError):
 
 def _check(scenario, seed, until_s, pace):
     """TypeError or ValueError, in words, of what cannot be flown."""
-    if pace is not None and not 0.0 < pace < math.inf:
-        raise ValueError(f"pace {pace!r}: expected mission time over real time, above 0, such as 1.0")
+    if pace is not None and not SLOWEST <= pace < math.inf:
+        words = f"expected mission time over real time, from {SLOWEST:g} on, such as 1.0"
+        raise ValueError(f"pace {pace!r}: {words}")
     if not hasattr(scenario, "mission"):
         raise TypeError(f"{scenario!r}: expected a Scenario, the path of one or the name of a shipped one")
     if not isinstance(seed, int | np.integer) or seed < 0:
@@ -92,7 +93,8 @@ def fly(
         log says that it was not seen. None: look to the end
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
-    pace : mission time over real time, 1.0 for a flight in real time, above 0; None: as fast as it goes
+    pace : mission time over real time, 1.0 for a flight in real time, from 0.001 on;
+        None: as fast as it goes
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars. Of truth,
         control, IMU and built-in solution there are no records, but once a second at least log.steady.Reached
     told : function of a tuple of report.programme.Warned, wrong in the scenario; called before anything flies

@@ -6,6 +6,7 @@ Trajectories are files Atmos_<case>_sim_<simulator>.csv, models are .dml files, 
 """
 
 import csv
+import io
 import math
 import re
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.fields import LARGEST
+from shefex_nav.files import opened
 from shefex_nav.numerals import number
 
 _TRAJECTORY = re.compile(r"(?:\w+_)?(Atmos|Orbit)_([0-9A-Za-z]+)(?:_\w+)?_sim_([0-9A-Za-z]+)\.csv")
@@ -71,7 +73,7 @@ def read_series(path):
     Times do not go down; two rows may have one, as simulators write them where a phase ends.
     """
     try:
-        with open(path, encoding="utf-8-sig", newline="") as lines:
+        with io.TextIOWrapper(opened(path), encoding="utf-8-sig", newline="") as lines:
             reader = csv.reader(lines)
             names, *rows = [(reader.line_num, row) for row in reader if row] or [(1, [])]
     except (OSError, ValueError, csv.Error) as error:

@@ -8,7 +8,6 @@ a message, never guessed.
 """
 
 import math
-from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.errors import UserError
+from shefex_nav.files import content_of
 from shefex_nav.numerals import number
 
 FOOT = 0.3048  # m, exact
@@ -67,7 +67,7 @@ class Model(NamedTuple):
 def read(path):
     """Model of a DAVE-ML file."""
     try:
-        root = ElementTree.fromstring(Path(path).read_bytes())
+        root = ElementTree.fromstring(content_of(path))
     except (OSError, ElementTree.ParseError) as error:
         raise DaveMlError(f"{path}: cannot be read as DAVE-ML: {error}") from None
     if _tag(root) != "DAVEfunc":

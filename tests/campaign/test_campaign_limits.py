@@ -2,9 +2,13 @@
 
 import json
 import math
+import os
 import re
+import subprocess
+import sys
 
 import pytest
+import synthetic_campaign
 
 from shefex_nav import files
 from shefex_nav.campaign import results, running, store, table
@@ -87,3 +91,30 @@ def test_a_lock_that_holds_something_is_not_emptied(tmp_path):
     with store.Store(tmp_path):
         pass
     assert (tmp_path / ".lock").read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["campaign.json", "results.parquet", "runs.sqlite", ".lock"])
+@pytest.mark.parametrize("kind", ["a pipe", "a device"])
+def test_a_folder_with_a_pipe_or_a_device_is_refused(tmp_path, name, kind):
+    """Nobody writes to the pipe: a reader would wait for ever; the device never ends."""
+    folder, whole = (synthetic_campaign.write(tmp_path / one, 3) for one in ("other", "whole"))
+    (folder / name).unlink(missing_ok=True)
+    if kind == "a pipe":
+        os.mkfifo(folder / name)
+    else:
+        (folder / name).symlink_to("/dev/zero")
+    for words in (["report", folder], ["repeat", folder, "0"], ["compare", folder, whole]):
+        if name in (".lock", "results.parquet"):  # is not read
+            continue
+        done = subprocess.run(
+            [sys.executable, "-m", "shefex_nav", *map(str, words)], capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
+        assert f"is {kind}, expected a file" in done.stderr
+    if name == "results.parquet":
+        with pytest.raises(files.IrregularError):
+            next(table.load(folder / name))
+        return
+    wrong = pytest.raises((store.StoreError, files.IrregularError), match=rf"is {kind}|symbolic link")
+    with wrong, store.Store(folder) as kept:
+        kept.head(), kept.runs

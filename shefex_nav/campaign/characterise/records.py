@@ -93,7 +93,7 @@ class Records:
 def _compare(path, head):
     """Refuse records of something else."""
     try:
-        found = files.from_json(path.read_text(encoding="utf-8"))
+        found = files.from_json(files.text_of(path))
     except ValueError:
         found = None
     if not isinstance(found, dict):

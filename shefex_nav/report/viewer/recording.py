@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from shefex_nav import __version__
-from shefex_nav.files import digest, whole
+from shefex_nav.files import digest, text_of, whole
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
 from shefex_nav.report import metrics
@@ -79,9 +79,9 @@ def kept(log, data=None):
     if path.exists() and not stamp.exists():
         return None
     try:
-        if stamp.is_symlink() or (stamp.exists() and not OURS.fullmatch(stamp.read_text())):
+        if stamp.is_symlink() or (stamp.exists() and not OURS.fullmatch(text_of(stamp))):
             return None
-        if path.exists() and stamp.exists() and stamp.read_text() == wanted:
+        if path.exists() and stamp.exists() and text_of(stamp) == wanted:
             return path
         with whole(path) as half:
             build([log], half, [data] if data else None)

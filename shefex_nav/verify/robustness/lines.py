@@ -11,6 +11,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shefex_nav.errors import UserError
+from shefex_nav.files import content_of
 from shefex_nav.verify.robustness import design, random_faults
 from shefex_nav.verify.robustness.factors import RIGHT, TOLD
 
@@ -110,7 +111,7 @@ def read(path, seed_of):
 
     seed_of : function of cell and flight, the seed that a flight of this study has
     """
-    content = path.read_bytes()
+    content = content_of(path)
     whole = content[: content.rfind(b"\n") + 1]
     found, places = [], {}
     for number, line in enumerate(whole.split(b"\n")[:-1], 1):

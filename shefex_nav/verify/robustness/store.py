@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from shefex_nav.errors import UserError
-from shefex_nav.files import digest, from_json, put, refuse_links, settle
+from shefex_nav.files import digest, from_json, put, refuse_irregular, refuse_links, settle, text_of
 from shefex_nav.verify.robustness import flight, lines
 
 HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
@@ -48,6 +48,7 @@ class Store:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             refuse_links(self.folder, (HEAD, FLIGHTS))
+            refuse_irregular(self.folder / FLIGHTS)
             self._begin(head, resume)
             self._file = open(self.folder / FLIGHTS, "a", encoding="utf-8")
         except OSError as error:
@@ -114,7 +115,7 @@ def _compare(old, new, folder):
 def _head(path):
     """What a folder says that it is of: dict."""
     try:
-        found = from_json(path.read_text())
+        found = from_json(text_of(path))
     except ValueError as error:
         raise StoreError(f"{path}: cannot be read: {error}") from None
     if not isinstance(found, dict):
