@@ -108,7 +108,9 @@ class Identification(Settings):
     fewest_stars: int = count(
         "4", "identified stars without which there is no attitude; 3 with acceptance: published", at_least=3
     )
-    centroid_error: float = quantity("pix", "0.2 pix", "per axis, of an ordinary star", positive=True)
+    centroid_error: float = quantity(
+        "pix", "0.2 pix", "per axis, of an ordinary star", positive=True, at_most="100 pix"
+    )
     gate_sigma: float = number("4", "a detection further off is not that star", positive=True)
     detection_probability: float = quantity(
         "", "90 %", "of a star brighter than the faintest found", positive=True, at_most="99.99 %"
