@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from shefex_nav.campaign import store
+from shefex_nav.campaign.head import read_head
 from shefex_nav.scenario import differences, load
 
 
@@ -13,7 +13,7 @@ def source_of(path):
     """
     path = Path(path)
     if path.is_dir():
-        return store.read_head(path)["source"]
+        return read_head(path)["source"]
     if path.suffix == ".mcap":
         from shefex_nav.log import reader
 

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from shefex_nav import files
 from shefex_nav.campaign import draws, engine, runs_file, store, table
+from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import plan as planning
 from shefex_nav.files import content_of
 from shefex_nav.log import thinning
@@ -110,7 +111,7 @@ def _check_software(scenario, folder):
 
 def read_head(folder, run):
     """What campaign.json holds of the campaign in `folder`, which has a run of that number; StoreError."""
-    head = store.read_head(folder)
+    head = heads.read_head(folder)
     if not 0 <= run < head["runs"]:
         raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
     return head

@@ -18,6 +18,7 @@ import numpy as np
 
 from shefex_nav import files
 from shefex_nav.campaign import runs_file, store, table, units
+from shefex_nav.campaign.head import read_head
 from shefex_nav.report import requirements as judging
 from shefex_nav.scenario import document, plugged
 from shefex_nav.scenario.requirements import Requirements
@@ -358,7 +359,7 @@ def open_campaign(folder: str | Path) -> "Campaign":
     The table of the folder is read if it is of the runs that are done; else one is made of their records, in
     a place of its own. Where only the table was kept, it counts.
     """
-    head = store.read_head(folder)
+    head = read_head(folder)
     _check_source(head["source"], folder)
     kept = store.Store(folder)
     path = kept.folder / "results.parquet"

@@ -215,11 +215,12 @@ def _result(ended, folder, runs, as_json):
 
 def _show(folder, ended, as_json):
     """The results on stdout."""
-    from shefex_nav.campaign import over_time, store, summary
+    from shefex_nav.campaign import over_time, summary
+    from shefex_nav.campaign.head import read_head
     from shefex_nav.campaign.results import open_campaign
 
     if not ended.done:
-        print_json(summary.of_nothing(store.read_head(folder), len(ended.lost), ended.digest))
+        print_json(summary.of_nothing(read_head(folder), len(ended.lost), ended.digest))
         return
     done = open_campaign(folder)
     if as_json:

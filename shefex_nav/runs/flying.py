@@ -5,7 +5,7 @@ import shutil
 import tempfile
 import time
 import weakref
-from contextlib import chdir, nullcontext
+from contextlib import chdir, contextmanager, nullcontext
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -93,8 +93,7 @@ def fly(
         log says that it was not seen. None: look to the end
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
-    pace : mission time over real time, 1.0 for a flight in real time, from 0.001 on;
-        None: as fast as it goes
+    pace : mission time over real time, 1.0 in real time, 0.001 at least; None: as fast as it goes
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars. Of truth,
         control, IMU and built-in solution there are no records, but once a second at least log.steady.Reached
     told : function of a tuple of report.programme.Warned, wrong in the scenario; called before anything flies
@@ -119,11 +118,9 @@ def fly(
     simulate.warm_up(scenario, world)
     clock = None if pace is None else Pace(pace)
     flight = _seen(world, scenario, seed, math.inf if until_s is None else until_s, watch, clock, room)
-    with _cycles(scenario), chdir(Path.cwd()):  # own software may go elsewhere
+    with _beside_own_code(scenario, path):
         setup_s = time.perf_counter() - began
         data = _record(flight, mission, scenario.log, path.absolute(), overwrite, setup_s, pace)
-    if not path.exists():  # own software may do that
-        raise LogGoneError(f"{path}: was flown to the end, but somebody has deleted the log meanwhile")
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
 
 
@@ -136,6 +133,15 @@ def _place(log):
         return folder, folder.path / LOG_NAME
     check_folder(path := Path(log))  # here, for the truth of a long flight lies in it, too
     return None, path
+
+
+@contextmanager
+def _beside_own_code(scenario, path):
+    """Context in which code of a user's own flies, which may go to another folder, or take the log away."""
+    with _cycles(scenario), chdir(Path.cwd()):
+        yield
+    if not path.exists():
+        raise LogGoneError(f"{path}: was flown to the end, but somebody has deleted the log meanwhile")
 
 
 def _cycles(scenario):

@@ -3,7 +3,7 @@
 import json
 
 from shefex_nav.campaign import against, plan
-from shefex_nav.campaign.store import HEAD
+from shefex_nav.campaign.head import HEAD
 from shefex_nav.scenario import load
 
 KNOWN = {"sampling": "random", "flight": "shared", "rate": 1.0}

@@ -11,10 +11,11 @@ import pytest
 import synthetic_campaign
 
 from shefex_nav import files
+from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import results, running, store, table
 
 HEAD = {
-    **{name: types[0]() for name, types in store.HEAD.items()},
+    **{name: types[0]() for name, types in heads.HEAD.items()},
     "format": 2, "sampling": "random", "flight": "shared", "rate": 1.0, "runs": 1,
 }  # fmt: skip
 DEEP = 100_000
@@ -42,13 +43,13 @@ HEADS = {
 def test_a_damaged_head_is_refused_in_words(content, tmp_path):
     (tmp_path / "campaign.json").write_text(content)
     with pytest.raises(store.StoreError) as refused:
-        store.read_head(tmp_path)
+        heads.read_head(tmp_path)
     assert HEADS[content] in str(refused.value)
 
 
 def test_a_head_of_the_most_runs_is_read(tmp_path):
     (tmp_path / "campaign.json").write_text(json.dumps(HEAD | {"runs": 10_000_000, "seed": 10**50}))
-    assert store.read_head(tmp_path)["runs"] == 10_000_000
+    assert heads.read_head(tmp_path)["runs"] == 10_000_000
 
 
 @pytest.mark.parametrize("warnings", ["[" * DEEP, "junk", "3", '[{"field": "x"}]'])

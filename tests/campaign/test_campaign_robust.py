@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 
 from shefex_nav import files, stopping
 from shefex_nav.campaign import engine, flight, mending, results, running, store, table
+from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import plan as planning
 from shefex_nav.commands.app import app
 from shefex_nav.compiled import target
@@ -362,7 +363,7 @@ def test_a_clock_that_is_set_back_changes_nothing(whole, scenario, failing, tmp_
         os.utime(path, (path.stat().st_mtime + 4e7,) * 2)
     flown = []
     assert fly(scenario, folder, RUNS, before=lambda job: flown.append(job.run)).digest == whole[1].digest
-    assert flown == [2] and 0.0 < store.read_head(folder)["wall_s"] < 1e4
+    assert flown == [2] and 0.0 < heads.read_head(folder)["wall_s"] < 1e4
     assert len(results.open_campaign(folder)) == RUNS
 
 
@@ -443,9 +444,9 @@ def test_a_shared_flight_that_is_spoilt_is_made_again(tmp_path):
 def test_a_head_of_another_kind_is_refused(tmp_path):
     (tmp_path / "campaign.json").write_text("[1, 2]")
     with pytest.raises(store.StoreError, match="its format is None, expected 2"):
-        store.read_head(tmp_path)
+        heads.read_head(tmp_path)
     with pytest.raises(store.StoreError, match="is a file; expected the folder of a campaign"):
-        store.read_head(tmp_path / "campaign.json")
+        heads.read_head(tmp_path / "campaign.json")
 
 
 def larger(record):

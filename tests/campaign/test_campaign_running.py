@@ -25,6 +25,7 @@ from shefex_nav.campaign import (
     summary,
     table,
 )
+from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.clock import TICK_HZ
@@ -125,10 +126,10 @@ def test_a_killed_session_leaves_what_it_took(scenario, tmp_path, monkeypatch):
 
     with pytest.raises(SystemError):
         fly(scenario, tmp_path, 3, before=die)
-    head = store.read_head(tmp_path)
+    head = heads.read_head(tmp_path)
     assert head["timed"]["runs"] == 2 and 0.0 < head["timed"]["wall_s"] == head["wall_s"]
     ended = fly(scenario, tmp_path, 3, keep=(running.Keep("worst", 1),))
-    head = store.read_head(tmp_path)
+    head = heads.read_head(tmp_path)
     assert head["timed"]["runs"] == 3 and head["timed"]["wall_s"] < head["wall_s"] == ended.wall_s  # a log
 
 

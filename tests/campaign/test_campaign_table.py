@@ -11,6 +11,7 @@ import pyarrow.parquet
 import pytest
 import synthetic_campaign
 
+from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import store, table
 from shefex_nav.campaign.plan import FORMAT
 from shefex_nav.campaign.results import Campaign, open_campaign
@@ -232,7 +233,7 @@ def test_what_is_no_campaign_is_refused(tmp_path):
         store.StoreError, match=r"campaign\.json: its format is 1, expected 2; fly it in another"
     ):
         open_campaign(tmp_path)
-    head = {name: types[0]() for name, types in store.HEAD.items()}
+    head = {name: types[0]() for name, types in heads.HEAD.items()}
     head |= {"sampling": "random", "flight": "shared", "rate": 1.0}
     head |= {"format": FORMAT, "runs": 3, "source": "mission: {}"}
     (tmp_path / "campaign.json").write_text(json.dumps(head))

@@ -26,6 +26,7 @@ from shefex_nav.campaign import (
     until,
     verdicts,
 )
+from shefex_nav.campaign import head as heads
 from shefex_nav.commands.app import app
 from shefex_nav.scenario import load
 
@@ -96,7 +97,7 @@ def test_a_session_that_dies_changes_no_verdict(last, tmp_path):
 
     with pytest.raises(SystemError):
         verified(scenario, tmp_path / "killed", before=die)
-    assert store.read_head(tmp_path / "killed")["until_verified"] is True
+    assert heads.read_head(tmp_path / "killed")["until_verified"] is True
     found = verified(scenario, tmp_path / "killed")
     (one,) = found.verdicts
     assert (one.verdict, one.runs, one.missed, one.looks) == ("pass", 9, 2, 3)
@@ -228,7 +229,7 @@ def test_a_campaign_that_was_flown_on_says_so(tmp_path):
 def test_smaller_numbers_of_runs_are_remembered(scenario, tmp_path):
     for runs in (2, 3, 3, 4):
         fly(scenario, tmp_path, runs)
-    head = store.read_head(tmp_path)
+    head = heads.read_head(tmp_path)
     assert head["asked_before"] == [2, 3] and head["until_verified"] is False
 
 
@@ -239,8 +240,8 @@ def test_a_campaign_of_a_settled_number_can_go_on_look_by_look(scenario, tmp_pat
     assert verified(scenario, tmp_path / "other").verdicts == whole.verdicts
     fly(scenario, tmp_path / "other", whole.asked + 1)
     assert tuple(results.open_campaign(tmp_path / "other").verdicts) == whole.verdicts
-    assert store.read_head(tmp_path / "other")["asked_before"] == [2]
-    assert store.read_head(tmp_path / "whole")["asked_before"] == []
+    assert heads.read_head(tmp_path / "other")["asked_before"] == [2]
+    assert heads.read_head(tmp_path / "whole")["asked_before"] == []
     lines = parts.verified(results.open_campaign(tmp_path / "other")).lines
     assert any(line.startswith("The campaign was flown on from 2 runs") for line in lines)  # 2 could fail
 

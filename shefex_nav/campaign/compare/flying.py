@@ -13,6 +13,7 @@ from shefex_nav.campaign import draws, running, store
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.compare import sides
 from shefex_nav.campaign.compare.given import BUILT_IN, CAMPAIGN, SOFTWARE, CompareError, override
+from shefex_nav.campaign.head import read_head
 from shefex_nav.scenario import load, software
 
 OUT = Path("logs/compare")
@@ -83,7 +84,7 @@ def fly(flight, how, show, stopped, others=()):
 
 def _see(flights):
     """How to compare what has flown of Flights: str; '' where fewer than two have begun."""
-    begun = [str(one.folder) for one in flights if store.read_head(one.folder, missing=None) is not None]
+    begun = [str(one.folder) for one in flights if read_head(one.folder, missing=None) is not None]
     return f"`{command_of(begun)}` compares the runs that have flown" if len(begun) > 1 else ""
 
 
@@ -94,7 +95,7 @@ def command_of(folders):
 
 def side_so_far(flight, letter, label):
     """Side of the runs of a Flight that are done; None without any."""
-    if store.read_head(flight.folder, missing=None) is None:
+    if read_head(flight.folder, missing=None) is None:
         return None
     try:
         return sides.of(CAMPAIGN, flight.folder, letter, label)

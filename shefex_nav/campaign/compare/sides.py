@@ -5,8 +5,9 @@ from pathlib import Path
 from string import ascii_uppercase
 from typing import NamedTuple
 
-from shefex_nav.campaign import results, store
+from shefex_nav.campaign import results
 from shefex_nav.campaign.compare.given import CAMPAIGN, IN_LOG, LOG, CompareError
+from shefex_nav.campaign.head import read_head
 from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario import document
 from shefex_nav.scenario import software as own
@@ -154,7 +155,7 @@ def _of_campaign(folder, letter, label):
         flown[row["seed"]] = one
     lost = campaign.lost
     notes = (f"{letter}: {len(lost)} runs were lost and are not there",) if lost else ()
-    head = store.read_head(folder)
+    head = read_head(folder)
     return Side(
         letter, label, folder, CAMPAIGN, head["source"], software_in(head["source"]), head["versions"],
         flown, notes=notes, sensors=_sensors(name.removeprefix(results.SUMMARY) for name in campaign.columns),
