@@ -145,7 +145,7 @@ def test_the_default_sample_is_the_papers(toy_registered, tmp_path):
     [
         (("shefex-spike",), "shefex-spikes"),
         (("toy", "--samples", 0), "--samples"),
-        (("toy", "--samples", -3), "at least 1"),
+        (("toy", "--samples", -3), "1 to 1000000000"),
         (("toy", "--out", "FILE/figures"), "--out"),
     ],
 )
