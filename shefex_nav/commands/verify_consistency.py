@@ -41,7 +41,7 @@ def consistency(
         ),
     ] = False,
     histories: Annotated[
-        int, typer.Option(min=100, help="Histories that make the intervals of the NEES.")
+        int, typer.Option(min=100, max=100_000, help="Histories that make the intervals of the NEES.")
     ] = 1000,
     out: Annotated[
         Path | None, typer.Option(help="Draw the NEES over time into a .png or .svg file.")

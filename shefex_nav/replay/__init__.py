@@ -4,7 +4,7 @@ rerun                            a log of ours
 schema*, load, params            how data of others are described
 csv_folder, kf_gins, navego      their formats, read to a `dataset`
 matlab_file, matlab_child        Matlab files, and the process that reads them
-plausible, repeats, clocks       what such data are checked for
+plausible, repeats, meeting, clocks   what such data are checked for
 imu_axes, *_unit                 likewise, of the IMU
 align*, external                 the start, also of a heading that is not known
 external, replayed               a run over them, from beginning to end

@@ -21,6 +21,7 @@ from shefex_nav.replay import (
     clocks,
     dataset,
     gyro_unit,
+    meeting,
     own,
     params,
     plausible,
@@ -57,11 +58,13 @@ def prepare(scenario, files):
     """Replay of a ReplayScenario and the paths of its files; DataError where the data do not allow it."""
     data = dataset.read(scenario, files)
     check(scenario, data)
+    odd_times = meeting.check(scenario, data)
     data, common = clocks.made_one(scenario, data)
     odd_force = accelerometer_unit.check(scenario, data)
     oddities = plausible.check(scenario, data)
     gyro_unit.check(scenario, data)
-    odd = (*odd_force, *data.oddities, *clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
+    odd = [*odd_times, *odd_force, *data.oddities, *clocks.oddities(common)]
+    odd += repeats.oddities(data.imu, data.fixes)
     oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(

@@ -122,6 +122,13 @@ def test_a_scenario_of_its_own_flies_all_cells_that_it_can():
     assert len({job.seed for job in asked(True)}) == 800
 
 
+@pytest.mark.parametrize(("flights", "faults"), [(10**10, 0), (25, 10**10)])
+def test_more_flights_than_can_be_known_are_refused(flights, faults):
+    given = (("mine.yaml", "mine", True),)
+    with pytest.raises(running.RobustnessError, match=r"flights; expected 1000000 at most"):
+        running.jobs(running.Request(given, (), flights, None, 0, faults))
+
+
 def record(**changes):
     """Flight of the design in which nothing happens."""
     quantity = {

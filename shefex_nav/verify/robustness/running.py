@@ -21,6 +21,9 @@ class Request(NamedTuple):
     random: int  # missions with random faults; 0: the design is flown
 
 
+MOST_FLIGHTS = 1_000_000  # that are known before the first one flies
+
+
 class RobustnessError(UserError):
     """A study that cannot be flown; the message says why."""
 
@@ -60,8 +63,14 @@ def _refuse_without_statistics(name, mission, overrides):
         ) from None
 
 
+def _check_count(flights, of):
+    if flights > MOST_FLIGHTS:
+        raise RobustnessError(f"{of}: {flights} flights; expected {MOST_FLIGHTS} at most")
+
+
 def jobs(request):
     """list of flight.Job: first one flight of every cell, then the second ..."""
+    _check_count(request.random, "--random-faults")
     if request.random:
         return [_random(request, k) for k in range(request.random)]
     chosen = []
@@ -70,6 +79,7 @@ def jobs(request):
         chosen += [(given, cell) for cell in found if request.cells is None or cell.number in request.cells]
     if not chosen:
         raise RobustnessError("none of the cells that were asked for belongs to these scenarios")
+    _check_count(request.flights * len(chosen), f"--flights {request.flights} of {len(chosen)} cells")
     chosen.sort(key=lambda one: one[1].number)
     return [
         flight.Job(given, request.overrides, cell, k, flight.seed_of(request.seed, cell.number, k))

@@ -52,7 +52,8 @@ class Store:
             self._begin(head, resume)
             self._file = open(self.folder / FLIGHTS, "a", encoding="utf-8")
         except OSError as error:
-            raise StoreError(f"cannot write into the folder {folder}: {error.strerror}") from None
+            which = "" if error.filename in (None, str(self.folder)) else f"{error.filename}: "
+            raise StoreError(f"cannot write into the folder {folder}: {which}{error.strerror}") from None
 
     def _begin(self, head, resume):
         path = self.folder / HEAD
