@@ -44,6 +44,7 @@ def test_each_command_is_a_file_of_its_name():
         "__init__",
         "app",
         "main",
+        "memory",
         "options",
         "output_files",
         "variables",
