@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from shefex_nav.replay import dataset
 from shefex_nav.scenario.data_table import DataError
 
 FEWEST = 5  # valid fixes, of which something can be said
 FEW = 2  # fixes within the times of the IMU that are next to none
 MOST = 0.5  # [E] of the fixes, that meet the IMU if another unit is right
-UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+UNITS = {**dataset.UNITS, 60.0: "min"}  # factor to seconds: name
 
 
 def check(scenario, data):
@@ -22,12 +23,12 @@ def check(scenario, data):
     )
     columns = scenario.data.gnss if scenario.data.format == "csv" else None
     told = 1.0 if columns is None else columns.time_unit.factor
-    for name, factor in UNITS.items():
+    for factor, name in UNITS.items():
         ratio = factor / told
         if ratio != 1.0 and _within(t_s * ratio, begin_s, end_s) >= max(MOST * len(t_s), FEW):
             field = "data.gnss" if columns is None else "data.gnss.time_unit"
             raise DataError(f"{field}: {words}; they fit as {name}")
-    return [("data.gnss", f"{words}: the navigation has next to none of them; check times and units")]
+    return [("data.gnss", f"{words}. The others are not used: check times and units")]
 
 
 def _within(t_s, begin_s, end_s):

@@ -8,7 +8,7 @@ import pytest
 
 from shefex_nav import runs
 from shefex_nav.campaign.compare import comparison, paired, parts, sides, summary
-from shefex_nav.campaign.compare.quantities import NEARER, NEES, TOLD
+from shefex_nav.campaign.compare.quantities import NEARER, NEES, NEITHER
 from shefex_nav.report import innovations, metrics
 from shefex_nav.scenario.load import load
 
@@ -69,11 +69,11 @@ def test_to_refuse_more_is_neither_better_nor_worse(flown):
         seen = rows[name].difference
         assert (seen.verdict, seen.better, seen.worse) == (paired.NOT_JUDGED, 0, 0) and seen.mean != 0.0
     cells = {one[0]: one for one in parts._figures(found).rows}
-    assert cells["star fixes, refused"][-1] == "not judged: more is no merit"
+    assert cells["star fixes, refused"][-1] == "not judged: neither good nor bad by itself"
     assert cells["star fixes, refused"][-2] == "-"
     told = summary.summary([a, b], [found])["comparisons"][0]["figures"]
     (one,) = (one for one in told if one["name"] == "star fixes, used")
-    assert one["better"] == TOLD and one["difference"]["verdict"] is None
+    assert one["better"] == NEITHER and one["difference"]["verdict"] is None
 
 
 def test_a_side_whose_nis_is_not_where_it_should_be_is_named(flown):
@@ -99,7 +99,7 @@ def test_errors_that_last_have_a_nis_without_a_verdict(flown):
     gates = [*flown.gates, *(one._replace(sensor="barometer") for one in flown.gates if one.dof)]
     a, b = logs(flown._replace(gates=gates), refusing(flown._replace(gates=gates)))
     row = rows_of(comparison.compare(a, b))["NIS, barometer, below 1 expected"]
-    assert row.quantity.better == TOLD and row.a.median == pytest.approx(1.0, abs=0.5)
+    assert row.quantity.better == NEITHER and row.a.median == pytest.approx(1.0, abs=0.5)
 
 
 def test_a_campaign_has_the_rows_of_its_records(whole):

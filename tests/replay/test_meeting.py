@@ -39,7 +39,7 @@ def test_another_unit_is_named(given, name, factor):
 def test_what_no_unit_explains_is_warned_of(given):
     scenario, data = given
     ((field, words),) = meeting.check(scenario, timed(data, lambda t_s: t_s - 5000.0))
-    assert field == "data.gnss" and "the navigation has next to none of them" in words
+    assert field == "data.gnss" and "The others are not used" in words
 
 
 def test_an_imu_that_ran_for_a_part_of_the_time_alone(given):

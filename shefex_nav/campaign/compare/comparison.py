@@ -6,12 +6,12 @@ import numpy as np
 
 from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG, CompareError
-from shefex_nav.campaign.compare.quantities import LARGER, QUANTITIES, SOLUTION_SHARE, TOLD, of_sensor
+from shefex_nav.campaign.compare.quantities import LARGER, NEITHER, QUANTITIES, SOLUTION_SHARE, of_sensor
 from shefex_nav.scenario import differences, software
 
 MOST_SEEDS = 3  # that are named
 IN_TURN = "flown one after the other"
-BY_ITSELF = "more is no merit"
+BY_ITSELF = "neither good nor bad by itself"
 SAME_SHARE = 1e-3  # of the ticks with a solution, by which two sides of a seed may differ
 
 
@@ -102,7 +102,7 @@ def _row(quantity, a, b, seeds):
     named, of_a, of_b = zip(*both, strict=True)
     x, y = ([quantity.compared(value) for value in side] for side in (of_a, of_b))
     found = paired.difference(x, y, larger_is_better=quantity.better == LARGER)
-    if quantity.better == TOLD:
+    if quantity.better == NEITHER:
         found = _only_told(found)
     elif why := _unfair(quantity, a, b, named):
         found = found._replace(verdict=paired.NOT_JUDGED, why=why)

@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav.campaign.compare import described, paired
 from shefex_nav.campaign.compare.given import LOG
-from shefex_nav.campaign.compare.quantities import NEARER, NEES, TOLD
+from shefex_nav.campaign.compare.quantities import NEARER, NEES, NEITHER
 from shefex_nav.campaign.over_time import PRACTICAL
 from shefex_nav.campaign.parts import Bold, Command, Part
 from shefex_nav.report import innovations, sensor_use
@@ -99,7 +99,7 @@ def _row(row, one):
     found = row.difference
     if found is None:
         return row.quantity.name, unit, *medians, "-", "-", "-", row.why
-    better = "-" if row.quantity.better == TOLD else f"{found.better} of {found.n}"
+    better = "-" if row.quantity.better == NEITHER else f"{found.better} of {found.n}"
     log = "ln: " if row.quantity.better == NEARER else ""
     return (
         row.quantity.name, unit, *medians, log + number(found.mean, sign=True), _interval(found), better,

@@ -7,7 +7,7 @@ from shefex_nav.clock import TICK_HZ
 from shefex_nav.report import innovations, requirements, sensor_use
 from shefex_nav.report.metrics import NEES_DOF
 
-SMALLER, LARGER, NEARER, TOLD = "smaller", "larger", "nearer", "neither"
+SMALLER, LARGER, NEARER, NEITHER = "smaller", "larger", "nearer", "neither"
 
 
 class Quantity(NamedTuple):
@@ -18,7 +18,7 @@ class Quantity(NamedTuple):
     figure: (
         object  # function of `get`, which gives the value at a dotted path of the summary -> float or None
     )
-    better: str = SMALLER  # TOLD: no verdict
+    better: str = SMALLER  # or NEITHER: it has no verdict
     target: float = NEES_DOF  # of what should be near it
     timed: bool = False  # of the whole simulation: not compared where one wrote a log and one did not
     wall: bool = False  # measured in wall time, in which two sides are not flown at once: no verdict
@@ -103,12 +103,12 @@ def _refused(sensor):
 def of_sensor(sensor):
     """Quantities of what became of the measurements of a sensor, and of their NIS."""
     name, lasts = sensor_use.named(sensor), innovations.errors_last(sensor)
-    yield Quantity(f"{name}, used", "", _used(sensor), TOLD)
-    yield Quantity(f"{name}, refused", "%", _refused(sensor), TOLD)
+    yield Quantity(f"{name}, used", "", _used(sensor), NEITHER)
+    yield Quantity(f"{name}, refused", "%", _refused(sensor), NEITHER)
     yield Quantity(
         f"NIS, {name}, {'below 1' if lasts else '1'} expected",
         "",
         _at(f"{_NAV}nis.{sensor}.per_dof"),
-        TOLD if lasts else NEARER,
+        NEITHER if lasts else NEARER,
         target=1.0,
     )
