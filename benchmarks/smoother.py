@@ -28,6 +28,8 @@ from pathlib import Path
 import numpy as np
 from missions import SCENARIOS
 
+from shefex_nav.report.navigation_errors import navigation_errors
+
 BLOCKS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9), "all": slice(0, 9)}
 AXES = ("r x", "r y", "r z", "v x", "v y", "v z", "att x", "att y", "att z")
 CONFIDENCE, DRAWS, TIMES = 0.999, 20_000, 4.0
@@ -97,7 +99,7 @@ def _in(part, data):
     """Mean squares of nine errors in a part, and NEES of the blocks in its middle."""
     from shefex_nav.report import metrics
 
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     x = np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b])
     inside = (errors.t_s >= part.from_s) & (errors.t_s <= part.to_s)
     i, j = metrics.same_times(errors.t_s, data.covariance.t_s)

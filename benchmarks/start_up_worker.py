@@ -41,7 +41,7 @@ def watch_the_flight(load):
 
         mark("flight imported")
         marked(prepare, "build_world", "world built")
-        marked(simulate, "warm_up", "kernels loaded")
+        marked(prepare, "mission", "kernels loaded")
         route = simulate.route
         simulate.route = lambda *args, **more: ticks(route(*args, **more))
         return scenario

@@ -21,6 +21,8 @@ from pathlib import Path
 import numpy as np
 from missions import SCENARIOS
 
+from shefex_nav.report.navigation_errors import navigation_errors
+
 WORSE, RESETS = 1.5, 2
 MISSIONS = {"shefex2_andoya": ["star_tracker.frames=statistical"], "rexus_like": []}
 KEYS = ("random_walk", "in_run_bias", "bias")
@@ -40,7 +42,6 @@ def fly(job):
     """(name, seed, factor, data) -> position error m, Counter of resets, what is said of noise."""
     name, seed, factor, data = job
     from shefex_nav.log.run_data import RunDataBuilder
-    from shefex_nav.report import metrics
 
     if data:
         mission, records = _drive(Path(data), factor)
@@ -50,7 +51,7 @@ def fly(job):
     for record in records:
         kept.add(record)
     run = kept.build()
-    errors = metrics.navigation_errors(run)
+    errors = navigation_errors(run)
     r_i = errors.position_i[errors.t_s >= 60.0] if data else errors.position_i
     resets = Counter(gate.sensor for gate in run.gates if gate.accepted and gate.note)
     said = [f"T{one.t_s:+.0f} s {one.reason or 'right again'}" for one in run.health if "noise" in one.source]

@@ -11,7 +11,8 @@ from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.records import GateResult, NavSolution
 from shefex_nav.replay import rerun, smooth
-from shefex_nav.report import figures, metrics
+from shefex_nav.report import figures
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.scenario import load
 
 UNTIL_S = 36.0
@@ -46,8 +47,8 @@ def test_the_receiver_says_latitude_and_longitude_alone(flown):
 
 def test_height_stays_inside_its_sigma_and_readings_are_used_where_they_may_be(flown):
     data = data_of(flown)
-    errors = metrics.navigation_errors(data)
-    _, nees, _ = metrics.normalised_errors(data, errors)
+    errors = navigation_errors(data)
+    _, nees, _ = normalised_errors(data, errors)
     assert 3.0 < nees.mean() < 20.0  # of 9
     k = np.searchsorted(errors.t_s, data.covariance.t_s - 1e-6).clip(0, len(errors.t_s) - 1)
     for n in range(0, len(k), 20):
@@ -76,9 +77,7 @@ def test_a_log_with_a_barometer_gives_the_same_solution_again(flown, tmp_path):
     notes = [record.note for record in again if type(record) is GateResult]
     assert notes == [gate.note for gate in data.gates]
     smoothed = smooth.run(rerun.open_log(path))
-    before, after = (
-        metrics.navigation_errors(one).position_i for one in (smoothed.filtered, smoothed.smoothed)
-    )
+    before, after = (navigation_errors(one).position_i for one in (smoothed.filtered, smoothed.smoothed))
     assert np.sqrt(np.mean(after**2)) < 1.05 * np.sqrt(np.mean(before**2))
     assert figures.draw("barometer", data) is not None
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from shefex_nav.campaign.plan import BLOCKS
 from shefex_nav.clock import SAME_S
-from shefex_nav.report import metrics
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.report.pairing import phase_at, same_times
 
 
@@ -34,7 +34,7 @@ def series(data, trajectory, biases, rate_hz):
     nis_sum.<sensor>, nis_dof.<sensor> : (N,) sums of the normalised squared innovations of the measurements
         that met the gate since the epoch before, and of their degrees of freedom
     """
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     i, j = _epochs(errors, data, rate_hz)
     t_s = errors.t_s[i]
     of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_S).clip(0, len(trajectory.t_s) - 1)

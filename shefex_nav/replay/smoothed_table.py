@@ -8,6 +8,7 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.records import Phase
 from shefex_nav.report import columns, metrics
+from shefex_nav.report.navigation_errors import NEES_DOF, navigation_errors, normalised_errors
 from shefex_nav.report.track import earth_fixed
 
 DOF = 9  # of the NEES of position, velocity and attitude
@@ -125,7 +126,7 @@ def compare(filtered, smoothed):
         for name, values in zip(("filtered", "smoothed"), rms, strict=True):
             row[name] = dict(zip(QUANTITIES, values, strict=True))
         row["ratio"] = dict(zip(QUANTITIES, map(_ratio, *rms), strict=True))
-        row["nees"] = {"filtered": nees[0], "smoothed": nees[1], "dof": metrics.NEES_DOF}
+        row["nees"] = {"filtered": nees[0], "smoothed": nees[1], "dof": NEES_DOF}
         if rms[0][0] is not None:
             result.append(row)
     return result
@@ -133,12 +134,12 @@ def compare(filtered, smoothed):
 
 def _norms(data):
     """t_s (N,), position m, velocity m/s, attitude deg (N, 3), and t_s (K,), NEES (K,) of a RunData."""
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     norms = np.column_stack(
         [np.linalg.norm(e, axis=1) for e in (errors.position_i, errors.velocity_i, errors.attitude_b)]
     )
     norms[:, 2] = np.degrees(norms[:, 2])
-    t_s, nees, _ = metrics.normalised_errors(data, errors)
+    t_s, nees, _ = normalised_errors(data, errors)
     return errors.t_s, norms, t_s, nees
 
 

@@ -18,6 +18,7 @@ from shefex_nav.instruments import TABLE, outer_states
 from shefex_nav.log.run_data import ARRAYS, LISTS
 from shefex_nav.log.topics import of_record
 from shefex_nav.onboard.navigation.blocks import STATES
+from shefex_nav.report.navigation_errors import navigation_errors
 
 KINDS = ("csv", "parquet")
 COLUMNS = "columns.csv"
@@ -227,10 +228,10 @@ def _inner_ending(shape, index):
 
 def _errors(data):
     """Errors of the navigation at every tick that has truth and estimate, and of the star fixes."""
-    from shefex_nav.report import metrics, star_metrics
+    from shefex_nav.report import star_metrics
     from shefex_nav.report.figures import errors as levelled
 
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     out = {}
     if len(errors.t_s):
         position, velocity = levelled.level(data)

@@ -43,12 +43,10 @@ Definitions
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation.quantity import about
 from shefex_nav.report import (
     beyond_sigma,
@@ -65,37 +63,15 @@ from shefex_nav.report import (
     while_pointing,
 )
 from shefex_nav.report.configured import of_run
-from shefex_nav.report.nees import nees
-from shefex_nav.report.pairing import pointing_error, same_times
+from shefex_nav.report.navigation_errors import NEES_DOF, navigation_errors, normalised_errors
+from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.sizes import largest, rms
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.scenario import lens, told
 from shefex_nav.scenario.document import dotted
 
 ENTRY_HEIGHT = 100e3  # m
-NEES_DOF = 9  # position, velocity, attitude
 NO_STARS = "no star fix was used"
-
-
-class NavErrors(NamedTuple):
-    """Truth minus estimate over the N ticks that have both."""
-
-    t_s: np.ndarray  # (N,)
-    position_i: np.ndarray  # (N, 3) m
-    velocity_i: np.ndarray  # (N, 3) m/s
-    attitude_b: np.ndarray  # (N, 3) rad
-
-
-def navigation_errors(data):
-    """NavErrors of a RunData."""
-    i, j = same_times(data.truth.t_s, data.nav.t_s)
-    truth, nav = data.truth, data.nav
-    return NavErrors(
-        truth.t_s[i],
-        truth.r_i[i] - nav.r_i[j],
-        truth.v_i[i] - nav.v_i[j],
-        rotvec_between(nav.q_ib[j], truth.q_ib[i]),
-    )
 
 
 def summarise(data, *, log=None, from_s=None, scenario=None):
@@ -251,14 +227,6 @@ def _at_entry(data, errors, t_s, height):
         "attitude_sigma_deg": None if known is None else np.degrees(sigma[known, 6:]).tolist(),
         "nees": None if known is None else float(squares[known]),
     }
-
-
-def normalised_errors(data, errors):
-    """(t_s, NEES, sigma) at the epochs of the logged covariance: (K,), (K,), (K, 9)."""
-    i, j = same_times(errors.t_s, data.covariance.t_s)
-    x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
-    P = data.covariance.P[j]
-    return errors.t_s[i], nees(x, P), np.sqrt(np.einsum("kii->ki", P))
 
 
 def _nees_summary(data, errors, end_s):

@@ -30,6 +30,7 @@ from shefex_nav.report import (
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
 from shefex_nav.report.html import element
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.report.pairing import stretches
 
 _HEADINGS = (  # section of figures.catalogue, heading
@@ -159,7 +160,7 @@ def incidents(data):
 
 def _errors(data):
     """Errors far beyond their sigmas, and what those of a user's own software look like."""
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     for one in beyond_sigma.stretches_of(data, errors):
         yield Incident(one.from_s, one.until_s, consistency_rows.beyond_words(one))
     if sensor_use.is_own(data):

@@ -14,9 +14,9 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight
 from shefex_nav.report.pairing import pointing_error
+from shefex_nav.report.requirements import AIR_KM
 from shefex_nav.scenario import lens
 
-AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
 LOOKS = "the star camera looks into the air, which the frames here do not show"
 UPRIGHT = math.radians(89.0)  # an elevation from which on little is won
 TURNS = math.radians(15.0)  # so much gravity and wind bend the path of a burn down, at most

@@ -10,7 +10,8 @@ import math
 from typing import NamedTuple
 
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report.programme import AIR_KM
+
+AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
 
 
 class Judged(NamedTuple):

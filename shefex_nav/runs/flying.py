@@ -115,7 +115,8 @@ def fly(
     told((*programme.of_files(scenario), *programme.warnings(scenario, programme.of_flight(world.flight))))
     room.release()
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
-    simulate.warm_up(scenario, world)
+    if pace is not None:
+        simulate.warm_up(scenario, world)  # or the first ticks would be late
     clock = None if pace is None else Pace(pace)
     flight = _seen(world, scenario, seed, math.inf if until_s is None else until_s, watch, clock, room)
     with _beside_own_code(scenario, path):

@@ -11,6 +11,7 @@ from shefex_nav.log import mcap_file, reader
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import Event, GpsFix, ImuBlock, NavSolution, Reason, StarFix, TruthSample
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.runs.frames import Frames, nearest
 
 KEEP = "log.frames of the scenario says which are kept: full_every, otherwise"
@@ -193,9 +194,8 @@ class Run:
 
     def errors(self) -> Errors:
         """Errors of position, velocity and attitude with their standard deviations."""
-        from shefex_nav.report import metrics
 
-        errors, covariance = metrics.navigation_errors(self.data), self.data.covariance
+        errors, covariance = navigation_errors(self.data), self.data.covariance
         sigma = np.sqrt(np.einsum("kii->ki", covariance.P))
         return Errors(*errors, covariance.t_s, sigma[:, :3], sigma[:, 3:6], sigma[:, 6:])
 

@@ -32,6 +32,7 @@ from shefex_nav.clock import TICK_HZ
 from shefex_nav.commands.app import app
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.scenario import load
 
 RUNS = 4
@@ -60,7 +61,7 @@ def test_series_of_a_run_are_its_errors(whole, scenario):
     assert repeating.repeat(folder, 2, log, lane=HereLane).same
     data = reader.read(log)
     log.unlink()
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     assert found["t_s"] == pytest.approx([0.5, 1.0, 1.5, 2.0])
     k = np.searchsorted(errors.t_s, found["t_s"] - 1e-6)
     assert found["position_error_i"] == pytest.approx(errors.position_i[k], abs=1e-9)

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import shefex_nav
 from shefex_nav.replay import rerun, smooth
-from shefex_nav.report import metrics
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 FAULTS = """[
@@ -49,6 +49,6 @@ def test_smoothed_it_is_whole_and_honest(recording):
     """
     smoothed = smooth.run(recording).smoothed
     assert np.isfinite(smoothed.nav.r_i).all() and np.isfinite(smoothed.covariance.P).all()
-    t_s, nees, _ = metrics.normalised_errors(smoothed, metrics.navigation_errors(smoothed))
+    t_s, nees, _ = normalised_errors(smoothed, navigation_errors(smoothed))
     unnoticed = np.any([(from_s < t_s) & (t_s < from_s + NOTICED_S) for from_s in BEGIN_S], axis=0)
     assert nees[~unnoticed].max() < chi2.ppf(1.0 - 1e-9, 9)

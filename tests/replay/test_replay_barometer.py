@@ -10,7 +10,7 @@ from shefex_nav.environment import atmosphere, magnetic_field
 from shefex_nav.geometry import euler
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.replay import external, load
-from shefex_nav.report import metrics
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.scenario.data_table import DataError
 from shefex_nav.scenario.load import ScenarioError
 
@@ -90,8 +90,8 @@ def test_a_student_rocket_is_navigated_by_pressure_and_two_coordinates(data):
     assert {gate.dof for gate in gates["gps_position"]} == {2}
     assert all(gate.accepted for gate in gates["gps_position"])
     assert len([gate for gate in gates["barometer"] if gate.accepted]) > 150
-    errors = metrics.navigation_errors(data)
-    _, nees, _ = metrics.normalised_errors(data, errors)
+    errors = navigation_errors(data)
+    _, nees, _ = normalised_errors(data, errors)
     assert np.linalg.norm(errors.position_i, axis=1).max() < 30.0
     assert 0.5 < nees.mean() < 20.0  # of 9
     sigma = np.sqrt(np.einsum("nii->n", data.covariance.P[:, :3, :3]))
@@ -191,9 +191,9 @@ def test_a_magnetometer_in_the_axes_of_the_file_finds_the_heading(tmp_path, data
     gates = [gate for gate in found.gates if gate.sensor == "magnetometer"]
     assert len(gates) > 200 and all(gate.accepted for gate in gates)
     after, before = (
-        np.degrees(np.linalg.norm(metrics.navigation_errors(one).attitude_b[200:300], axis=1))
+        np.degrees(np.linalg.norm(navigation_errors(one).attitude_b[200:300], axis=1))
         for one in (found, data)
     )
     assert after.max() < 0.5 * before.mean()
-    _, nees, _ = metrics.normalised_errors(found, metrics.navigation_errors(found))
+    _, nees, _ = normalised_errors(found, navigation_errors(found))
     assert 0.5 < nees.mean() < 20.0

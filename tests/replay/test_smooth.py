@@ -16,7 +16,7 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
 from shefex_nav.records import Phase
 from shefex_nav.replay import final_pass, relinear, rerun, smooth, smoothed_table, smoother
-from shefex_nav.report import metrics
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.scenario import load, params_onboard
 
 SEEDS = range(1, 9)
@@ -250,9 +250,7 @@ def test_errors_are_smaller_and_as_large_as_said(flights):
     for t_s in (10.0, 20.5, 25.0, 29.0):
         nees = []
         for flight in flights:
-            times, values, _ = metrics.normalised_errors(
-                flight.smoothed, metrics.navigation_errors(flight.smoothed)
-            )
+            times, values, _ = normalised_errors(flight.smoothed, navigation_errors(flight.smoothed))
             nees.append(values[np.argmin(np.abs(times - t_s))])
         low, high = chi2.ppf([5e-4, 0.9995], 9 * len(nees)) / len(nees)
         assert low < np.mean(nees) < high, (t_s, np.mean(nees))
@@ -263,7 +261,7 @@ def test_a_reset_does_not_leak_into_what_was_before(tmp_path):
     path = write(tmp_path / "bent.mcap", Options(stars_turned=np.radians(2.0)))
     flight = smooth.run(rerun.open_log(path))
     assert any("reset" in gate.note for gate in flight.filtered.gates if gate.sensor == "star_tracker")
-    errors = metrics.navigation_errors(flight.smoothed)
+    errors = navigation_errors(flight.smoothed)
     attitude_deg = np.degrees(np.linalg.norm(errors.attitude_b, axis=1))
     assert attitude_deg[errors.t_s < 21.0].max() < 0.6
     assert np.linalg.norm(errors.position_i, axis=1).max() < 10.0
@@ -282,7 +280,7 @@ def test_parts_of_the_flight(result):
     assert all(ratio == 1.0 for row in rows for ratio in row["ratio"].values())
     middle = rows[3]
     assert 23.5 < middle["from_s"] < middle["to_s"] < 26.5
-    errors = metrics.navigation_errors(result.filtered)
+    errors = navigation_errors(result.filtered)
     inside = (errors.t_s >= middle["from_s"]) & (errors.t_s <= middle["to_s"])
     by_hand = np.sqrt((errors.position_i[inside] ** 2).sum(axis=1).mean())
     assert np.isclose(middle["filtered"]["position_m"], by_hand, rtol=1e-12)

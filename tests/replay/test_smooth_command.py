@@ -12,6 +12,7 @@ from shefex_nav.log import reader
 from shefex_nav.records import TruthSample
 from shefex_nav.replay import rerun
 from shefex_nav.report import metrics
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.report.viewer import recording
 
 RUNNER = CliRunner()
@@ -44,7 +45,7 @@ def test_writes_a_log_beside_the_log_that_report_reads(log, smoothed):
     )
     assert after["star_tracker"] == before["star_tracker"] and after["flight"] == before["flight"]
     boost = smoothed["parts"][0]
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     by_hand = np.linalg.norm(errors.velocity_i[errors.t_s <= 20.0 + 1e-6], axis=1)
     assert np.isclose(boost["smoothed"]["velocity_m_s"], np.sqrt(np.mean(by_hand**2)), rtol=1e-9)
 

@@ -18,7 +18,8 @@ from shefex_nav.geometry.frames import ecef_from_inertial, inertial_from_ecef
 from shefex_nav.geometry.wgs84 import ecef_from_geodetic
 from shefex_nav.log import topics
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import export, geography, metrics
+from shefex_nav.report import export, geography
+from shefex_nav.report.navigation_errors import navigation_errors
 
 OPTIONS = synthetic_run.Options(start_s=228.0, end_s=258.0, frame_pixels=False)
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -69,7 +70,7 @@ def test_tables_hold_the_arrays_of_the_run(data, written):
     assert column(truth, "phase")[0] == rec.Phase(data.truth.phase[0]).name.lower()
     np.testing.assert_array_equal(column(written["imu"], "dv_b_m_s_3_z"), data.imu.dv_b[:, 2, 2])
     np.testing.assert_array_equal(column(written["gps"], "R_r_e_m2_1_2"), [f.R_r_e[0, 1] for f in data.gps])
-    expected = metrics.navigation_errors(data)
+    expected = navigation_errors(data)
     np.testing.assert_array_equal(column(written["errors"], "t_s"), expected.t_s)
     np.testing.assert_array_equal(
         column(written["errors"], "attitude_error_rad_z"), expected.attitude_b[:, 2]

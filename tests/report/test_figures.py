@@ -14,8 +14,9 @@ from scipy.stats import binom, chi2
 from shefex_nav import event_words
 from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import figures, local_level, metrics, star_metrics
+from shefex_nav.report import figures, local_level, star_metrics
 from shefex_nav.report.figures import consistency, errors, flight, flown, labels, sky, style
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.track import earth_fixed
 
@@ -80,7 +81,7 @@ def test_a_leap_in_time_is_not_bridged():
 
 
 def test_attitude_errors_are_those_of_the_metrics_inside_three_sigma(data):
-    expected = metrics.navigation_errors(data)
+    expected = navigation_errors(data)
     figure = errors.attitude(data)
     for k, axis in enumerate("xyz"):
         axes = panels(figure)[k]
@@ -126,8 +127,8 @@ def _has(axes, label):
 
 def test_nees_is_that_of_the_metrics_and_of_its_definition(data):
     t_s, values = consistency.nees_of_blocks(data)
-    expected = metrics.navigation_errors(data)
-    times, nees, _ = metrics.normalised_errors(data, expected)
+    expected = navigation_errors(data)
+    times, nees, _ = normalised_errors(data, expected)
     np.testing.assert_allclose(t_s, times)
     np.testing.assert_allclose(values["all"], nees, rtol=1e-9)
     k = 17

@@ -7,8 +7,9 @@ import pytest
 
 from shefex_nav import runs
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.report import likely_mistakes, metrics
+from shefex_nav.report import likely_mistakes
 from shefex_nav.report.lever_arm import of_gps
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.scenario.load import load
 
 OWN = (("navigation", "own.py:Mine", ""),)
@@ -22,7 +23,7 @@ def good():
 
 
 def fits(data):
-    return likely_mistakes.found(data, metrics.navigation_errors(data))
+    return likely_mistakes.found(data, navigation_errors(data))
 
 
 def with_nav(data, **changes):

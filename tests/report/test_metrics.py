@@ -18,6 +18,7 @@ from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import metrics, pairing, star_metrics
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.table import rows, summary_table
 
 MISSION = synthetic_run.mission()
@@ -202,7 +203,7 @@ def test_navigation_errors_have_the_made_size(summary, data):
     ):
         low, high = np.sqrt(chi2.ppf([0.0005, 0.9995], 3 * n) / n) * sigma  # 99.9 %
         assert low < navigation[name]["rms"] < high
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     nav = data.nav
     truth_again = np.array(
         [
@@ -230,8 +231,8 @@ def test_nees_needs_the_correlations():
     P = root @ root.T
     covariance = synthetic_run._covariance(t_s)._replace(P=P)
     data = gathered([truth, nav, covariance])
-    errors = metrics.navigation_errors(data)
-    times, nees, sigma = metrics.normalised_errors(data, errors)
+    errors = navigation_errors(data)
+    times, nees, sigma = normalised_errors(data, errors)
     x = np.concatenate([errors.position_i[0], errors.velocity_i[0], errors.attitude_b[0]])
     assert times[0] == t_s
     assert nees[0] == pytest.approx(x @ np.linalg.inv(P) @ x, rel=1e-6)

@@ -8,6 +8,7 @@ import pytest
 from shefex_nav import runs
 from shefex_nav.records import GateResult, Reason
 from shefex_nav.report import beyond_sigma, consistency_rows, metrics, page, sensor_use, table
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.scenario.load import load
 
 OWN = (("navigation", "own.py:Mine", ""),)
@@ -96,11 +97,11 @@ def test_the_page_does_not_say_nothing_of_what_it_does_not_know(flown):
 
 
 def test_errors_far_beyond_their_sigmas_are_told_with_their_time(flown):
-    errors = metrics.navigation_errors(flown)
+    errors = navigation_errors(flown)
     assert beyond_sigma.stretches_of(flown, errors) == []
     late = flown.nav.t_s > 3.0
     data = flown._replace(nav=flown.nav._replace(r_i=flown.nav.r_i + np.outer(late, [300.0, 0.0, 0.0])))
-    (one,) = beyond_sigma.stretches_of(data, metrics.navigation_errors(data))
+    (one,) = beyond_sigma.stretches_of(data, navigation_errors(data))
     assert one.quantity == "position" and one.from_s == pytest.approx(3.0, abs=0.11) and one.until_s is None
     k = int(np.argmax(flown.covariance.t_s > 4.0))
     assert one.times > 0.3 * 300.0 / np.sqrt(np.trace(flown.covariance.P[k, :3, :3]))

@@ -14,7 +14,8 @@ from rerun.chunk import McapReader, RrdReader
 from shefex_nav import records as rec
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import metrics, viewer
+from shefex_nav.report import viewer
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.report.viewer import counts, layout, legend, pages, recording, sensors
 from shefex_nav.report.viewer.sender import GREEN, NAMELESS, Sender
 from shefex_nav.scenario import load
@@ -154,7 +155,7 @@ def test_what_was_no_measurement_is_no_mark_among_the_innovations(tmp_path):
 def test_errors_beyond_the_scale_are_told(log):
     """The title names the largest error if its plot cuts it off, and only then."""
     data = recording.read(log)
-    errors = metrics.navigation_errors(data)
+    errors = navigation_errors(data)
     largest = np.abs(np.hstack([errors.position_i, errors.velocity_i, np.degrees(errors.attitude_b)])).max(
         axis=0
     )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.report import innovations, requirements, sensor_use
-from shefex_nav.report.metrics import NEES_DOF
+from shefex_nav.report.navigation_errors import NEES_DOF
 
 SMALLER, LARGER, NEARER, NEITHER = "smaller", "larger", "nearer", "neither"
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.compare.given import LOG
+from shefex_nav.report.navigation_errors import navigation_errors
 
 EVERY_S = 1.0  # of a log
 ERRORS = {"position": "position_error_i", "velocity": "velocity_error_i", "attitude": "attitude_error_b"}
@@ -44,10 +45,9 @@ def _course(t_s, errors, sigmas):
 
 
 def _of_data(data):
-    from shefex_nav.report import metrics
     from shefex_nav.report.pairing import same_times
 
-    errors, covariance = metrics.navigation_errors(data), data.covariance
+    errors, covariance = navigation_errors(data), data.covariance
     i, j = same_times(errors.t_s, covariance.t_s)
     sigma = np.sqrt(np.einsum("kii->ki", covariance.P[j]))
     if not len(i):  # software that gives no covariance at all

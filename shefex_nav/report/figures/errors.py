@@ -12,8 +12,9 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.records import Reason
-from shefex_nav.report import local_level, metrics, scale
+from shefex_nav.report import local_level, scale
 from shefex_nav.report.figures import style
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.pairing import same_times
 from shefex_nav.report.track import earth_fixed
 
@@ -33,8 +34,8 @@ def attitude(data):
         return _three(
             data, words, names, "deg", (t_s, error[:, columns] * _DEG, sigma_t_s, sigma[:, columns] * _DEG)
         )
-    errors = metrics.navigation_errors(data)
-    sigma_t_s, _, sigma = metrics.normalised_errors(data, errors)
+    errors = navigation_errors(data)
+    sigma_t_s, _, sigma = normalised_errors(data, errors)
     names = tuple(f"about {axis}" for axis in "xyz")
     series = errors.t_s, errors.attitude_b * _DEG, sigma_t_s, sigma[:, 6:] * _DEG
     return _three(data, "Attitude error about the body axes", names, "deg", series)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from shefex_nav import event_words
-from shefex_nav.report import metrics
 from shefex_nav.report.figures import errors, flown, frame, labels, style
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 
 _HEIGHT = 5.0  # inches
 _EVENTS = {"lift_off", "burn_out_1", "burn_out_2", "apogee", "entry", "landing", "impact"}
@@ -60,8 +60,8 @@ def _flight(axes, data, t_s):
 
 def _attitude(panels, data, t_s):
     """Errors about the axes of the body with 3 sigma, since the first star fix or of the whole log."""
-    found = metrics.navigation_errors(data)
-    sigma_t_s, _, sigma = metrics.normalised_errors(data, found)
+    found = navigation_errors(data)
+    sigma_t_s, _, sigma = normalised_errors(data, found)
     (first_s, last_s), since_s = style.whole(data), errors.part_since(data)
     words = "attitude error [deg] in ±3 σ"
     panels[0].set_title(words if since_s is None else f"{words} since the first star fix")

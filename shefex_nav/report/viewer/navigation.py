@@ -6,7 +6,8 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.instruments import TABLE
 from shefex_nav.late_packages import special
 from shefex_nav.records import QUANTITIES, Doubt, protected
-from shefex_nav.report import metrics, trust
+from shefex_nav.report import trust
+from shefex_nav.report.navigation_errors import NEES_DOF, navigation_errors, normalised_errors
 from shefex_nav.report.viewer import layout, world
 from shefex_nav.report.viewer.sender import (
     BLUE,
@@ -42,8 +43,8 @@ def errors(sender, data, run="", colours=(BLUE, RED)):
 
     run : name of the run where there are several; colours : of its error and of its sigmas
     """
-    found = metrics.navigation_errors(data)
-    sigma_t_s, _, sigma = metrics.normalised_errors(data, found)
+    found = navigation_errors(data)
+    sigma_t_s, _, sigma = normalised_errors(data, found)
     nine = np.hstack([found.position_i, found.velocity_i, np.degrees(found.attitude_b)])
     sigma = np.hstack([sigma[:, :6], np.degrees(sigma[:, 6:])])
     shown = plot_step(found.t_s)
@@ -116,7 +117,7 @@ def biases(sender, data):
 
 def consistency(sender, data, run="", colour=BLUE):
     """NEES with its bounds, and every measurement's NIS by its limit: refused above one."""
-    t_s, nees, _ = metrics.normalised_errors(data, metrics.navigation_errors(data))
+    t_s, nees, _ = normalised_errors(data, navigation_errors(data))
     step = plot_step(t_s)
     entity = f"plots/nees/{run or 'run'}"
     sender.curve(entity, t_s[::step], nees[::step], colour, f"NEES {run}".strip())
@@ -125,7 +126,7 @@ def consistency(sender, data, run="", colour=BLUE):
     tail = 0.5 * (1.0 - CONFIDENCE)
     ends = t_s[[0, -1]] if len(t_s) else []
     for name, share in (("lower", tail), ("upper", 1.0 - tail)):
-        limit = float(special().chdtri(metrics.NEES_DOF, 1.0 - share))
+        limit = float(special().chdtri(NEES_DOF, 1.0 - share))
         sender.curve(f"plots/nees/{name}", ends, [limit] * len(ends), RED, f"{name} bound, {CONFIDENCE:.0%}")
     for sensor in sorted({gate.sensor for gate in data.gates}):
         _innovations(sender, sensor, [gate for gate in data.gates if gate.sensor == sensor])

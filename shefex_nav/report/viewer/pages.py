@@ -8,7 +8,8 @@ import rerun.blueprint as rrb
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
-from shefex_nav.report import metrics, scale, trust
+from shefex_nav.report import scale, trust
+from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.viewer import counts, legend
 from shefex_nav.report.viewer.layout import (
     ERROR_PLOTS,
@@ -272,8 +273,8 @@ def _error_limits(data):
 
     The better part of the flight is to be seen well, spikes are cut off.
     """
-    errors = metrics.navigation_errors(data)
-    t_s, _, sigma = metrics.normalised_errors(data, errors)
+    errors = navigation_errors(data)
+    t_s, _, sigma = normalised_errors(data, errors)
     if not np.any(t_s > 0.0):
         return [(None, "")] * len(ERROR_PLOTS)
     sizes = np.abs(np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b]))

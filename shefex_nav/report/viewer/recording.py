@@ -19,7 +19,6 @@ from shefex_nav import __version__
 from shefex_nav.files import digest, text_of, whole
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
-from shefex_nav.report import metrics
 from shefex_nav.report.viewer import (
     counts,
     drawings,
@@ -205,6 +204,7 @@ def beside(sender, data, name, colour):
 
 def send_summary(sender, data):
     """The figures of the run as a text."""
+    from shefex_nav.report import metrics
     from shefex_nav.report.table import rows
 
     parts = [f"| {data.mission.scenario}, seed {data.mission.seed} | |", "|---|---|"]

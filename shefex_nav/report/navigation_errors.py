@@ -1,0 +1,40 @@
+"""Errors of the navigation solution: truth minus estimate, and over what the filter says of itself."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.report.nees import nees
+from shefex_nav.report.pairing import same_times
+
+NEES_DOF = 9  # position, velocity, attitude
+
+
+class NavErrors(NamedTuple):
+    """Truth minus estimate over the N ticks that have both."""
+
+    t_s: np.ndarray  # (N,)
+    position_i: np.ndarray  # (N, 3) m
+    velocity_i: np.ndarray  # (N, 3) m/s
+    attitude_b: np.ndarray  # (N, 3) rad
+
+
+def navigation_errors(data):
+    """NavErrors of a RunData."""
+    i, j = same_times(data.truth.t_s, data.nav.t_s)
+    truth, nav = data.truth, data.nav
+    return NavErrors(
+        truth.t_s[i],
+        truth.r_i[i] - nav.r_i[j],
+        truth.v_i[i] - nav.v_i[j],
+        rotvec_between(nav.q_ib[j], truth.q_ib[i]),
+    )
+
+
+def normalised_errors(data, errors):
+    """(t_s, NEES, sigma) at the epochs of the logged covariance: (K,), (K,), (K, 9)."""
+    i, j = same_times(errors.t_s, data.covariance.t_s)
+    x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
+    P = data.covariance.P[j]
+    return errors.t_s[i], nees(x, P), np.sqrt(np.einsum("kii->ki", P))
