@@ -13,7 +13,7 @@ programs use them: floats in SI and radians under the same names; it is immutabl
 """
 
 import re
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import FrozenInstanceError, dataclass, field, fields, replace
 from typing import Any, NamedTuple, dataclass_transform, get_type_hints
 
 REQUIRED = object()  # in the place of a default
@@ -38,10 +38,35 @@ class Setting(NamedTuple):
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 class Settings:
-    """Base of classes of settings; values are keyword arguments, in SI."""
+    """Base of classes of settings; values are keyword arguments, in SI.
+
+    What an instance does stands here: `dataclass` would write it for each of the 130 classes, at every start.
+    """
 
     def __init_subclass__(cls):
-        dataclass(cls, frozen=True, kw_only=True)
+        dataclass(cls, init=False, repr=False, eq=False)
+
+    def __init__(self, **values):
+        wanted = type(self).__dataclass_fields__
+        if wrong := sorted(wanted.keys() ^ values.keys()):
+            what = ", ".join(f"{name} is {'missing' if name in wanted else 'unknown'}" for name in wrong)
+            raise TypeError(f"{type(self).__name__}: {what}")
+        vars(self).update((name, values[name]) for name in wanted)
+
+    def __setattr__(self, name, value):
+        raise FrozenInstanceError(f"cannot assign to field {name!r}")
+
+    def __delattr__(self, name):
+        raise FrozenInstanceError(f"cannot delete field {name!r}")
+
+    def __eq__(self, other):
+        return vars(self) == vars(other) if type(other) is type(self) else NotImplemented
+
+    def __hash__(self):
+        return hash(tuple(vars(self).values()))
+
+    def __repr__(self):
+        return f"{type(self).__qualname__}({', '.join(f'{k}={v!r}' for k, v in vars(self).items())})"
 
 
 def changed(settings, values):

@@ -134,6 +134,13 @@ def _say_late(kernel, is_kept):
         _told.append(kernel.__name__)
 
 
+def uses_are_noted():
+    """Whether a list of the kernels that jobs use is wanted, with those of every way to search a frame."""
+    from shefex_nav.compiled import numba_hooks
+
+    return numba_hooks.USES in os.environ
+
+
 def _note(numba_hooks, features):
     """Append the features of a job to the file in which a list of what is used is wanted."""
     if path := os.environ.get(numba_hooks.USES):

@@ -34,21 +34,22 @@ def after(owner, name, stage, holds=lambda *arguments: True):
 
 
 def watch_the_flight(simulate):
-    """Mark the first tick; the flight that warms up has an `until_s` as well, so the last one counts."""
+    """Mark the first tick; a flight that warms up, which one in real time does, does not count."""
     route, warm_up = simulate.route, simulate.warm_up
 
     def ticks(*arguments, **more):
         for k, record in enumerate(route(*arguments, **more)):
-            if k == 1 and warm:
+            if k == 1 and not warming:
                 mark("first tick", "flight")
             yield record
 
     def warmed_up(*arguments, **more):
+        warming.append(True)
         result = warm_up(*arguments, **more)
-        warm.append(True)
+        warming.clear()
         return result
 
-    warm = []
+    warming = []
     simulate.route, simulate.warm_up = ticks, warmed_up
 
 

@@ -104,7 +104,7 @@ def fly(
     """
     scenario = _loaded(scenario)
     _check(scenario, seed, until_s, pace)
-    from shefex_nav import prepare, simulate
+    from shefex_nav import prepare, simulate, warmup
     from shefex_nav.report import programme
 
     folder, path = _place(log)
@@ -115,8 +115,8 @@ def fly(
     told((*programme.of_files(scenario), *programme.warnings(scenario, programme.of_flight(world.flight))))
     room.release()
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
-    if pace is not None:
-        simulate.warm_up(scenario, world)  # or the first ticks would be late
+    if pace is not None or warmup.uses_are_noted():
+        simulate.warm_up(scenario, world)  # in real time what takes longer the first time would be late
     clock = None if pace is None else Pace(pace)
     flight = _seen(world, scenario, seed, math.inf if until_s is None else until_s, watch, clock, room)
     with _beside_own_code(scenario, path):
