@@ -105,14 +105,13 @@ def fly(
     scenario = _loaded(scenario)
     _check(scenario, seed, until_s, pace)
     from shefex_nav import prepare, simulate, warmup
-    from shefex_nav.report import programme
 
     folder, path = _place(log)
     began, room = time.perf_counter(), Room(path.parent)
     get_ready(scenario)
     scenario = prepare.settled(scenario, room=room)
     world = prepare.build_world(scenario, seed, room=room)
-    told((*programme.of_files(scenario), *programme.warnings(scenario, programme.of_flight(world.flight))))
+    told(_warned(scenario, world.flight))
     room.release()
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     if pace is not None or warmup.uses_are_noted():
@@ -123,6 +122,13 @@ def fly(
         setup_s = time.perf_counter() - began
         data = _record(flight, mission, scenario.log, path.absolute(), overwrite, setup_s, pace)
     return Run(data, path, folder, clock and clock.real_time(), scenario=scenario)
+
+
+def _warned(scenario, flight):
+    """Tuple of report.programme.Warned, wrong in a Scenario or in it against its flight."""
+    from shefex_nav.report import programme
+
+    return (*programme.of_files(scenario), *programme.warnings(scenario, programme.of_flight(flight)))
 
 
 def _place(log):

@@ -100,7 +100,7 @@ def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
     diagonal = float(np.hypot(*size_px))
     prior = spread(0.5 * diagonal / lens.focal_px, may_distort)
     ok, C_ci, focal_px, k, *rest = steps.fitted(
-        lens.C_ci, float(lens.focal_px), np.array(lens.k, dtype=float), u_i, xy_px,
+        (lens.C_ci, float(lens.focal_px), np.array(lens.k, dtype=float)), u_i, xy_px,
         tuple(map(float, size_px)), prior, np.array(gates) * diagonal, least,
     )  # fmt: skip
     if not ok:

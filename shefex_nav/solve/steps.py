@@ -196,12 +196,12 @@ def spread_of(residual_px, star, n_known):
 
 
 @kernel
-def fitted(C_ci, focal_px, k, u_i, xy_px, size_px, prior, gates_px, least):
+def fitted(proposal, u_i, xy_px, size_px, prior, gates_px, least):
     """Least squares from a proposal, stars matched anew at each step; see `lens.fit`.
 
     Parameters
     ----------
-    C_ci, focal_px, k : (3, 3), float, (5,) of the proposal
+    proposal : C_ci (3, 3), focal_px float, k (5,)
     u_i : (m, 3) stars;  xy_px : (n, 2) detections
     size_px : (width, height), floats
     prior : (5,) standard deviations of the distortion, 0 where it is told
@@ -213,8 +213,8 @@ def fitted(C_ci, focal_px, k, u_i, xy_px, size_px, prior, gates_px, least):
     ok : bool;  C_ci, focal_px, k;  star : (n,) row of the stars, -1;  residual_px : (n, 2), 0 where unmatched
     noise_px : float;  covariance : (9, 9)
     """
+    C_ci, focal_px, k = proposal[0].copy(), proposal[1], proposal[2].copy()
     n, m, start_px, last = xy_px.shape[0], u_i.shape[0], focal_px, len(gates_px) + CONVERGED - 1
-    C_ci, k = C_ci.copy(), k.copy()
     seen, ideal, inside = np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_)
     star, residual, J = np.full(n, -1, dtype=np.int64), np.zeros((n, 2)), np.empty((2, UNKNOWNS))
     covariance, noise = np.zeros((UNKNOWNS, UNKNOWNS)), np.inf

@@ -250,8 +250,8 @@ def gyros(nav, now=NOW, fate=Fate.USED, found=None):
 
 def test_gyros_are_compared_with_the_stars_but_in_vibration_or_at_a_reset():
     nav = filter_of()
-    found, ((*_, f_b, A, turned),) = gyros(nav)
-    assert found is None and f_b.tolist() == [3.0, 4.0, 5.0] and turned == 0.0
+    found, ((seen, A, turned),) = gyros(nav)
+    assert found is None and seen.f_b.tolist() == [3.0, 4.0, 5.0] and turned == 0.0
     assert A.tolist() == [1.0, 0.0, 0.0, 0.0]  # nothing was corrected
     assert gyros(filter_of(), fate=Fate.REJECTED)[1][0][-1] == 3.0  # the camera may be turned by the angle
     shaken = SimpleNamespace(**{**vars(NOW), "vibration": 1.0})

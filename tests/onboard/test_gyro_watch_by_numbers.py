@@ -214,7 +214,7 @@ def test_fixes_too_far_apart_begin_anew_and_late_ones_are_left_out():
     one, R, P, f_b = watch(), 1e-10 * np.eye(3), 1e-14 * np.eye(15), np.zeros(3)
 
     def compare(t_s):
-        return one.compare(t_s, packed(Q_B), P, np.zeros(3), R, f_b, NONE)
+        return one.compare(gyro.StarSight(t_s, packed(Q_B), P, np.zeros(3), R, f_b), NONE)
 
     for t_s in (0.0, 0.5, 1.04):
         compare(t_s)
@@ -241,7 +241,8 @@ def test_the_camera_that_may_be_turned_explains_a_turn_of_the_vehicle():
             angle = 0.05 * k
             q = rotation.quat_from_rotvec(np.array([angle, 0.0, 0.0]))
             z = np.array([0.0, 2e-3 * angle, 0.0])
-            found.append((turned, one.compare(0.1 * k, packed(q), P, z, R, f_b, NONE, turned)))
+            seen = gyro.StarSight(0.1 * k, packed(q), P, z, R, f_b)
+            found.append((turned, one.compare(seen, NONE, turned)))
         assert one.noise[3] == 0.0
     assert any(one for turned, one in found if turned == 0.0)
     assert not any(one for turned, one in found if turned == 0.5)

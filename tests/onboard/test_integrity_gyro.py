@@ -56,9 +56,8 @@ def fly(
         measured = turned(true, SIGMA * rng.standard_normal(3) + (spoil(k) if spoil else 0.0))
         z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(estimated), measured))
         good = uses and np.linalg.norm(z) < 200.0 * ARCSEC
-        finding = one.compare(
-            t_s, packed(estimated), P, z, R, np.array([force, 0.0, 0.0]), corrections.kept[-1].A
-        )
+        seen = integrity_gyro.StarSight(t_s, packed(estimated), P, z, R, np.array([force, 0.0, 0.0]))
+        finding = one.compare(seen, corrections.kept[-1].A)
         if finding:
             found.append((t_s, finding))
         if good:

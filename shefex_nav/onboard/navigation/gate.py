@@ -23,6 +23,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.integrity_gyro import StarSight
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
 from shefex_nav.onboard.navigation.state import initial_covariance
@@ -237,7 +238,7 @@ def _gyros_wrong(nav, now, z, R, fate):
         return None
     turned = np.sqrt(z @ z) if fate == Fate.REJECTED else 0.0  # the camera may be, and turns about other axes
     f_b, A = now.sensed_packed[3:], nav.history.corrections.kept[-1].A
-    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, f_b, A, turned)
+    found = watch.gyros.compare(StarSight(now.t_s, now.x, now.P, z, R, f_b), A, turned)
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
     elif watch.gyros.checked_s == now.t_s:

@@ -104,7 +104,7 @@ class StarSight(NamedTuple):
     P: np.ndarray  # (n, n)
     z: np.ndarray  # (3,) rad, residual in body axes
     R: np.ndarray  # (3, 3) rad^2
-    f_b: np.ndarray  # (3,) m/s^2, specific force
+    f_b: np.ndarray  # (3,) m/s^2, specific force, to which gyros answer a little
 
 
 class GyroWatch:
@@ -138,14 +138,12 @@ class GyroWatch:
         self.n = 0
         self.found_s.clear()
 
-    def compare(self, t_s, x, P, z, R, f_b, A, turned=0.0):
+    def compare(self, seen, A, turned=0.0):
         """Take in a star fix.
 
         Parameters
         ----------
-        t_s, x, P : its instant, s, and the filter's packed values and (n, n) at it, before the update
-        z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
-        f_b : (3,) m/s^2, specific force, to which gyros answer a little
+        seen : StarSight
         A : (4,) of the module's text, `history.Corrected.A`
         turned : rad, by which the camera may be turned: a fix that contradicts the attitude. The axes about
             which the stars turn are then off by as much
@@ -154,6 +152,7 @@ class GyroWatch:
         -------
         Finding, or None if nothing is wrong as far as that can be said
         """
+        t_s = seen.t_s
         if self.n and not 0.0 < t_s - self.rows[self.n - 1, T]:
             return None  # late; those of a later instant have been compared
         if self.n and t_s - self.rows[self.n - 1, T] > LONGEST_GAP_S:
@@ -161,7 +160,7 @@ class GyroWatch:
         if self.n == ROWS:
             self.n = ROWS // 2
             self.rows[: self.n] = self.rows[ROWS - self.n :]
-        _remember(self.rows, self.n, A, StarSight(t_s, x, P, z, R, f_b))
+        _remember(self.rows, self.n, A, seen)
         self.n += 1
         noise = self.noise
         if turned**2 > noise[3]:
