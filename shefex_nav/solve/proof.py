@@ -21,7 +21,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_fr
 from shefex_nav.onboard.startracker import skygrid
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, new_view
-from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, Seen, detection_table
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
 from shefex_nav.onboard.startracker.identify.search import Task
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.tables import Stars
@@ -169,7 +169,7 @@ def near(stars, numbers, xy_px, magnitude, prediction):
     is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < bayes.NARROW**2
     least = bayes.MIN_TRACKED if is_narrow else numbers.fewest_stars
     strict = -np.log(numbers.false_alarm)
-    seen = Seen(detection_table(scene), scene.xy_px, None, np.zeros((0, 0), dtype=np.uint64))
+    seen = new_seen(scene, None)
     prior = Prior(True, dcm_from_quat(q_ci), P_c)
     task = Task(stars, scene, prior, seen, bayes.new_best(n), new_view(), least, strict, strict)
     work = track(task, numbers.budget) if n >= least else 0

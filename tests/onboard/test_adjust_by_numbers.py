@@ -7,7 +7,7 @@ from test_evidence_by_numbers import jacobians, random_ellipses, sky
 from test_odds_by_numbers import C_CI, F, scene_of
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm
-from shefex_nav.onboard.startracker.identify import bayes, evidence, lever, odds
+from shefex_nav.onboard.startracker.identify import bayes, evidence, lever, odds, screen
 
 PLACES = np.array([(60.0, 60.0), (600.0, 80.0), (90.0, 430.0), (560.0, 420.0), (330.0, 60.0), (120.0, 250.0)])
 MIDDLE = np.array([329.5, 244.5])
@@ -125,7 +125,9 @@ def test_odds_are_the_product_of_their_terms(monkeypatch):
 def solved(monkeypatch, n=9, P=1e-8, known=True, q=None, reasons=(5, 0), fewest=4):
     """How `solve_kernel` searches: (searches, conclusions) with tasks as they were given."""
     searches, concluded = [], []
-    monkeypatch.setattr(bayes, "detection_table", lambda scene: None)
+    monkeypatch.setattr(
+        bayes, "new_seen", lambda scene, ellipses: screen.Seen(None, scene.xy_px, ellipses, None, None)
+    )
     monkeypatch.setattr(bayes, "track", lambda task, budget: searches.append(("track", task, budget)) or 10)
     monkeypatch.setattr(
         bayes, "lost_in_space", lambda task, pairs, budget: searches.append(("lost", task, budget)) or 100

@@ -25,7 +25,6 @@ from shefex_nav.records import Reason
 PARAMS = replace(IDENTIFY, centroid_error=0.15, magnitude_error=0.2)
 WRONG = np.radians(0.5)
 AT_REST = lever.no_lever(1.0)
-NO_PARTNERS = np.zeros((0, 0), dtype=np.uint64)
 NO_PRIOR = evidence.Prior(False, np.eye(3), np.zeros((3, 3)))
 
 
@@ -167,7 +166,7 @@ def test_scan_against_brute_force():
     stars, pairs = stars_and_pairs()
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
-    seen, i, j = screen.Seen(screen.detection_table(scene), scene.xy_px, scene.ellipses, NO_PARTNERS), 0, 1
+    seen, i, j = screen.new_seen(scene, scene.ellipses), 0, 1
     T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
     two = screen.TwoSeen(T, reach, gate, (-1, -1), (i, j))
@@ -286,3 +285,32 @@ def test_work_is_bounded():
         assert found.reason == Reason.NO_MATCH and len(found.star) == n
         budgets = 1.0 if n <= search.MOST_FILTERED else search.MOST_GROWTH
         assert found.work < 50_000 * (budgets + 1.0)
+
+
+@pytest.mark.parametrize("need", [0, 2])
+def test_a_scan_in_pieces_finds_what_one_finds(need):
+    """Entries of any first and last number: brightness is compared many at a time."""
+    stars, pairs = stars_and_pairs()
+    scene, _, _ = field(3, n_false=10)
+    u_c = screen.directions(scene, scene.focal_px)
+    seen, T = screen.new_seen(scene, None), screen.triad(*u_c[0], *u_c[1])
+    two = screen.TwoSeen(T, lever.lever_of(scene, None, 0, 1, 0.5), (-0.8, 1.2), (-1, -1), (0, 1))
+    frame = screen.frame_of(scene, scene.focal_px, 99, 5)
+    first, last = 1001, 1001 + 3 * screen.AT_ONCE + 7
+
+    def found(step):
+        entries = []
+        for begin in range(first, last, step):
+            entry, end = begin, min(begin + step, last)
+            while entry < end:
+                entry, _, _ = screen.scan(stars, pairs, seen, two, frame, need, entry, end)
+                entries += [entry] if entry < end else []
+                entry += 1
+        return entries
+
+    whole = found(last - first)
+    assert found(1) == found(50) == found(screen.AT_ONCE + 1) == whole
+    fainter = pairs.fainter[first // 2 : last // 2 + 1].astype(float)
+    every = np.stack([fainter, -fainter], axis=1).ravel()[first % 2 :][: last - first]
+    passed = first + np.flatnonzero((every > -0.8) & (every < 1.2))
+    assert set(whole) <= set(passed.tolist()) and (need or whole == passed.tolist())

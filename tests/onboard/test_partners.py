@@ -32,7 +32,7 @@ def test_partners_against_brute_force():
     xy, mag = rng.uniform([0.0, 0.0], SIZE, (n, 2)), np.sort(rng.uniform(2.0, 5.5, n))
     u_c = np.column_stack([(xy - [CAMERA.cx_px, CAMERA.cy_px]) / CAMERA.focal_length_px, np.ones(n)])
     u_c /= np.linalg.norm(u_c, axis=1)[:, None]
-    found = np.zeros((n, len(stars.vmag)), dtype=np.uint64)
+    found = np.zeros((n, len(stars.vmag)), dtype=np.uint32)
     for i in range(n):
         for j in range(i):
             entries = search.window(pairs, u_c, i, j, tolerance)
@@ -42,13 +42,13 @@ def test_partners_against_brute_force():
     for i in range(n):
         for j in range(n):
             if i == j:
-                assert not (found[i] & np.uint64(1 << i)).any()
+                assert not (found[i] & np.uint32(1 << i)).any()
                 continue
             apart = np.arccos(u_c[i] @ u_c[j])
             fits = np.abs(angle - apart) < tolerance  # [a, b]: a of i, b of j
             fits &= np.abs(stars.vmag[None] - stars.vmag[:, None] - (mag[j] - mag[i])) < width
             expected = fits.any(axis=1)
-            bits = (found[i] & np.uint64(1 << j)) != 0
+            bits = (found[i] & np.uint32(1 << j)) != 0
             assert (bits != expected).sum() <= 2  # rounding at the edge of a gate
             assert expected.any()
 
@@ -94,7 +94,7 @@ def task_of(n):
         xy, mag, True, float(hole.width_px), float(hole.height_px), hole.focal_length_px, hole.cx_px,
         hole.cy_px, 5.0, 0.15, 0.2, None,
     )  # fmt: skip
-    seen = screen.Seen(screen.detection_table(scene), xy, None, np.zeros((0, 0), dtype=np.uint64))
+    seen = screen.new_seen(scene, None)
     prior = evidence.Prior(False, np.eye(3), np.zeros((3, 3)))
     return search.Task(stars, scene, prior, seen, bayes.new_best(n), evidence.new_view(), 4, 5.0, 11.0)
 

@@ -32,7 +32,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.lever import no_lever
-from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, Seen, detection_table
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
 from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
@@ -179,7 +179,7 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
     prior = Prior(has_prediction, dcm_from_quat(quat_conjugate(q_ic)), P_c)
     is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < NARROW**2
     least = MIN_TRACKED if is_narrow else numbers.fewest_stars
-    seen = Seen(detection_table(scene), scene.xy_px, ellipses, np.zeros((0, 0), dtype=np.uint64))
+    seen = new_seen(scene, ellipses)
     tracked = Task(stars, scene, prior, seen, new_best(n), new_view(), least, strict, strict)
     work = 0
     if has_prediction and n >= least and np.isfinite(q_ic.sum() + P_c.sum()):

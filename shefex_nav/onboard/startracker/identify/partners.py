@@ -18,14 +18,14 @@ def mark(pairs, partners, ij, entries, gate):
     Parameters
     ----------
     pairs : Pairs
-    partners : (n, n_stars) uint64, written: bit j of [i, a] is set if a pair of stars (a, b) may be (i, j)
+    partners : (n, n_stars) uint32, written: bit j of [i, a] is set if a pair of stars (a, b) may be (i, j)
     ij : the detections
     entries : (begin, end) of the catalogue pairs
     gate : (lowest, highest) magnitude of the star of j minus that of i
     """
     i, j = ij
     of_i, of_j = partners[i], partners[j]
-    bit_i, bit_j = np.uint64(1) << np.uint64(i), np.uint64(1) << np.uint64(j)
+    bit_i, bit_j = np.uint32(1 << i), np.uint32(1 << j)
     star, fainter = pairs.star, pairs.fainter
     for p in range(entries[0], entries[1]):
         a, b, difference = star[p, 0], star[p, 1], fainter[p]

@@ -18,6 +18,7 @@ CELL_SHIFT = 4
 CELL_PX = 1 << CELL_SHIFT  # of the table of detections
 MAX_DETECTIONS = 64  # one bit each
 WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
+AT_ONCE = 64  # entries of which the brightness is compared first, for the processor cannot foresee it
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
 
 
@@ -27,7 +28,8 @@ class Seen(NamedTuple):
     table: np.ndarray  # of `detection_table`
     xy_px: np.ndarray  # (n, 2)
     ellipses: Ellipses | None
-    partners: np.ndarray  # of `partners.partners_of`; (0, 0): nothing is known of them
+    partners: np.ndarray  # of `search.with_partners`; (0, 0): nothing is known of them
+    room: np.ndarray  # (AT_ONCE,) int64, working space of `scan`
 
 
 class TwoSeen(NamedTuple):
@@ -38,6 +40,13 @@ class TwoSeen(NamedTuple):
     gate: tuple  # (lowest, highest) vmag[star of j] - vmag[star of i]
     known: tuple  # the stars that are already known to be i and j, rows of the catalogue
     ij: tuple  # the detections
+
+
+@inner
+def new_seen(scene, ellipses):
+    """Seen of a frame of which no partners are known."""
+    partners, room = np.zeros((0, 0), dtype=np.uint32), np.empty(AT_ONCE, dtype=np.int64)
+    return Seen(detection_table(scene), scene.xy_px, ellipses, partners, room)
 
 
 @inner
@@ -155,26 +164,29 @@ def scan(stars, pairs, seen, two, frame, need, begin, end):
     work : stars looked at, with WORK_PER_TRIAL for each attitude
     """
     u_i, star, fainter = stars.u_i, pairs.star, pairs.fainter
-    gate, known, partners = two.gate, two.known, seen.partners
+    (low, high), known, partners, room = two.gate, two.known, seen.partners, seen.room
     is_filtered = partners.shape[0] > 0
     i, j = two.ij
     work = 0
     C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-    for entry in range(begin, end):
-        difference = -fainter[entry >> 1] if entry & 1 else fainter[entry >> 1]
-        if not gate[0] < difference < gate[1]:
-            continue
-        a, b = star[entry >> 1, entry & 1], star[entry >> 1, 1 - (entry & 1)]
-        if a == known[0] and b == known[1]:
-            continue
-        if is_filtered and not has_bits(partners[i, a] & partners[j, b], need):
-            continue
-        S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
-        C = join(two.T, S)
-        hits, looked_at = screen(stars, seen, C, frame, two.lever, a, b)
-        work += WORK_PER_TRIAL + looked_at
-        if hits >= need:
-            return entry, C, work
+    for first in range(begin, end, AT_ONCE):
+        passed = 0
+        for entry in range(first, min(first + AT_ONCE, end)):
+            difference = (1 - 2 * (entry & 1)) * fainter[entry >> 1]
+            room[passed] = entry
+            passed += (low < difference) & (difference < high)
+        for entry in room[:passed]:
+            a, b = star[entry >> 1, entry & 1], star[entry >> 1, 1 - (entry & 1)]
+            if a == known[0] and b == known[1]:
+                continue
+            if is_filtered and not has_bits(np.uint64(partners[i, a] & partners[j, b]), need):
+                continue
+            S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
+            C = join(two.T, S)
+            hits, looked_at = screen(stars, seen, C, frame, two.lever, a, b)
+            work += WORK_PER_TRIAL + looked_at
+            if hits >= need:
+                return entry, C, work
     return end, C, work
 
 

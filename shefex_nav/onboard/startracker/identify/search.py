@@ -37,7 +37,7 @@ BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, o
 WORK_PER_PAIR = 40  # cost of a pair of detections, in stars looked at by the screen
 PARTNER_GATE = 1.4  # times that of a pair: three stars may be worse placed than two
 ORDINARY, MOST_GROWTH = 400.0, 5.0  # pairs of stars for one of detections: with more, the work may grow
-MOST_FILTERED = 32  # detections; with more, the partners would take longer than the search
+MOST_FILTERED = 32  # detections, one bit each; with more, the partners would take longer than the search
 DENSE = 0.3  # such pairs over stars of the catalogue: with more, nearly all stars have partners
 DENSE_SHARE = 0.5  # of the budget, for the first pass then
 ENTRIES_PER_WORK = 8  # catalogue pairs that are marked in the time of looking at a star
@@ -281,7 +281,7 @@ def with_partners(task, pairs, u_c, order, way):
     """The task with the partners of its detections; work."""
     seen, spread = task.seen, costs_of(task.scene, order)[1]
     width = WIDER * MAGNITUDE_GATE * task.scene.magnitude_error if task.scene.has_flux else np.inf
-    partners = np.zeros((u_c.shape[0], task.stars.u_i.shape[0]), dtype=np.uint64)
+    partners = np.zeros((u_c.shape[0], task.stars.u_i.shape[0]), dtype=np.uint32)
     tolerance, entries = PARTNER_GATE * tolerance_of(task, way), 0
     for k in range(order.shape[0]):
         i, j = order[k, 0], order[k, 1]
@@ -289,7 +289,7 @@ def with_partners(task, pairs, u_c, order, way):
         fainter = task.scene.mag[j] - task.scene.mag[i]
         mark(pairs, partners, (i, j), (begin, end), (fainter - width, fainter + width))
         entries += end - begin
-    seen = Seen(seen.table, seen.xy_px, seen.ellipses, partners)
+    seen = Seen(seen.table, seen.xy_px, seen.ellipses, partners, seen.room)
     known = Task(
         task.stars, task.scene, task.prior, seen, task.best, task.room, task.min_stars, task.threshold,
         task.strict,
