@@ -22,7 +22,7 @@ from shefex_nav.commands.new import TEMPLATES
 from shefex_nav.onboard.driving import Recorded
 from shefex_nav.onboard.own_navigation import Estimate, OwnNavigation
 from shefex_nav.records import row
-from shefex_nav.scenario import load
+from shefex_nav.scenario import load, params_filter
 from shefex_nav.software import messages, remote, serve
 from shefex_nav.software.mission import mission_data
 from shefex_nav.world import imu
@@ -41,14 +41,18 @@ class Standing:
 
 
 def ticks(count):
-    """World, MissionData, list of (ImuBlock, list of records) of the first ticks."""
+    """World, what is told of it, ImuBlock of arrays, list of (ImuBlock, list of records) of the first ticks.
+
+    What is told: MissionData, and Requirement of protection levels
+    """
     scenario = prepare.settled(load.load("shefex2_andoya", ["star_tracker.frames=statistical"]))
     world = prepare.build_world(scenario, 1)
     blocks = imu.stacked(world.imu)
     received = sorted(world.received, key=lambda one: one.t_available_s)
     arrivals = Recorded(blocks.t_valid_s, received)
     told = [(row(blocks, k), arrivals.at(k + 1)) for k in range(count)]
-    return world, mission_data(scenario, world.computer, world.earth, {}), blocks, told
+    mission = mission_data(scenario, world.computer, world.earth, {})
+    return world, (mission, params_filter.required(scenario.requirements)), blocks, told
 
 
 def echoed(told):
@@ -66,9 +70,9 @@ def echoed(told):
     return durations_s
 
 
-def flown(software, world, mission, blocks, told):
+def flown(software, world, known, blocks, told):
     """Seconds of each tick of a Navigation."""
-    own, durations_s = OwnNavigation(software, "benchmark", world.alignment, mission), []
+    own, durations_s = OwnNavigation(software, "benchmark", world.alignment, *known), []
     for k, (_, arrived) in enumerate(told):
         begin = time.perf_counter()
         own.advance(blocks, k, k + 1)
@@ -93,18 +97,18 @@ def main():
     if options.serve:
         serve(Standing())
         return
-    world, mission, blocks, told = ticks(options.ticks)
+    world, known, blocks, told = ticks(options.ticks)
     with tempfile.TemporaryDirectory() as folder:
         c = Path(folder) / "strapdown"
         source = str(TEMPLATES / "strapdown.c")
         subprocess.run(["cc", "-O2", "-o", str(c), source, "-lm"], check=True)
         ways = {
             "the same bytes through cat": lambda: echoed(told),
-            "class, in this process": lambda: flown(Standing(), world, mission, blocks, told),
+            "class, in this process": lambda: flown(Standing(), world, known, blocks, told),
             "program in Python": lambda: flown(
-                program([sys.executable, __file__, "--serve"]), world, mission, blocks, told
+                program([sys.executable, __file__, "--serve"]), world, known, blocks, told
             ),
-            "program in C": lambda: flown(program([str(c)]), world, mission, blocks, told),
+            "program in C": lambda: flown(program([str(c)]), world, known, blocks, told),
         }
         for name, measure in ways.items():
             us = 1e6 * np.array(measure())[100:]
