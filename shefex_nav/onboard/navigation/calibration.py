@@ -161,5 +161,6 @@ def jacobians_packed(at, n, x, omega_b, f_b, vibration, drive):
         for i in range(3):
             J_omega[:, n - m + k] -= drive[i, k] * M[:, i]
             J_f[:, n - m + k] -= drive[3 + i, k] * A[:, i]
-    J_omega -= M @ G @ J_f
+    if G.any():
+        J_omega -= M @ G @ J_f
     return J_omega, J_f

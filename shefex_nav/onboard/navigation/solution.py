@@ -257,5 +257,6 @@ def _variance(g, P, first):
     for i in range(first, g.shape[0]):
         if g[i] != 0.0:
             for j in range(first, g.shape[0]):
-                total += g[i] * P[i, j] * g[j]
+                if g[j] != 0.0:
+                    total += g[i] * P[i, j] * g[j]
     return max(total, 0.0)
