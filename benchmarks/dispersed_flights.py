@@ -273,7 +273,11 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     known = ", ".join(f"{name} {value:g} {unit}" for name, (value, unit, _) in SIGMAS.items())
     parser.add_argument(
-        "--sigma", action="append", default=[], metavar="NAME=VALUE", help=f"one standard deviation: {known}"
+        "--sigma",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="one standard deviation: " + known.replace("%", "%%"),
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="as of shefex-nav run"

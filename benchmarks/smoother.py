@@ -97,12 +97,12 @@ def measure(recording):
 
 def _in(part, data):
     """Mean squares of nine errors in a part, and NEES of the blocks in its middle."""
-    from shefex_nav.report import metrics
+    from shefex_nav.report.pairing import same_times
 
     errors = navigation_errors(data)
     x = np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b])
     inside = (errors.t_s >= part.from_s) & (errors.t_s <= part.to_s)
-    i, j = metrics.same_times(errors.t_s, data.covariance.t_s)
+    i, j = same_times(errors.t_s, data.covariance.t_s)
     k = int(np.argmin(np.abs(errors.t_s[i] - 0.5 * (part.from_s + part.to_s))))
     return {
         "squares": (x[inside] ** 2).mean(axis=0).tolist(),
