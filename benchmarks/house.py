@@ -66,9 +66,10 @@ def main():
     """Print the table, or one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
     rooms, long = measured()
     total = sum(rooms.values(), Counter())
-    if parser.parse_args().json:
+    if options.json:
         print(json.dumps({"rooms": rooms, "total": total, "too_long": long}, indent=1))
         return
     for name, size in [*rooms.items(), ("total", total)]:

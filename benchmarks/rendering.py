@@ -126,6 +126,8 @@ def main():
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
+    if arguments.frames < ATTITUDES:
+        parser.error(f"--frames is {arguments.frames}; {ATTITUDES} are the fewest, one of each attitude")
     rng = np.random.default_rng(arguments.seed)
     cases = (
         ("SHEFEX-2, 659 x 493, 8 bits", mission_frames, 0.05 / 493),

@@ -27,6 +27,8 @@ from shefex_nav.software import messages, remote, serve
 from shefex_nav.software.mission import mission_data
 from shefex_nav.world import imu
 
+WARM_UP = 100  # ticks
+
 
 class Standing:
     """Says where it stood."""
@@ -94,6 +96,8 @@ def main():
     parser.add_argument("--ticks", type=int, default=5000)
     parser.add_argument("--serve", action="store_true", help="be the program in Python")
     options = parser.parse_args()
+    if options.ticks <= WARM_UP:
+        parser.error(f"--ticks is {options.ticks}; more than {WARM_UP} are needed, which are not counted")
     if options.serve:
         serve(Standing())
         return
@@ -111,7 +115,7 @@ def main():
             "program in C": lambda: flown(program([str(c)]), world, known, blocks, told),
         }
         for name, measure in ways.items():
-            us = 1e6 * np.array(measure())[100:]
+            us = 1e6 * np.array(measure())[WARM_UP:]
             print(f"{name:28s} {np.median(us):7.1f} {np.percentile(us, 99):8.1f}")
 
 

@@ -55,6 +55,8 @@ def main():
     given = parser.parse_args()
     stated, rng, n = (given.probability, given.confidence), np.random.default_rng(1), given.procedures
     plan = looks.until(*stated, given.runs)
+    if not plan:
+        parser.error(f"--runs is {given.runs}; too few to look even once")
     print("looks:", *(f"{one.runs} (<= {one.passes} pass, >= {one.fails} fail)" for one in plan), sep="\n  ")
     fixed = tolerance.needed(0, *stated)
     heads = ("missed by", 12), ("pass", 8), ("(99 % interval)", 20), ("fail", 8), ("runs", 8)
