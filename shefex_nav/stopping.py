@@ -21,6 +21,8 @@ AGAIN_S = 0.05  # after which an exception that was lost is raised again
 SIGNALS = signal.SIGINT, signal.SIGTERM  # Ctrl-C, and that of `kill`, a batch system, a container
 COMPILER = tuple(f"{os.sep}{package}{os.sep}" for package in ("numba", "llvmlite"))
 LONGEST_S = 3.0  # for which an exception waits for the compiler
+PATIENCE_S = 3.0  # for which a step may go on after the first signal, where `at_once_if_waiting` takes it
+GIVEN_UP = f"\nthe step has not ended within {PATIENCE_S:g} s and is given up\n".encode()
 _put_off = []  # when signals came that wait so
 _waiting = []  # an entry for each `waiting`
 _wished = []  # for each `wishes` that ends them: the list of it
@@ -166,9 +168,22 @@ def at_once(asked):
 
 
 def at_once_if_waiting(asked):
-    """The same, and at the first wish while the program is `waiting`. asked : of `wishes`"""
+    """The same, and at the first wish while the program is `waiting`. asked : of `wishes`
+
+    A step that does not end, such as one of software of a user's own, is given up as by a second wish.
+    """
     if _waiting or asked[1:]:
         interrupt()
+    timer = threading.Timer(PATIENCE_S, _give_up, (asked,))
+    timer.daemon = True
+    timer.start()
+
+
+def _give_up(asked):
+    """In another thread: wish once more, unless the work that was to end has ended."""
+    if any(one is asked for one in _wished):
+        os.write(2, GIVEN_UP)
+        _again()
 
 
 @contextmanager

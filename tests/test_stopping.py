@@ -39,3 +39,24 @@ def test_the_first_wish_ends_the_wait_for_another_program():
             channels.Stream(read, write).receive(time.monotonic() + 30.0)
     os.close(read)
     os.close(write)
+
+
+def test_a_step_that_does_not_end_is_given_up_after_the_first_wish(monkeypatch, capfd):
+    monkeypatch.setattr(stopping, "PATIENCE_S", 0.2)
+    began_s = time.monotonic()
+    with (
+        stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1, signal.SIGINT)) as asked,
+        pytest.raises(KeyboardInterrupt),
+    ):
+        os.kill(os.getpid(), signal.SIGUSR1)
+        time.sleep(30.0)
+    assert asked == [signal.SIGUSR1, signal.SIGINT] and 0.1 < time.monotonic() - began_s < 10.0
+    assert "given up" in capfd.readouterr().err
+
+
+def test_work_that_has_ended_is_not_given_up(monkeypatch, capfd):
+    monkeypatch.setattr(stopping, "PATIENCE_S", 0.1)
+    with stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1, signal.SIGINT)) as asked:
+        os.kill(os.getpid(), signal.SIGUSR1)
+    time.sleep(0.5)
+    assert asked == [signal.SIGUSR1] and capfd.readouterr().err == ""

@@ -42,7 +42,8 @@ def draw_errors(series):
             t_s, (sigma,) = _percentiles(series.t_s, limit, (50.0,))
             for sign in (-1.0, 1.0):
                 axis.plot(t_s, sign * sigma, color=RED, lw=1.0)
-            has_decades |= _both_ways(axis, sigma, np.maximum(-low, high))
+            if len(t_s):
+                has_decades |= _both_ways(axis, sigma, np.maximum(-low, high))
             axis.set_ylabel(f"{over_time.AXES[k]} [{unit}]")
         axes[0, q].set_title(f"{name}, {'body' if name == 'attitude' else 'inertial'} axes", loc="left")
         axes[2, q].set_xlabel("time from lift-off [s]")
@@ -87,6 +88,8 @@ def _both_ways(axis, sigma, size):
 def _percentiles(t_s, values, percents):
     """(t_s, percentiles) of the epochs that have values: (T',), (P, T')."""
     known = np.isfinite(values).any(axis=0)
+    if not known.any():
+        return t_s[:0], np.empty((len(percents), 0))
     return t_s[known], np.nanpercentile(values[:, known], percents, axis=0)
 
 
@@ -102,9 +105,12 @@ def draw_nees(series):
         words = "" if name in over_time.CORRELATED else ", without the correlations of its axes"
         panels.append((f"NEES, {style.TITLES.get(name, name)}{words}", found.mean[:, b], found))
     panels += [(f"NIS, {name.replace('_', ' ')}", one.mean, one) for name, one in innovations.items()]
+    many = 2 * (series.phase >= 0).sum(axis=0) >= len(series.runs)
+    panels = [panel for panel in panels if (np.isfinite(panel[1]) & many).any()]
+    if not panels:
+        return None
     figure = style.constrained(11.0, 1.0 + 1.8 * len(panels))
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
-    many = 2 * (series.phase >= 0).sum(axis=0) >= len(series.runs)
     for axis, (title, mean, one) in zip(axes, panels, strict=True):
         known = np.isfinite(mean) & many
         bounds = (np.where(many, end, np.nan) for end in (one.low, one.high))
@@ -132,7 +138,7 @@ def draw_containment(series):
             look = {"color": style.AXES[name_of_axis], "ls": style.DASHES[name_of_axis]}
             axis.plot(series.t_s, found.share[:, b, k], lw=1.0, label=name_of_axis, **look)
         axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
-        low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
+        low = np.nanmin([1.0, *found.share[:, b].ravel(), *found.low])
         axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
         axis.set_title(style.TITLES.get(name, name), loc="left", fontsize=10)
         axis.set_ylabel("share")
@@ -256,8 +262,10 @@ def _short(name):
 OF_SERIES = {"errors": draw_errors, "nees": draw_nees, "containment": draw_containment}
 OF_RESULTS = {"ellipses": draw_ellipses, "convergence": draw_convergence, "sensitivity": draw_sensitivity}
 NAMES = (*OF_SERIES, *OF_RESULTS)
+NO_SERIES = "no run that flew to its end has a series over time (campaign.series)"
 MISSING = {  # why there is nothing to draw, of each
-    **dict.fromkeys(OF_SERIES, "no run that flew to its end has a series over time (campaign.series)"),
+    **dict.fromkeys(OF_SERIES, NO_SERIES),
+    "nees": f"{NO_SERIES}, or the software gives neither covariances nor gate results",
     "ellipses": f"fewer than {statistics.FEWEST} runs reached apogee, entry or impact, or all at one place",
     "convergence": "there is neither a requirement nor an error that two runs have",
     "sensitivity": "there are too few runs for the number of dispersions, or their results are all alike",

@@ -155,6 +155,20 @@ def test_the_mean_of_squares_ends_where_half_of_the_runs_have_landed(tmp_path):
     assert line.get_xdata()[-1] == series.t_s[T - 6]
 
 
+@pytest.mark.filterwarnings("error")
+def test_software_that_says_little_of_its_errors_has_pictures_too(tmp_path):
+    """Of no biases, or of nothing at all."""
+    series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path / "campaign", 12)))
+    whole = len(figures.draw_nees(series).axes)
+    series.sigmas[:, :, 3:], series.nees[:, :, 3:] = np.nan, np.nan
+    assert len(figures.draw_nees(series).axes) == whole - 2
+    assert len(figures.draw_errors(series).axes) == 9 and figures.draw_containment(series) is not None
+    series.sigmas[:], series.nees[:] = np.nan, np.nan
+    mute = series._replace(nis_sum={}, nis_dof={})
+    assert figures.draw_nees(mute) is None
+    assert len(figures.draw_errors(mute).axes) == 9 and figures.draw_containment(mute) is not None
+
+
 def test_the_scale_of_errors_is_told_where_it_has_decades(tmp_path):
     series = over_time.read(shefex_nav.open_campaign(write_synthetic(tmp_path / "campaign", 12)))
     first = series.t_s < series.t_s[len(series.t_s) // 4]

@@ -7,7 +7,7 @@ import pytest
 
 from shefex_nav.records import Reason
 from shefex_nav.report import star_aided
-from shefex_nav.report.metrics import NavErrors
+from shefex_nav.report.navigation_errors import NavErrors
 from shefex_nav.report.table import _navigation_rows
 
 

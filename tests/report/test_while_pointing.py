@@ -5,7 +5,7 @@ import pytest
 
 from shefex_nav.records import Phase
 from shefex_nav.report import requirements, while_pointing
-from shefex_nav.report.metrics import NavErrors
+from shefex_nav.report.navigation_errors import NavErrors
 from shefex_nav.scenario.requirements import Requirements
 
 

@@ -3,12 +3,13 @@
 import numpy as np
 
 from shefex_nav.records import QUANTITIES, protected
-from shefex_nav.report import metrics, trust
+from shefex_nav.report import trust
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
 from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.nees import nees as normalised
+from shefex_nav.report.pairing import same_times
 
 LEVEL = 0.95  # of the bounds
 _BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
@@ -19,7 +20,7 @@ _MOST_LANES = 12
 def nees_of_blocks(data):
     """NEES at the epochs of the covariance: t_s (K,), {'position', 'velocity', 'attitude', 'all': (K,)}."""
     errors = navigation_errors(data)
-    i, j = metrics.same_times(errors.t_s, data.covariance.t_s)
+    i, j = same_times(errors.t_s, data.covariance.t_s)
     x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
     P = data.covariance.P[j]
     blocks = (*_BLOCKS, ("all", slice(0, 9)))
