@@ -3,6 +3,7 @@
 from rich.text import Text
 
 from shefex_nav.report import sensor_use
+from shefex_nav.report.beyond_sigma import FAR
 from shefex_nav.report.sizes import number
 
 TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in words
@@ -29,10 +30,25 @@ def rows(navigation):
         yield "NEES", _nees_words(nees)
     elif nees.get("why"):
         yield "NEES", nees["why"]
+    if stretches := navigation.get("beyond_sigma"):
+        yield "beyond sigma", Text(_beyond(stretches), style=ODD)
     for one in navigation.get("errors_fit") or ():
         yield "errors fit", Text(fit_words(one), style=ODD)
     for words in navigation.get("unknown") or ():
         yield "not known", words
+
+
+def _beyond(stretches):
+    """Since when which errors are far beyond their sigmas: the first stretch of each quantity."""
+    first, said = {}, []
+    for one in stretches:
+        first.setdefault(one["quantity"], one)
+    for one in sorted(first.values(), key=lambda one: one["from_s"]):
+        end = "to the end" if one["until_s"] is None else f"to T{one['until_s']:+.1f} s"
+        said.append(f"{one['quantity']} from T{one['from_s']:+.1f} s {end}, up to {times(one['times'])}")
+    later = len(stretches) - len(first)
+    more = f"; {later} more {'stretch' if later == 1 else 'stretches'} later" if later else ""
+    return f"errors above {FAR:g} times their sigma: {'; '.join(said)}{more}"
 
 
 def _nees_words(nees):

@@ -24,11 +24,10 @@ def parts(sides, found):
     for one in found:
         made += [_figures(one), _shares(one)]
     made.append(_honest(sides))
-    return [
-        *made,
-        Part("The pair that differs most, by the first row", lines=tuple(map(Command, commands(found[0])))),
-        Part("All figures of each", lines=tuple(map(Command, reports(sides)))),
-    ]
+    if found[0].rows:
+        lines = tuple(map(Command, commands(found[0])))
+        made.append(Part("The pair that differs most, by the first row", lines=lines))
+    return [*made, Part("All figures of each", lines=tuple(map(Command, reports(sides))))]
 
 
 def _sides(sides):
@@ -52,7 +51,9 @@ def _honest(sides):
     made, silent = [], []
     for side in sides:
         found = described.of_side(side)
-        if not found:
+        if not found and all(one.failed for one in side.runs.values()):
+            silent.append(f"No run of {side.letter} flew to its end: there is nothing to judge.")
+        elif not found:
             silent.append(f"{side.letter} gives no covariance: there is nothing to judge.")
         for cells, is_wrong in described.rows(found):
             made.append((side.letter, *cells[:-1], _bold(cells[-1], is_wrong)))
@@ -61,7 +62,9 @@ def _honest(sides):
         "NEES per degree of freedom: mean over all runs of a side, 1 where the covariance is right. 95 % of "
         "means lie within what is expected, so of many one or another lies outside by chance: wrong is said "
         "where chance does not explain the NEES among all instants and blocks of a side (5 %, corrected by "
-        "Holm). Sigma / error: root mean squares. Of few runs only gross faults show.",
+        "Holm). Sigma / error: root mean squares over all axes; NEES counts each axis, and how axes belong "
+        "together, so sigmas of one axis may be too small where that ratio is 1. Of few runs only gross "
+        "faults show.",
     ]
     return Part(
         "Does the covariance of each describe its errors?", heads if made else (), tuple(made),
@@ -137,6 +140,11 @@ def verdict(found, one):
 
 
 def _lines(one):
+    return (*(_words(one) if one.rows else ["No pair flew to its end on both sides."]), *_context(one))
+
+
+def _words(one):
+    """What the rows mean, and what is wrong with a side by itself."""
     a, b = one.a.letter, one.b.letter
     lines = [
         f"{a} and {b} are medians of the runs. {b} - {a} is the mean of the differences of runs of one seed, "
@@ -158,14 +166,19 @@ def _lines(one):
             "fix is right."
         )
         lines += _wrong_nis(one, sensors)
-    lines += one.notes
+    return lines
+
+
+def _context(one):
+    """How the pairs came about, and in what the scenarios differ."""
+    lines = [*one.notes]
     if one.different:
         told = differences.lines(one.different, most=MOST_DIFFERENCES)
         more = len(one.different) - len(told)
         count = _count(len(one.different), "value")
         lines.append(f"The scenarios differ in {count} ({one.a.letter} -> {one.b.letter}):")
         lines += [*told, *([f"and {more} more"] if more else [])]
-    return tuple(lines)
+    return lines
 
 
 def _too_sure(one):
