@@ -118,13 +118,19 @@ def _are_numbers(array):
     return array.dtype.kind == "O" and not any(isinstance(one, NO_NUMBERS) for one in array.flat)
 
 
+def _least(variances):
+    """The smallest and where it stands, for people."""
+    k = int(np.argmin(variances))
+    return f"{variances[k]:.3g} at [{k}, {k}]"
+
+
 def covariance_fault(P):
     """What keeps a matrix of finite numbers from being a covariance, in words; '' if it is one. (n, n)"""
     variances = P.diagonal()
     if (variances < 0.0).any():
-        return "has a negative variance"
+        return f"has a negative variance, {_least(variances)}"
     if (variances < LEAST_VARIANCE).any():
-        return f"has a variance below {LEAST_VARIANCE:g}"
+        return f"has a variance below {LEAST_VARIANCE:g}, {_least(variances)}"
     sigma = np.sqrt(variances)
     correlation = P / np.outer(sigma, sigma)
     if (np.abs(correlation - correlation.T) > SYMMETRIC).any():

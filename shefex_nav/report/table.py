@@ -269,6 +269,7 @@ def _real_time_rows(kept):
         yield name, f"{told['median']} median, 99 % below {told['p99']}, {told['max']} at most"
     late = kept["late_answers"]
     share = f"{late} of {kept['ticks']}, longer than a tick"
+    share += ": the software does not keep up" if 2 * late > kept["ticks"] else ""
     yield "late answers", Text(share, style="bold red" if late else "")
 
 

@@ -15,7 +15,7 @@ messages    what goes to a program of its own and comes back, as protobuf messag
 codec       one record to bytes and back
 channels    standard input and output, TCP, UDP
 remote      a program of its own, as the simulator sees it
-serve       the other end, in Python
+server      the other end, in Python
 """
 
 from shefex_nav.onboard.own_computer import Computer as Computer
@@ -34,6 +34,6 @@ def serve(software, address=None):
     address : 'tcp://127.0.0.1:5005', 'udp://127.0.0.1:5005' to listen at; None: the simulator has started
         this program and talks by standard input and output
     """
-    from shefex_nav.software.serve import serve
+    from shefex_nav.software.server import serve
 
     serve(software, address)

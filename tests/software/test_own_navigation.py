@@ -350,7 +350,7 @@ def test_a_covariance_of_different_units_and_strong_correlations_is_one():
     sigma = np.logspace(-6, 6, 9)
     assert covariance_fault(correlation * np.outer(sigma, sigma)) == ""
     assert covariance_fault(1e-58 * np.eye(9)) == ""
-    assert covariance_fault(1e-62 * np.eye(9)) == "has a variance below 1e-60"
+    assert covariance_fault(1e-62 * np.eye(9)) == "has a variance below 1e-60, 1e-62 at [0, 0]"
 
 
 def test_what_flies_cannot_change_what_is_logged(tmp_path):

@@ -22,7 +22,7 @@ from shefex_nav.records import Frame, ImuBlock, NavHealth, NavSolution, StarFix
 from shefex_nav.scenario.load import ScenarioError, load
 from shefex_nav.software import channels, messages, remote
 from shefex_nav.software.built_in import BuiltIn
-from shefex_nav.software.serve import serve
+from shefex_nav.software.server import serve
 
 PROGRAM = f"{sys.executable} -m shefex_nav.software.built_in"
 UNTIL_S = 1.6  # of night_sky: two pictures have been used
@@ -362,3 +362,9 @@ def test_what_a_program_has_started_ends_with_it(tmp_path):
     while _runs(pid) and time.monotonic() < until_s:
         time.sleep(0.02)
     assert not _runs(pid)
+
+
+def test_serve_is_a_function_after_it_has_served():
+    """Python puts a submodule of the same name in its place when that is imported."""
+    code = "import shefex_nav.software.server\nfrom shefex_nav.software import serve\nassert callable(serve)"
+    subprocess.run([sys.executable, "-c", code], check=True)
