@@ -17,7 +17,7 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.environment import ephemeris
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunData
-from shefex_nav.log.topics import ATTACHMENT, LogError
+from shefex_nav.log.topics import ATTACHMENT, FAILED, LogError
 from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import is_wide
@@ -199,7 +199,8 @@ def records(recording):
 def not_seen_on_board(data):
     """(t_s, record) of truth and events of a RunData, in order of time."""
     rank = {Event: 0, TruthSample: 1, ControlSample: 2, FrameTruth: 3}
-    pairs = [(event.t_s, event) for event in data.events]
+    # that the software of the flight failed is no event of what is run instead
+    pairs = [(event.t_s, event) for event in data.events if event.name != FAILED]
     pairs += [(frame.t_valid_s, frame) for frame in data.frame_truths]
     for arrays in (data.truth, data.control):
         pairs += [(t_s, row(arrays, k)) for k, t_s in enumerate(arrays.t_s.tolist())]

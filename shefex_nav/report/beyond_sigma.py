@@ -30,7 +30,7 @@ class Beyond(NamedTuple):
 def ratios(data, errors):
     """Root of NEES per degree of freedom at the epochs of the covariance: t_s (K,), {quantity: (K,)}.
 
-    data : RunData;  errors : metrics.NavErrors
+    data : RunData;  errors : navigation_errors.NavErrors
     """
     i, j = same_times(errors.t_s, data.covariance.t_s)
     x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])

@@ -67,7 +67,7 @@ class _Looked(NamedTuple):
 def found(data, errors, scenario=None):
     """Fits of a RunData of software of a user's own: list, empty where nothing fits.
 
-    errors : metrics.NavErrors;  scenario : Scenario of the run; None where it cannot be read
+    errors : navigation_errors.NavErrors;  scenario : Scenario of the run; None where it cannot be read
     """
     if len(errors.t_s) < FEWEST:
         return []

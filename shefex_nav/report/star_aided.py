@@ -15,7 +15,7 @@ from shefex_nav.report.sizes import largest, rms
 def errors(data, found):
     """Figures of the errors from the second star fix to the end; None if there are no two.
 
-    data : RunData;  found : metrics.NavErrors
+    data : RunData;  found : navigation_errors.NavErrors
     -> from_s; position_m, velocity_m_s, attitude_deg: rms and max of the whole error
     """
     given = sorted(fix.t_available_s for fix in sensor_use.good_fixes(data))

@@ -9,7 +9,7 @@ from shefex_nav.report.pairing import phase_at
 def errors(truth, found):
     """Figures of the errors while the vehicle points; None where it never does, or has no solution then.
 
-    truth : of a RunData;  found : metrics.NavErrors
+    truth : of a RunData;  found : navigation_errors.NavErrors
     -> solution_share, of its ticks; from_s, to_s; position_m and velocity_m_s of the whole error;
     attitude_deg, its `max` about one axis; each with rms, max, and max_at_s, when that was
     """

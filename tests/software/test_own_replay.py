@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from own_flights import reckoning, template
 
-from shefex_nav import plugins
+from shefex_nav import plugins, runs
 from shefex_nav.errors import SoftwareError
 from shefex_nav.log import reader
+from shefex_nav.log.topics import FAILED
+from shefex_nav.records import Event
 from shefex_nav.replay import external, replayed, rerun
 from shefex_nav.replay import load as replay_load
+from shefex_nav.scenario.load import load
 
 EXAMPLE = "csv_example"
 SHORT = "mission.end=18 s"
@@ -110,3 +113,14 @@ def test_the_template_is_as_good_as_the_filter(tmp_path):
     ours, theirs = solutions(flown(*loaded())), solutions(flown(*mine))
     apart = [np.linalg.norm(a.r_i - b.r_i) for a, b in zip(ours, theirs, strict=True)]
     assert 0.0 < max(apart) < 5.0
+
+
+def test_a_failed_flight_is_replayed_without_its_failure(tmp_path):
+    path, log = reckoning(tmp_path, "if self.ticks == 150: 1 / 0"), tmp_path / "run.mcap"
+    scenario = load("night_sky", [f"navigation.software={path}:Reckoning"], trust=True)
+    with pytest.raises(SoftwareError):
+        runs.fly(scenario, until_s=3.0, log=log)
+    assert "ZeroDivisionError" in reader.read(log).failure
+    again = list(rerun.run(log, ["navigation.software=built_in"]))
+    assert len(solutions(again)) > 140
+    assert not [one for one in again if isinstance(one, Event) and one.name == FAILED]
