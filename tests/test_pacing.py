@@ -126,3 +126,6 @@ def test_long_durations_are_told_in_seconds():
     kept = {"pace": 1.0, "ticks": 2000, "mission_s": 20.0, "elapsed_s": 28.72, "late_answers": 26}
     rows = dict(table._real_time_rows(kept | {"begin_late_s": spread, "answer_s": spread}))
     assert rows["answer to a tick"] == "0.14 ms median, 99 % below 999.60 ms, 25.05 s at most"
+    assert str(rows["late answers"]) == "26 of 2000, longer than a tick"
+    kept |= {"late_answers": 1001, "begin_late_s": spread, "answer_s": spread}
+    assert str(dict(table._real_time_rows(kept))["late answers"]).endswith(": the software does not keep up")

@@ -119,3 +119,18 @@ def test_the_nees_names_what_is_too_sure_and_by_how_much(flown):
     row = str(dict(consistency_rows.rows({"nees": nees}))["NEES"])
     said = consistency_rows.times(nees["times_sigma"]["attitude"])
     assert "errors are larger than the filter's sigmas say: position" in row and f"attitude {said}" in row
+
+
+def test_the_table_says_since_when_errors_are_far_beyond_their_sigmas():
+    """The first stretch of each quantity, the earliest first; how many follow."""
+    stretches = [
+        {"quantity": "position", "from_s": 154.0, "until_s": None, "times": 31.26},
+        {"quantity": "attitude", "from_s": 70.3, "until_s": 90.0, "times": 7.71},
+        {"quantity": "attitude", "from_s": 120.0, "until_s": 130.0, "times": 9.0},
+    ]
+    row = dict(consistency_rows.rows({"nees": {"mean": None}, "beyond_sigma": stretches}))["beyond sigma"]
+    assert str(row) == (
+        "errors above 5 times their sigma: attitude from T+70.3 s to T+90.0 s, up to 7.7 times; "
+        "position from T+154.0 s to the end, up to 31 times; 1 more stretch later"
+    )
+    assert dict(consistency_rows.rows({"nees": {"mean": None}, "beyond_sigma": []})) == {}
