@@ -31,7 +31,7 @@ def repeat(
     if log is not None:
         check_file(log, "--log", force=force)
     repeating.read_head(folder, run)  # refuses before anything is said
-    say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
+    say(f"{folder}, run {run}")
     with kept_log(log, "flown"):
         repeated, kept = (
             mending.keep(folder, run, log) if keep else (repeating.repeat(folder, run, log), False)
