@@ -40,7 +40,7 @@ class Setting(NamedTuple):
 class Settings:
     """Base of classes of settings; values are keyword arguments, in SI.
 
-    What an instance does stands here: `dataclass` would write it for each of the 130 classes, at every start.
+    What an instance does stands here: `dataclass` would compile it for each class anew, at every start.
     """
 
     def __init_subclass__(cls):

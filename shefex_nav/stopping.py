@@ -164,7 +164,7 @@ def _soon():
 def at_once(asked):
     """KeyboardInterrupt at the second wish, wherever that is. asked : of `wishes`"""
     if len(asked) > 1:
-        interrupt()
+        interrupt(frame=sys._getframe())
 
 
 def at_once_if_waiting(asked):
@@ -173,10 +173,11 @@ def at_once_if_waiting(asked):
     A step that does not end, such as one of software of a user's own, is given up as by a second wish.
     """
     if _waiting or asked[1:]:
-        interrupt()
-    timer = threading.Timer(PATIENCE_S, _give_up, (asked,))
-    timer.daemon = True
-    timer.start()
+        interrupt(frame=sys._getframe())
+    else:
+        timer = threading.Timer(PATIENCE_S, _give_up, (asked,))
+        timer.daemon = True
+        timer.start()
 
 
 def _give_up(asked):

@@ -60,3 +60,18 @@ def test_work_that_has_ended_is_not_given_up(monkeypatch, capfd):
         os.kill(os.getpid(), signal.SIGUSR1)
     time.sleep(0.5)
     assert asked == [signal.SIGUSR1] and capfd.readouterr().err == ""
+
+
+def test_a_wish_within_the_compiler_waits_for_it(monkeypatch):
+    """An exception raised there crashes C code that calls Python."""
+    within, put_off = [True], []
+    monkeypatch.setattr(stopping, "_is_within_compiler", lambda frame: frame is not None and within[0])
+    monkeypatch.setattr(stopping, "_soon", lambda: put_off.append(True))
+    monkeypatch.setattr(stopping, "_put_off", [])
+    with stopping.wishes(stopping.at_once_if_waiting, (signal.SIGUSR1,)) as asked:
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGUSR1)
+        assert len(asked) == 2 and put_off == [True]
+        within[0] = False
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGUSR1)

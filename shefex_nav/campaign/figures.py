@@ -131,18 +131,22 @@ def draw_nees(series):
 def draw_containment(series):
     """Share of the runs inside 3 sigma over time, axis by axis."""
     found = over_time.contained(series)
-    figure = style.constrained(11.0, 10.0)
-    for b, (axis, name) in enumerate(zip(figure.subplots(5, 1, sharex=True), over_time.BLOCKS, strict=True)):
+    known = [b for b in range(len(over_time.BLOCKS)) if np.isfinite(found.share[:, b]).any()]
+    if not known:
+        return None
+    figure = style.constrained(11.0, 1.0 + 1.8 * len(known))
+    for b, axis in zip(known, np.atleast_1d(figure.subplots(len(known), 1, sharex=True)), strict=True):
+        name = over_time.BLOCKS[b]
         axis.fill_between(series.t_s, found.low, found.high, color=FAINT, lw=0, step="mid")
         for k, name_of_axis in enumerate(over_time.AXES):
             look = {"color": style.AXES[name_of_axis], "ls": style.DASHES[name_of_axis]}
             axis.plot(series.t_s, found.share[:, b, k], lw=1.0, label=name_of_axis, **look)
         axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
-        low = np.nanmin([1.0, *found.share[:, b].ravel(), *found.low])
+        low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
         axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
         axis.set_title(style.TITLES.get(name, name), loc="left", fontsize=10)
         axis.set_ylabel("share")
-        if b == 0:
+        if b == known[0]:
             axis.legend(ncols=3, frameon=False, fontsize=9, loc="lower left")
     axis.set_xlabel("time from lift-off [s]")
     _title(figure, f"Runs inside 3 sigma, of {len(series.runs)}; grey: 99 % if the covariance is right")
@@ -266,6 +270,7 @@ NO_SERIES = "no run that flew to its end has a series over time (campaign.series
 MISSING = {  # why there is nothing to draw, of each
     **dict.fromkeys(OF_SERIES, NO_SERIES),
     "nees": f"{NO_SERIES}, or the software gives neither covariances nor gate results",
+    "containment": f"{NO_SERIES}, or the software gives no covariances",
     "ellipses": f"fewer than {statistics.FEWEST} runs reached apogee, entry or impact, or all at one place",
     "convergence": "there is neither a requirement nor an error that two runs have",
     "sensitivity": "there are too few runs for the number of dispersions, or their results are all alike",

@@ -10,8 +10,9 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.records import QUANTITIES
+from shefex_nav.report.navigation_errors import beside_covariance
 from shefex_nav.report.nees import nees
-from shefex_nav.report.pairing import same_times, stretches
+from shefex_nav.report.pairing import stretches
 
 FAR = 5.0  # times the sigmas; by chance one epoch in 10^15
 LASTING_S = 1.0  # an error that is over sooner is not told
@@ -32,11 +33,9 @@ def ratios(data, errors):
 
     data : RunData;  errors : navigation_errors.NavErrors
     """
-    i, j = same_times(errors.t_s, data.covariance.t_s)
-    x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
-    P = data.covariance.P[j]
+    t_s, x, P = beside_covariance(data, errors)
     found = {name: np.sqrt(nees(x[:, at], P[:, at, at]) / 3.0) for name, at in BLOCKS.items()}
-    return errors.t_s[i], found
+    return t_s, found
 
 
 def stretches_of(data, errors):

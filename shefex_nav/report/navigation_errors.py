@@ -32,9 +32,14 @@ def navigation_errors(data):
     )
 
 
-def normalised_errors(data, errors):
-    """(t_s, NEES, sigma) at the epochs of the logged covariance: (K,), (K,), (K, 9)."""
+def beside_covariance(data, errors):
+    """Errors at the epochs of the logged covariance: t_s (K,), x (K, 9), P (K, 9, 9). RunData, NavErrors"""
     i, j = same_times(errors.t_s, data.covariance.t_s)
     x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
-    P = data.covariance.P[j]
-    return errors.t_s[i], nees(x, P), np.sqrt(np.einsum("kii->ki", P))
+    return errors.t_s[i], x, data.covariance.P[j]
+
+
+def normalised_errors(data, errors):
+    """(t_s, NEES, sigma) at the epochs of the logged covariance: (K,), (K,), (K, 9)."""
+    t_s, x, P = beside_covariance(data, errors)
+    return t_s, nees(x, P), np.sqrt(np.einsum("kii->ki", P))

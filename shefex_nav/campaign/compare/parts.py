@@ -62,9 +62,8 @@ def _honest(sides):
         "NEES per degree of freedom: mean over all runs of a side, 1 where the covariance is right. 95 % of "
         "means lie within what is expected, so of many one or another lies outside by chance: wrong is said "
         "where chance does not explain the NEES among all instants and blocks of a side (5 %, corrected by "
-        "Holm). Sigma / error: root mean squares over all axes; NEES counts each axis, and how axes belong "
-        "together, so sigmas of one axis may be too small where that ratio is 1. Of few runs only gross "
-        "faults show.",
+        "Holm). Sigma / error: root mean squares over all axes. It can be 1 although the sigmas of one axis, "
+        "or the correlations, are wrong: NEES shows that. Of few runs only gross faults show.",
     ]
     return Part(
         "Does the covariance of each describe its errors?", heads if made else (), tuple(made),

@@ -6,10 +6,9 @@ from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import trust
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
-from shefex_nav.report.navigation_errors import navigation_errors
+from shefex_nav.report.navigation_errors import beside_covariance, navigation_errors
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.nees import nees as normalised
-from shefex_nav.report.pairing import same_times
 
 LEVEL = 0.95  # of the bounds
 _BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
@@ -19,12 +18,9 @@ _MOST_LANES = 12
 
 def nees_of_blocks(data):
     """NEES at the epochs of the covariance: t_s (K,), {'position', 'velocity', 'attitude', 'all': (K,)}."""
-    errors = navigation_errors(data)
-    i, j = same_times(errors.t_s, data.covariance.t_s)
-    x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
-    P = data.covariance.P[j]
+    t_s, x, P = beside_covariance(data, navigation_errors(data))
     blocks = (*_BLOCKS, ("all", slice(0, 9)))
-    return errors.t_s[i], {name: normalised(x[:, block], P[:, block, block]) for name, block in blocks}
+    return t_s, {name: normalised(x[:, block], P[:, block, block]) for name, block in blocks}
 
 
 @style.styled

@@ -38,6 +38,6 @@ def chain(data):
     share.set_xlabel("time [ms]")
     share.set_ylabel("frames done [%]")
     style.legend_above(share)
-    words = "Wall-clock times: what other programs used of the processor meanwhile is in them"
+    words = "Wall-clock times: work of other programs is in them, loading of compiled code in the first ones"
     figure.text(0.01, 0.01, words, ha="left", va="bottom", fontsize=9, color=style.GREY)
     return figure
