@@ -7,10 +7,11 @@ JPEG of quality 60 to 95 are drawn besides. Projection, spots and spoils are thi
 
 A picture counts when eight stars of the catalogue are in it that stand out of the noise ten times and have no
 tree before them. An answer is wrong when the middle of the picture is off by more than a hundredth of its
-width, or up by more than 2 deg. NEES is of the attitude of the middle, 3 is expected.
+width, or up by more than 2 deg. NEES is of the attitude of the middle, 3 is expected. With --off the axis of
+the lens is off the middle, by so many per cent of the width (1 sigma on each axis); without, in the middle.
 
     uv run python benchmarks/pictures.py [--seed 733] [--each 40] [--widths 5 10 20 40 65] [--mirrored]
-        [--told] [--keep DIR]
+        [--told] [--off 0.4] [--keep DIR]
 
 Seeds below 100 are for tuning; docs/verification/pictures.md reports 733, 811 and 977.
 """
@@ -23,6 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 from scipy.ndimage import gaussian_filter, zoom
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 from shefex_nav.environment.ephemeris import sky_bodies
 from shefex_nav.environment.stars import aberrate, at_epoch, load_catalogue
@@ -46,13 +49,14 @@ class Lens(NamedTuple):
     kind: str
     focal_px: float
     k: tuple  # k1, k2, k3 of tan^2; p1, p2
+    off_px: tuple = (0.0, 0.0)  # where the axis is, from the middle of the picture
 
 
 class Shot(NamedTuple):
     """A picture and its truth."""
 
     image: np.ndarray  # uint8, as decoded
-    C_ci: np.ndarray  # (3, 3) camera right, down, forward
+    C_ci: np.ndarray  # (3, 3) right, down, forward through the middle of the picture
     lens: Lens
     width_deg: float  # between the middles of the left and the right edge
     n_visible: int  # stars that count
@@ -80,7 +84,17 @@ def places(lens, u_c, size_px):
     p1, p2 = lens.k[3:]
     r2 = x * x + y * y
     x, y = x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return 0.5 * (np.array(size_px) - 1.0) + lens.focal_px * np.column_stack([x, y])
+    return 0.5 * (np.array(size_px) - 1.0) + lens.off_px + lens.focal_px * np.column_stack([x, y])
+
+
+def of_middle(lens, C_ci):
+    """Attitude (3, 3) of the middle of the picture, by that of the axis of the lens."""
+    far_px = np.hypot(*lens.off_px)
+    if far_px == 0.0:
+        return C_ci
+    angle = brentq(lambda angle: float(radius(lens, angle)) - far_px, 0.0, 2.0 * far_px / lens.focal_px)
+    x, y = np.array(lens.off_px) / far_px * angle  # the middle is seen at -x, -y: turned onto the axis
+    return Rotation.from_rotvec([-y, x, 0.0]).as_matrix() @ C_ci
 
 
 def draw_lens(rng, kind, size_px, width_deg):
@@ -147,17 +161,18 @@ def aircraft(rng, size_px, strength):
     return strength * np.exp(-0.5 * (off / 1.3) ** 2) * (1.0 + np.sin(along / 9.0))
 
 
-def shoot(rng, width_deg, kind, *, size_px=None, lens=None):
+def shoot(rng, width_deg, kind, *, size_px=None, lens=None, off=(0.0, 0.0)):
     """A picture of a drawn attitude by a drawn lens of a kind, or by the lens and in the size that are given.
 
-    size_px, lens : both or none
+    size_px, lens : both or none;  off : of the width, x and y of the axis from the middle, of a drawn lens
     """
     drawn_px = SIZES[rng.integers(len(SIZES))]
     size_px = drawn_px if size_px is None else size_px
     width, height = size_px
     C_ci = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     C_ci *= np.linalg.det(C_ci)
-    lens = draw_lens(rng, kind, size_px, width_deg) if lens is None else lens
+    if lens is None:
+        lens = draw_lens(rng, kind, size_px, width_deg)._replace(off_px=tuple(np.multiply(off, width)))
     faintest = rng.uniform(*FAINTEST[width_deg])
     sigma_px, noise, background = rng.uniform(0.8, 1.6), rng.uniform(1.0, 3.0), rng.uniform(10.0, 60.0)
     trail_px = rng.uniform(2.0, 6.0) if rng.random() < 0.25 else 0.0
@@ -199,7 +214,7 @@ def shoot(rng, width_deg, kind, *, size_px=None, lens=None):
     stands_out = light[on] * shade[row, column] >= unit
     n_visible = int((stands_out & ~hidden[row, column]).sum())
     return Shot(
-        developed(rng, image, drawn), C_ci, lens, width_deg, n_visible,
+        developed(rng, image, drawn), of_middle(lens, C_ci), lens, width_deg, n_visible,
         tuple(name for name, is_drawn in drawn.items() if is_drawn) + (("motion",) if trail_px else ()),
     )  # fmt: skip
 
@@ -217,11 +232,12 @@ def developed(rng, image, drawn):
     return np.asarray(Image.open(file))
 
 
-def shots(seed, width_deg, n):
-    """n pictures of one width, the lenses in turn."""
+def shots(seed, width_deg, n, off_share=0.0):
+    """n pictures of one width, the lenses in turn; off_share : of the width, 1 sigma, of their axes."""
     for k in range(n):
-        rng = np.random.default_rng([seed, int(width_deg), k])
-        yield shoot(rng, width_deg, LENSES[k % len(LENSES)])
+        key = [seed, int(width_deg), k]
+        off = off_share * np.random.default_rng([*key, 1]).normal(size=2)
+        yield shoot(np.random.default_rng(key), width_deg, LENSES[k % len(LENSES)], off=off)
 
 
 class Judged(NamedTuple):
@@ -266,6 +282,7 @@ def main():
     parser.add_argument("--widths", type=float, nargs="+", default=WIDTHS_DEG)
     parser.add_argument("--told", action="store_true", help="the field of view is told")
     parser.add_argument("--mirrored", action="store_true", help="pictures are mirrored, and that is told")
+    parser.add_argument("--off", type=float, default=0.0, help="per cent of the width, axis off the middle")
     parser.add_argument("--keep", type=Path, help="folder for the pictures that were not solved")
     args = parser.parse_args()
     print(
@@ -273,7 +290,7 @@ def main():
     )
     for width_deg in args.widths:
         judged, missed = [], []
-        for k, shot in enumerate(shots(args.seed, width_deg, args.each)):
+        for k, shot in enumerate(shots(args.seed, width_deg, args.each, 0.01 * args.off)):
             image = np.ascontiguousarray(shot.image[:, ::-1]) if args.mirrored else shot.image
             found = solve_image(image, epoch=DAY, **options_of(shot, args))
             one = judge(shot, found)

@@ -20,7 +20,7 @@ class Adjusted(NamedTuple):
     """Lens, and the covariance of what was adjusted."""
 
     lens: lenses.Lens
-    covariance: np.ndarray  # (9, 9), as in `lens.Fit`, with what the residuals say of the noise
+    covariance: np.ndarray  # (11, 11), as in `lens.Fit`, with what the residuals say of the noise
     used: np.ndarray  # (n,) bool, of the named stars given
     residual_px: float  # RMS of the stars used
     floor_px: float  # error that all centroids have besides their own
@@ -28,12 +28,12 @@ class Adjusted(NamedTuple):
 
 
 def adjust(lens, prior, u_i, xy_px, P_px, size_px):
-    """Weighted least squares of attitude, focal length and distortion over stars that have a name.
+    """Weighted least squares of attitude and lens over stars that have a name.
 
     Parameters
     ----------
     lens : Lens, within pixels
-    prior : (5,) standard deviations of the distortion, 0 where it is told
+    prior : (7,) standard deviations of `Lens.terms`, 0 where they are told
     u_i, xy_px, P_px : (n, 3), (n, 2), (n, 2, 2) px^2
     size_px : (width, height)
 
@@ -41,13 +41,12 @@ def adjust(lens, prior, u_i, xy_px, P_px, size_px):
     -------
     Adjusted
     """
-    ok, C_ci, focal_px, k, covariance, used, n_lens, multiple, floor2 = steps.adjusted(
-        lens.C_ci, float(lens.focal_px), np.array(lens.k, dtype=float), prior, u_i, xy_px, P_px,
-        tuple(map(float, size_px)),
+    ok, C_ci, focal_px, terms, covariance, used, n_lens, multiple, floor2 = steps.adjusted(
+        lens.C_ci, float(lens.focal_px), lens.terms, prior, u_i, xy_px, P_px, tuple(map(float, size_px)),
     )  # fmt: skip
     if not ok:
         raise np.linalg.LinAlgError("the stars of a proven picture do not tell its attitude")
-    lens = lenses.Lens(C_ci, focal_px, tuple(k.tolist()))
+    lens = lenses.of_terms(C_ci, focal_px, terms)
     predicted, _ = lenses.project(lens, u_i[used], size_px)
     rest = xy_px[used] - predicted
     nu = max(2.0 * used.sum() - n_lens, 0.5)

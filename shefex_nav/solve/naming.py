@@ -56,6 +56,7 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
         fov_sigma_deg=_fov_sigma(best, size_px), aberration_removed=velocity_i is not None, julian_year=year,
+        camera_q_ci=quat_from_dcm(best.lens.axis_C_ci),
     )  # fmt: skip
 
 
@@ -68,14 +69,14 @@ def against(C_ci, velocity_i):
 
 def _fov_sigma(best, size_px):
     """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
-    sigma = np.sqrt(np.diag(best.covariance)[3:])
+    sigma = np.sqrt(np.diag(best.covariance)[3:9])
     at, slope, before = best.lens, np.zeros(6), lens.across(best.lens, size_px)
     for n in np.flatnonzero(sigma > 0.0):
         step = 0.01 * sigma[n]
         k = tuple((np.array(at.k) + (np.arange(1, 6) == n) * step).tolist())
         moved = at._replace(focal_px=at.focal_px * float(np.exp(step if n == 0 else 0.0)), k=k)
         slope[n] = (lens.across(moved, size_px) - before) / step
-    return float(np.degrees(np.sqrt(slope @ best.covariance[3:, 3:] @ slope)))
+    return float(np.degrees(np.sqrt(slope @ best.covariance[3:9, 3:9] @ slope)))
 
 
 def all_stars(fit, found, xy_px, size_px, year):
@@ -115,4 +116,4 @@ def _pointing(at, size_px, camera):
     marks = pointing.marks(size_px)
     if camera is not None:
         marks = centred(camera, marks)
-    return pointing.angles(lens.rays(at, size_px, marks) @ at.C_ci)
+    return pointing.angles(lens.rays(at, size_px, marks) @ at.axis_C_ci)

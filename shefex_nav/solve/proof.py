@@ -3,11 +3,11 @@
 In: a fit to a picture. Out: the probability that chance made it. The detections go to the tracking of `bayes`
 with the camera that the fit found and the fitted attitude as a prediction. Both came from the picture itself
 and are no knowledge. So the odds pay for them: for the attitude the volume of all attitudes over that of the
-prediction; for the focal length and the five terms of distortion what was thought possible over what fits as
-well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of detections,
-a few depths of the catalogue and the lenses that proposals were made for their numbers. A pinhole shows the
-picture of a lens with distortion as a patch with curved borders: what the rectangle around it has more of
-area than the patch, chance does not get.
+prediction; for the focal length and the seven other terms of the lens what was thought possible over what
+fits as well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of
+detections, a few depths of the catalogue and the lenses that proposals were made for their numbers. A pinhole
+shows the picture of a lens with distortion as a patch with curved borders: what the rectangle around it has
+more of area than the patch, chance does not get.
 """
 
 from functools import lru_cache
@@ -113,14 +113,14 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range, lenses_tried=1):
         FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
     )  # fmt: skip
     mag = -2.5 * np.log10(flux)
-    prediction = (True, quat_from_dcm(lens.C_ci), P_c)
+    prediction = (True, quat_from_dcm(lens.axis_C_ci), P_c)
     sky = sky if camera.distortion is None else select(sky, _inside(lens, sky.u_i, size_px))
     best = Proof(False, False, 0, 1.0)
     for shallower in DEPTHS:
         seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower) if len(sky.hip) else sky
         if len(seen.hip) < MIN_MATCHED:
             break
-        found = bayes.Solution(*near(stars_of(seen, lens.C_ci), numbers, xy_px, mag, prediction))
+        found = bayes.Solution(*near(stars_of(seen, lens.axis_C_ci), numbers, xy_px, mag, prediction))
         n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
         chance = bounded(found.false_probability, log_price)
         is_true = found.reason == 0 and n >= MIN_MATCHED and is_of(fit, found, size_px)
@@ -184,7 +184,7 @@ def _inside(lens, u_i, size_px):
 
 def is_of(fit, found, size_px):
     """Whether what was proved is this fit: no corner of the picture apart. Another one proves nothing."""
-    turned_c = rotvec_from_quat(quat_from_dcm(dcm_from_quat(found.q_ci) @ fit.lens.C_ci.T))
+    turned_c = rotvec_from_quat(quat_from_dcm(dcm_from_quat(found.q_ci) @ fit.lens.axis_C_ci.T))
     corner_px = 0.5 * np.hypot(*size_px)
     shift_px = np.hypot(np.hypot(turned_c[0], turned_c[1]) * fit.lens.focal_px, turned_c[2] * corner_px)
     return bool(shift_px < SAME_PX)
@@ -212,13 +212,13 @@ def of_lens(fit, log_focal_range):
     """ln of the volume of lenses that were thought possible over that of those that fit.
 
     The density of the prior at the fit, turned over, over that of the result in its middle: a focal length
-    anywhere in the range, a distortion by its standard deviations.
+    anywhere in the range, its terms by their standard deviations.
     """
     free = np.concatenate([[True], fit.prior > 0.0])
     P = fit.covariance[3:, 3:][np.ix_(free, free)]
     before = np.concatenate([[1.0], fit.prior])[free]
     scaled = P / before[:, None] / before
     _, log_det = np.linalg.slogdet(scaled)
-    far2 = ((np.array(fit.lens.k)[fit.prior > 0.0] / fit.prior[fit.prior > 0.0]) ** 2).sum()
+    far2 = ((fit.lens.terms[fit.prior > 0.0] / fit.prior[fit.prior > 0.0]) ** 2).sum()
     cost = np.log(log_focal_range / np.sqrt(2.0 * np.pi)) - 0.5 * log_det + 0.5 * far2
     return max(float(cost), 0.0)

@@ -30,8 +30,8 @@ class ImageSolution(NamedTuple):
     matched: list  # of Match, brightest first
     false_probability: float  # bound of the probability that chance made this; 1 without a solution
     wall_ms: float  # from the grey values to the solution; tables are not counted when they are made
-    q_ci: np.ndarray  # (4,) ICRS to camera
-    camera: Camera | None  # focal length and distortion as they were found, or as they were told
+    q_ci: np.ndarray  # (4,) ICRS to camera: axes through the middle of the picture; of a told camera its own
+    camera: Camera | None  # focal length, principal point and distortion as found, or as they were told
     xy_px: np.ndarray  # (n, 2) all detections, brightest first
     # None without a solution
     covariance: np.ndarray | None = None  # (3, 3) rad^2, error of q_ic = conjugate of q_ci, camera axes
@@ -46,6 +46,8 @@ class ImageSolution(NamedTuple):
     as_stored: bool = (
         False  # it was not turned: places and angles are of the pixels of a StarCamera's detector
     )
+    # (4,) ICRS to the axes of `camera`, through its principal point: what it projects stars with
+    camera_q_ci: np.ndarray | None = None
 
 
 def failed(reason, ms, xy_px):

@@ -1,7 +1,10 @@
-"""The compiled loops of `lens` and `adjust`: Gauss-Newton steps of attitude, focal length and distortion.
+"""The compiled loops of `lens` and `adjust`: Gauss-Newton steps of attitude and lens.
 
-In: stars and detections of one picture. Out: what fits them, with its covariance. The unknowns are nine: turn
-of the camera (3), ln f, k1, k2, p1, p2, k3.
+In: stars and detections of one picture. Out: what fits them, with its covariance. The unknowns are eleven:
+turn of the camera (3), ln f, and the seven `terms` of the lens: k1, k2, p1, p2, k3, and where its axis meets
+the picture, from the middle, over f (2). The attitude C_ci is that of axes through the middle of the picture;
+the lens is turned against them by `to_axis`. So a shift of the principal point moves no star in the middle,
+and only a wide field tells it.
 """
 
 import numpy as np
@@ -11,7 +14,7 @@ from shefex_nav.geometry.distortion import BEHIND, bent_one, slopes_one
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 
-UNKNOWNS = 9
+UNKNOWNS = 11
 LEAST_GATE_PX = 1.5
 NOISE_GATE = 4.0  # standard deviations, in the end
 LEAST_NOISE_PX = 0.08  # of what is proposed; what is proved has a floor of its own
@@ -39,6 +42,12 @@ def turned(C_ci, turn_c):
 
 
 @inner
+def to_axis(C_ci, terms):
+    """Attitude of the lens (3, 3), from that of the middle of the picture: its axis is seen at terms[5:]."""
+    return turned(C_ci, np.array([terms[6], -terms[5], 0.0]))
+
+
+@inner
 def ideal_of(C_ci, u_i, s):
     """X/Z and Y/Z of star s in the camera, NaN behind it."""
     Z = C_ci[2, 0] * u_i[s, 0] + C_ci[2, 1] * u_i[s, 1] + C_ci[2, 2] * u_i[s, 2]
@@ -50,42 +59,54 @@ def ideal_of(C_ci, u_i, s):
 
 
 @inner
-def project(C_ci, focal_px, k, u_i, size_px, ideal, seen_px, inside):
+def project(C_ci, focal_px, terms, u_i, size_px, ideal, seen_px, inside):
     """Fill ideal x, y (m, 2), pixels (m, 2), and which are in the picture (m,), of the stars (m, 3)."""
-    cx, cy = 0.5 * (size_px[0] - 1.0), 0.5 * (size_px[1] - 1.0)
+    C_ai = to_axis(C_ci, terms)
+    cx, cy = principal_point(focal_px, terms, size_px)
     for s in range(u_i.shape[0]):
-        ideal[s, 0], ideal[s, 1] = ideal_of(C_ci, u_i, s)
-        x, y = bent_one(k, ideal[s, 0], ideal[s, 1])
+        ideal[s, 0], ideal[s, 1] = ideal_of(C_ai, u_i, s)
+        x, y = bent_one(terms, ideal[s, 0], ideal[s, 1])
         seen_px[s, 0], seen_px[s, 1] = cx + focal_px * x, cy + focal_px * y
         inside[s] = -1.0 < seen_px[s, 0] < size_px[0] and -1.0 < seen_px[s, 1] < size_px[1]
 
 
 @inner
-def fill_jacobian(focal_px, k, x, y, J):
-    """Derivatives of a pixel by the nine unknowns. J : (2, 9), filled"""
+def principal_point(focal_px, terms, size_px):
+    """Where the axis of the lens meets the picture: x, y [px]."""
+    return (
+        0.5 * (size_px[0] - 1.0) + focal_px * terms[5],
+        0.5 * (size_px[1] - 1.0) + focal_px * terms[6],
+    )
+
+
+@inner
+def fill_jacobian(focal_px, terms, x, y, J):
+    """Derivatives of a pixel by the eleven unknowns. J : (2, 11), filled;  x, y : X/Z, Y/Z of the lens"""
     r2 = x * x + y * y
-    xx, xy, yy = slopes_one(k, x, y)
+    xx, xy, yy = slopes_one(terms, x, y)
     by_x, by_y = turn_slopes(x, y)
     for a in range(3):  # the stars turn against the camera
         J[0, a] = -(xx * by_x[a] + xy * by_y[a])
         J[1, a] = -(xy * by_x[a] + yy * by_y[a])
-    J[0, 3], J[1, 3] = bent_one(k, x, y)
+    J[0, 3], J[1, 3] = bent_one(terms, x, y)
     J[0, 4], J[1, 4] = x * r2, y * r2
     J[0, 5], J[1, 5] = x * r2 * r2, y * r2 * r2
     J[0, 6], J[1, 6] = 2.0 * x * y, r2 + 2.0 * y * y
     J[0, 7], J[1, 7] = r2 + 2.0 * x * x, 2.0 * x * y
     J[0, 8], J[1, 8] = x * r2**3, y * r2**3
+    J[0, 9], J[1, 9] = 1.0 - J[0, 1], -J[1, 1]  # the picture is shifted, and the lens turned back
+    J[0, 10], J[1, 10] = J[0, 0], 1.0 + J[1, 0]
     for a in range(UNKNOWNS):
         J[0, a] *= focal_px
         J[1, a] *= focal_px
 
 
 @kernel
-def jacobians(focal_px, k, ideal):
-    """Derivatives of pixels by the nine unknowns. k : (5,);  ideal : (n, 2) X/Z, Y/Z -> (n, 2, 9)"""
+def jacobians(focal_px, terms, ideal):
+    """Derivatives of pixels by the eleven unknowns. terms : (7,);  ideal : (n, 2) X/Z, Y/Z -> (n, 2, 11)"""
     J = np.empty((ideal.shape[0], 2, UNKNOWNS))
     for n in range(ideal.shape[0]):
-        fill_jacobian(focal_px, k, ideal[n, 0], ideal[n, 1], J[n])
+        fill_jacobian(focal_px, terms, ideal[n, 0], ideal[n, 1], J[n])
     return J
 
 
@@ -100,10 +121,10 @@ def add_star(N, b, J, W, rx, ry):
 
 
 @inner
-def solved(N, b, k, prior):
-    """Whether normal equations have an answer; change (9,) and covariance (9, 9) with the prior of the lens.
+def solved(N, b, terms, prior):
+    """Whether normal equations have an answer; change (11,), covariance (11, 11) with the prior of the lens.
 
-    N, b : of the stars alone;  prior : (5,) standard deviations of k, 0 of what does not change
+    N, b : of the stars alone;  prior : (7,) standard deviations of the terms, 0 of what does not change
     """
     rows, m = np.empty(UNKNOWNS, dtype=np.int64), 0
     for a in range(UNKNOWNS):
@@ -119,7 +140,7 @@ def solved(N, b, k, prior):
         if a >= 4:
             told = prior[a - 4] ** -2.0
             A[i, i] += told
-            right[i] -= told * k[a - 4]
+            right[i] -= told * terms[a - 4]
         scale[i] = 1.0 / np.sqrt(max(A[i, i], 1e-300))
     change, covariance = np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS))
     # A = L L', then inverse = inverse(L)' inverse(L)
@@ -201,29 +222,29 @@ def fitted(proposal, u_i, xy_px, size_px, prior, gates_px, least):
 
     Parameters
     ----------
-    proposal : C_ci (3, 3), focal_px float, k (5,)
+    proposal : C_ci (3, 3), focal_px float, terms (7,)
     u_i : (m, 3) stars;  xy_px : (n, 2) detections
     size_px : (width, height), floats
-    prior : (5,) standard deviations of the distortion, 0 where it is told
+    prior : (7,) standard deviations of the terms, 0 where they are told
     gates_px : of the first steps
     least : int, matches
 
     Returns
     -------
-    ok : bool;  C_ci, focal_px, k;  star : (n,) row of the stars, -1;  residual_px : (n, 2), 0 where unmatched
-    noise_px : float;  covariance : (9, 9)
+    ok : bool;  C_ci, focal_px, terms;  star : (n,) row of the stars, -1
+    residual_px : (n, 2), 0 where unmatched;  noise_px : float;  covariance : (11, 11)
     """
-    C_ci, focal_px, k = proposal[0].copy(), proposal[1], proposal[2].copy()
+    C_ci, focal_px, terms = proposal[0].copy(), proposal[1], proposal[2].copy()
     n, m, start_px, last = xy_px.shape[0], u_i.shape[0], focal_px, len(gates_px) + CONVERGED - 1
     seen, ideal, inside = np.empty((m, 2)), np.empty((m, 2)), np.empty(m, dtype=np.bool_)
     star, residual, J = np.full(n, -1, dtype=np.int64), np.zeros((n, 2)), np.empty((2, UNKNOWNS))
     covariance, noise = np.zeros((UNKNOWNS, UNKNOWNS)), np.inf
     for step in range(last + 1):
-        project(C_ci, focal_px, k, u_i, size_px, ideal, seen, inside)
+        project(C_ci, focal_px, terms, u_i, size_px, ideal, seen, inside)
         gate_px = max(gates_px[step] if step < len(gates_px) else NOISE_GATE * noise, LEAST_GATE_PX)
         known = match(seen, inside, xy_px, gate_px, star)
         if known < least:
-            return False, C_ci, focal_px, k, star, residual, noise, covariance
+            return False, C_ci, focal_px, terms, star, residual, noise, covariance
         for i in range(n):
             for a in range(2):
                 residual[i, a] = xy_px[i, a] - seen[star[i], a] if star[i] >= 0 else 0.0
@@ -233,17 +254,17 @@ def fitted(proposal, u_i, xy_px, size_px, prior, gates_px, least):
             if star[i] >= 0:
                 rx, ry = residual[i]
                 w = noise**-2.0 / (1.0 + (rx * rx + ry * ry) / (3.0 * noise) ** 2)  # bad stars held down
-                fill_jacobian(focal_px, k, ideal[star[i], 0], ideal[star[i], 1], J)
+                fill_jacobian(focal_px, terms, ideal[star[i], 0], ideal[star[i], 1], J)
                 add_star(N, b, J, (w, 0.0, w), rx, ry)
-        ok, change, covariance = solved(N, b, k, prior)
+        ok, change, covariance = solved(N, b, terms, prior)
         if not ok:
-            return False, C_ci, focal_px, k, star, residual, noise, covariance
+            return False, C_ci, focal_px, terms, star, residual, noise, covariance
         if step < last:
             C_ci, focal_px = turned(C_ci, change[:3]), focal_px * np.exp(change[3])
-            k += change[4:]
+            terms += change[4:]
             if not 0.5 < focal_px / start_px < 2.0:  # no fit, whatever it is
-                return False, C_ci, focal_px, k, star, residual, noise, covariance
-    return True, C_ci, focal_px, k, star, residual, noise, covariance
+                return False, C_ci, focal_px, terms, star, residual, noise, covariance
+    return True, C_ci, focal_px, terms, star, residual, noise, covariance
 
 
 @inner
@@ -322,25 +343,26 @@ def noise_seen(residual_px, P_px, n_lens):
 
 
 @kernel
-def adjusted(C_ci, focal_px, k, prior, u_i, xy_px, P_px, size_px):
+def adjusted(C_ci, focal_px, terms, prior, u_i, xy_px, P_px, size_px):
     """Weighted least squares over stars that have a name; see `adjust.adjust`.
 
     Returns
     -------
-    ok : bool;  C_ci, focal_px, k;  covariance : (9, 9), as the noise that was found makes it
+    ok : bool;  C_ci, focal_px, terms;  covariance : (11, 11), as the noise that was found makes it
     used : (n,) bool;  n_lens : squares that the unknowns take;  multiple, floor2 : of `noise_of`
     """
     n, n_lens, multiple, floor2 = len(xy_px), 4.0, 1.0, 0.0
-    cx, cy = 0.5 * (size_px[0] - 1.0), 0.5 * (size_px[1] - 1.0)
-    C_ci, k = C_ci.copy(), k.copy()
+    C_ci, terms = C_ci.copy(), terms.copy()
     values, turn = axes_of(P_px)
     used, kept = np.ones(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     ideal, residual = np.empty((n, 2)), np.empty((n, 2))
     along2, J, covariance = np.empty((n, 2)), np.empty((2, UNKNOWNS)), np.zeros((UNKNOWNS, UNKNOWNS))
     for _ in range(STEPS):
+        C_ai = to_axis(C_ci, terms)
+        cx, cy = principal_point(focal_px, terms, size_px)
         for i in range(n):
-            ideal[i, 0], ideal[i, 1] = ideal_of(C_ci, u_i, i)
-            x, y = bent_one(k, ideal[i, 0], ideal[i, 1])
+            ideal[i, 0], ideal[i, 1] = ideal_of(C_ai, u_i, i)
+            x, y = bent_one(terms, ideal[i, 0], ideal[i, 1])
             rx, ry = xy_px[i, 0] - cx - focal_px * x, xy_px[i, 1] - cy - focal_px * y
             residual[i, 0], residual[i, 1] = rx, ry
             along2[i, 0] = (turn[i, 0] * rx + turn[i, 1] * ry) ** 2
@@ -357,14 +379,14 @@ def adjusted(C_ci, focal_px, k, prior, u_i, xy_px, P_px, size_px):
                 xx, xy = multiple * P_px[i, 0, 0] + floor2, multiple * P_px[i, 0, 1]
                 yy = multiple * P_px[i, 1, 1] + floor2
                 det = xx * yy - xy * xy
-                fill_jacobian(focal_px, k, ideal[i, 0], ideal[i, 1], J)
+                fill_jacobian(focal_px, terms, ideal[i, 0], ideal[i, 1], J)
                 add_star(N, b, J, (yy / det, -xy / det, xx / det), residual[i, 0], residual[i, 1])
-        ok, change, covariance = solved(N, b, k, prior)
+        ok, change, covariance = solved(N, b, terms, prior)
         if not ok:
-            return False, C_ci, focal_px, k, covariance, used, n_lens, multiple, floor2
+            return False, C_ci, focal_px, terms, covariance, used, n_lens, multiple, floor2
         n_lens = (covariance * N).sum()  # of which a prior leaves a part
         C_ci, focal_px = turned(C_ci, change[:3]), focal_px * np.exp(change[3])
-        k += change[4:]
+        terms += change[4:]
         if np.abs(change[:3]).max() < SMALL:
             break
-    return True, C_ci, focal_px, k, covariance, used, n_lens, multiple, floor2
+    return True, C_ci, focal_px, terms, covariance, used, n_lens, multiple, floor2

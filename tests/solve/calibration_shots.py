@@ -29,12 +29,11 @@ class Camera(NamedTuple):
 
 def camera_of(rng, focal_px=2520.0, n_hot=40):
     """A camera whose lens is drawn from what lenses are like: by the priors of the fit."""
-    from shefex_nav.solve.calibration.lens_fit import OFF_CENTRE
-    from shefex_nav.solve.lens import middle, spread
+    from shefex_nav.solve.lens import OFF_CENTRE, middle, spread
 
     diagonal = float(np.hypot(*SIZE_PX))
-    off = rng.normal(0.0, OFF_CENTRE * diagonal, 2)
-    k = rng.normal(0.0, spread(0.5 * diagonal / focal_px))
+    off = rng.normal(0.0, 3.0 * OFF_CENTRE * diagonal, 2)
+    k = rng.normal(0.0, spread(0.5 * diagonal / focal_px)[:5])
     values = np.concatenate([[focal_px * rng.uniform(0.97, 1.03)], middle(SIZE_PX) + off, k])
     hot = np.column_stack([rng.integers(5, SIZE_PX[1] - 5, n_hot), rng.integers(5, SIZE_PX[0] - 5, n_hot)])
     return Camera(values, np.unique(hot, axis=0), rng.uniform(150.0, 5000.0, len(np.unique(hot, axis=0))))

@@ -74,22 +74,25 @@ def test_what_was_adjusted_has_its_price():
 
 
 def test_slopes_are_derivatives():
-    """Of the pixels by the nine unknowns, against differences."""
+    """Of the pixels by the eleven unknowns, against differences; the axis of the lens in the middle.
+
+    Off it, the turn is about axes that are turned by as much, which no adjustment needs to know.
+    """
     rng = np.random.default_rng(5)
     at = lens.Lens(dcm_from_rotvec(rng.normal(size=3)), 900.0, (-0.2, 0.1, 0.003, -0.002, -0.03))
     xy = rng.uniform([-0.6, -0.5], [0.6, 0.5], (12, 2))
     u_c = np.column_stack([xy, np.ones(12)])
     u_i = u_c / np.linalg.norm(u_c, axis=1, keepdims=True) @ at.C_ci
-    J = steps.jacobians(at.focal_px, np.array(at.k), lens.project(at, u_i, SIZE)[1])
+    J = steps.jacobians(at.focal_px, at.terms, lens.project(at, u_i, SIZE)[1])
 
     def moved(n, by):
-        change = np.zeros(9)
+        change = np.zeros(11)
         change[n] = by
         turned = dcm_from_rotvec(change[:3]) @ at.C_ci
-        k = np.array(at.k) + change[4:]
-        return lens.project(lens.Lens(turned, at.focal_px * np.exp(change[3]), tuple(k)), u_i, SIZE)[0]
+        one = lens.of_terms(turned, at.focal_px * np.exp(change[3]), at.terms + change[4:])
+        return lens.project(one, u_i, SIZE)[0]
 
-    for n in range(9):
+    for n in range(11):
         numeric = (moved(n, 1e-6) - moved(n, -1e-6)) / 2e-6
         np.testing.assert_allclose(J[:, :, n], numeric, atol=1e-4)
 
@@ -126,12 +129,11 @@ def test_the_compiled_steps_see_the_lens_that_the_module_sees():
     """Pixels, their slopes and who is near whom: `steps` for the adjustment, `lens` for everybody else."""
     rng = np.random.default_rng(8)
     turn = dcm_from_rotvec(rng.normal(size=3))
-    at = lens.Lens(turn, 900.0, (-0.2, 0.1, 0.003, -0.002, -0.03))
+    at = lens.Lens(turn, 900.0, (-0.2, 0.1, 0.003, -0.002, -0.03), (0.008, -0.011))
     u_i = rng.normal(size=(4000, 3))  # all directions, also behind the camera
     u_i /= np.linalg.norm(u_i, axis=1, keepdims=True)
     ideal, seen, inside = np.empty((4000, 2)), np.empty((4000, 2)), np.empty(4000, dtype=np.bool_)
-    k = np.array(at.k)
-    steps.project(at.C_ci, at.focal_px, k, u_i, tuple(map(float, SIZE)), ideal, seen, inside)
+    steps.project(at.C_ci, at.focal_px, at.terms, u_i, tuple(map(float, SIZE)), ideal, seen, inside)
     seen_px, ideal_px = lens.project(at, u_i, SIZE)
     np.testing.assert_allclose(seen, seen_px, rtol=1e-9)
     np.testing.assert_allclose(ideal, ideal_px, rtol=1e-9)
@@ -139,7 +141,7 @@ def test_the_compiled_steps_see_the_lens_that_the_module_sees():
     assert 100 < inside.sum() < 1000 and np.isnan(seen_px[:, 0]).sum() > 1500
     # derivatives by the turn of the camera: the lens's slopes times those of X/Z and Y/Z
     few = np.ascontiguousarray(ideal[inside][:50])
-    J, bent = steps.jacobians(at.focal_px, k, few), distortion.slopes(at.k, few)
+    J, bent = steps.jacobians(at.focal_px, at.terms, few), distortion.slopes(at.k, few)
     by_x, by_y = np.array([turn_slopes(x, y) for x, y in few]).transpose(1, 0, 2)
     for row in range(2):
         slope = -at.focal_px * (bent[:, row, :1] * by_x + bent[:, row, 1:] * by_y)

@@ -3,8 +3,8 @@
 In: named stars with centroids and covariances, picture by picture. Out: the lens and its covariance, in which
 nothing is known of the attitudes: they are eliminated (Schur complement), so that the work grows with the
 number of pictures. A shift of the principal point looks nearly like a turn of the camera, and decentring like
-that shift; all are adjusted together, with the priors of `lens.spread` and one for the principal point, so
-that what the stars do not tell keeps a sigma as large as that of lenses nobody has measured.
+that shift; all are adjusted together, with the priors of `lens.spread`, so that what the stars do not tell
+keeps a sigma as large as that of lenses nobody has measured.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,6 @@ NAMES = ("focal_length_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 WIDER = (
     3.0  # than the priors of a single picture: here the stars are many, and unusual lenses are to be found
 )
-OFF_CENTRE = 0.02  # of the diagonal, 1 sigma: where optical axes are before anybody measures
 STEPS, SMALL = 30, 1e-4  # steps at most; a step of so many sigma of each parameter is the last
 TOLD = 0.5  # of the prior's sigma: a parameter that keeps more was not told by the stars
 
@@ -89,8 +88,8 @@ def fit(sights, first, size_px):
 def before(focal_px, size_px):
     """What is known before the pictures: standard deviations and expected values of the eight, (8,) each."""
     spread = WIDER * lenses.spread(0.5 * float(np.hypot(*size_px)) / focal_px)
-    off = OFF_CENTRE * float(np.hypot(*size_px))
-    return np.array([np.inf, off, off, *spread]), np.array([0.0, *lenses.middle(size_px), *np.zeros(5)])
+    prior = np.array([np.inf, *focal_px * spread[5:], *spread[:5]])
+    return prior, np.array([0.0, *lenses.middle(size_px), *np.zeros(5)])
 
 
 def lens_of(values, C_ci):
@@ -108,9 +107,9 @@ def linear(one, C_ci, values, size_px):
     """Jacobian (n, 2, 11) by turn and the eight, and residual (n, 2) [px], of a picture."""
     at = lens_of(values, C_ci)
     predicted, ideal = lenses.project(at, one.u_i, size_px)
-    J = steps.jacobians(at.focal_px, np.array(at.k), ideal)
+    J = steps.jacobians(at.focal_px, at.terms, ideal)
     by_point = np.broadcast_to(np.eye(2), (len(ideal), 2, 2))
-    J = np.concatenate([J[:, :, :3], J[:, :, 3:4] / values[0], by_point, J[:, :, 4:]], axis=2)
+    J = np.concatenate([J[:, :, :3], J[:, :, 3:4] / values[0], by_point, J[:, :, 4:9]], axis=2)
     return J, one.xy_px - predicted - (values[1:3] - lenses.middle(size_px))
 
 
