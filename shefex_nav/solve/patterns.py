@@ -23,8 +23,8 @@ from shefex_nav.onboard.startracker import skygrid
 
 MAX_MAGNITUDE = 8.0
 SMALLEST, RATIO = np.radians(4.5), 1.34  # of S; a band reaches over RATIO
-CHOSEN = 16.0  # stars per S^2 that form triangles
-SHOWN = 26.0  # stars per S^2 that a proposal is compared with
+CHOSEN = 16.0  # stars in a square picture of a band that form triangles
+SHOWN = 26.0  # likewise, that a proposal is compared with
 LONGEST, SHORTEST = 0.5, 0.12  # longest side of a triangle, in S: limits
 SLIVER = 0.2  # shortest over longest side: thinner ones say little
 CELL = 0.02  # of the two side ratios
@@ -140,6 +140,12 @@ def magnitude_of(density):
     return float(vmag[n]) if n < len(vmag) else MAX_MAGNITUDE
 
 
+def solid_angle(size):
+    """Solid angle [sr] of a square picture of size S = side / focal length: less than S^2."""
+    s2 = 0.25 * size * size
+    return 4.0 * float(np.arcsin(s2 / (1.0 + s2)))
+
+
 def band(number, julian_year):
     """Band by its number, for an epoch."""
     return _band(number, DECADE * round(julian_year / DECADE))
@@ -150,11 +156,12 @@ def _band(number, julian_year):
     low = SMALLEST * RATIO**number
     high = low * RATIO
     size = np.sqrt(low * high)
-    shown = magnitude_of(SHOWN / size**2)
+    sky = solid_angle(size)
+    shown = magnitude_of(SHOWN / sky)
     stars = merged(catalogue(julian_year), shown, BLEND * size)
     start, row = sky_lists(stars.u_i, REACH * high)
     order = np.argsort(stars.u_i[:, 2], kind="stable")
-    chosen = choose(stars.u_i, order, 0.5 * size, int(0.25 * np.pi * CHOSEN + 0.5))
+    chosen = choose(stars.u_i, order, 0.5 * np.sqrt(sky), int(0.25 * np.pi * CHOSEN + 0.5))
     corner, shape, key = _triangles(stars.u_i, np.flatnonzero(chosen), SHORTEST * low, LONGEST * high)
     order = np.argsort(key, kind="stable")
     cell = np.searchsorted(key[order], np.arange(2 * COLUMNS**2 + 1))

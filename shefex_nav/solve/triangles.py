@@ -35,6 +35,7 @@ COMPARED = 24  # brightest predicted stars that are looked for
 PATIENCE, PER_HIT = 9, 4  # stars that may be missing, and more for each that is found
 CELL_PX = 32  # of the table of detections
 PER_CELL = 8  # detections that it holds
+OVERLAP = 1.01  # factor beyond the focal lengths of a band: what three stars say is wrong by a little
 KEPT = 24  # proposals
 MISSED = 0.25  # ln of the odds that each predicted star costs which is not there
 
@@ -282,7 +283,7 @@ def _try_triangle(spots, band, guess, corner, sides, kept, n):
                 if abs(by_middle - middle) > slack or abs(by_short - short) > slack:
                     continue
                 focal_px = guess.focal_px * a / longest
-                if focal_px < guess.shortest_px or focal_px > guess.longest_px:
+                if not is_about(focal_px, guess, 1.0 + slack):
                     continue
                 s0, s1, s2 = band.corner[t, 0], band.corner[t, 1], band.corner[t, 2]
                 first = (mag[at[0]] - mag[at[1]]) - (band.vmag[s0] - band.vmag[s1])
@@ -291,12 +292,18 @@ def _try_triangle(spots, band, guess, corner, sides, kept, n):
                     continue
                 true = longest, longest * by_middle, longest * by_short
                 focal_px, misfit, u = fit_three(xy_px, spots.size_px, spots.xi, at, true, focal_px)
-                if misfit > 1.0:
+                if misfit > 1.0 or not is_about(focal_px, guess, OVERLAP):
                     continue
                 tried += 1
                 odds, C = _weigh(spots, band, at, u, t, focal_px)
                 n = keep(kept, n, odds, C, focal_px, spots.xi)
     return n, tried
+
+
+@inner
+def is_about(focal_px, guess, factor):
+    """Whether a focal length that may be wrong by a factor may be one of the guess."""
+    return focal_px * factor >= guess.shortest_px and focal_px <= guess.longest_px * factor
 
 
 @inner
