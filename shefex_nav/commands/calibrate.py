@@ -28,8 +28,8 @@ Camera = Annotated[
 Fov = Annotated[
     str | None,
     typer.Option(
-        help="Horizontal field of view of the pixels as stored, right to 20 %, e.g. '11.4 deg' (a number alone "
-        "is degrees); 2 to 70 deg, not told 5 to 70."
+        help="Horizontal field of view of the pixels as stored, right to 20 %, e.g. '11.4 deg' (a number "
+        "alone is degrees); 2 to 70 deg, not told 5 to 70."
     ),
 ]
 Epoch = Annotated[

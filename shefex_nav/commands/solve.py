@@ -64,8 +64,8 @@ Stages = Annotated[
 Epoch = Annotated[
     str | None,
     typer.Option(
-        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the picture, else with "
-        "--camera that of its file, without it today."
+        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the picture, else "
+        "with --camera that of its file, without it today."
     ),
 ]
 FrameTime = Annotated[

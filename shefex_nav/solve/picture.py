@@ -147,9 +147,7 @@ def _of_fits(path):
     with fits.open(path, memmap=False) as parts:
         plane = next((one for one in parts if one.is_image and fits_head.is_picture(one.shape[::-1])), None)
         if plane is None:
-            words = (
-                "expected one of two axes, or of three planes (red, green, blue); keep one plane of others"
-            )
+            words = "expected one of two axes, or of three planes (red, green, blue); keep one plane"
             raise PictureError(f"{path}: holds no picture: {words}")
         _check_size(path, plane.header["NAXIS1"], plane.header["NAXIS2"])
         values, header = plane.data, dict(plane.header)

@@ -36,8 +36,8 @@ WHY = {
     "ambiguous": "more than one identification of the stars fits",
     "mirrored": "the stars fit only when the picture is mirrored; --mirrored solves it so. A FITS file whose "
     "first row is the lowest looks mirrored, too: ROWORDER = 'BOTTOM-UP' in its header tells it",
-    "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring (of FITS whose first "
-    "row is the lowest, by ROWORDER = 'BOTTOM-UP' in the header)",
+    "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring (of FITS whose "
+    "first row is the lowest, by ROWORDER = 'BOTTOM-UP' in the header)",
     "not_mirrored": "the stars fit the picture as it is; it is not mirrored",
 }
 NO_FIT = "no_match", "mirrored"  # reasons that a wrong field of view may have
