@@ -9,9 +9,12 @@ import test_picture
 from PIL import Image
 from typer.testing import CliRunner
 
+from shefex_nav import solve_image
 from shefex_nav.commands.app import app
 from shefex_nav.commands.solve import julian_year
-from shefex_nav.solve.overlay import free_place
+from shefex_nav.solve.overlay import describe, free_place
+from shefex_nav.solve.solution import failed
+from shefex_nav.solve.stages import contrast
 
 
 def solve(*arguments):
@@ -232,3 +235,20 @@ def test_a_white_picture_is_saturated_and_a_black_one_is_not(tmp_path, dtype):
     done = solve(white)
     assert done.exit_code == 1 and "saturated: half of the picture or more" in done.stdout
     assert json.loads(solve(black, "--json").stdout)["reason"] == "too_few_stars"
+
+
+def test_a_hot_pixel_does_not_hide_a_star_in_the_drawing_of_its_fit():
+    rng, cut = np.random.default_rng(4), np.full((21, 21), 20.0)
+    night_sky.star(cut, 10.0, 10.0, 300.0, 0.8)
+    plain = contrast(cut + rng.normal(0.0, 2.0, cut.shape), (10.0, 10.0), 1)
+    cut[8, 12] = 4000.0
+    black, white = contrast(cut + rng.normal(0.0, 2.0, cut.shape), (10.0, 10.0), 1)
+    assert 5.0 < black < 20.0 < white < cut[10, 10] and white > 0.8 * plain[1]
+    assert contrast(np.zeros((5, 5)), (0.0, 4.0), 1)[0] < contrast(np.zeros((5, 5)), (0.0, 4.0), 1)[1]
+
+
+def test_the_drawing_says_what_its_rings_are(sky):
+    assert describe(failed("no_match", 1.0, np.zeros((7, 2)))) == "not solved: no match   7 objects (orange)"
+    found = solve_image(sky[0], epoch=night_sky.YEAR)
+    others = len(found.xy_px) - len(found.matched)
+    assert f"{len(found.matched)} stars (green)   {others} not named (orange)" in describe(found)
