@@ -14,7 +14,7 @@ import typer
 from shefex_nav.commands.options import Json
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import counter, print_json, say, stdout
-from shefex_nav.commands.solve import Epoch, Fov, field_of_view, julian_year
+from shefex_nav.commands.solve import field_of_view, julian_year
 
 Camera = Annotated[
     str | None,
@@ -22,6 +22,21 @@ Camera = Annotated[
         metavar="FILE",
         help="Camera file or scenario: what the pictures do not tell (pixel size, black level, gain of the "
         "amplifier), and a focal length right to 20 %.",
+    ),
+]
+
+Fov = Annotated[
+    str | None,
+    typer.Option(
+        help="Horizontal field of view of the pixels as stored, right to 20 %, e.g. '11.4 deg' (a number "
+        "alone is degrees); 2 to 70 deg, not told 5 to 70."
+    ),
+]
+Epoch = Annotated[
+    str | None,
+    typer.Option(
+        help="Date of all pictures, 2012-06-22, or Julian year, 2012.47; default the date of each picture, "
+        "else that of the file of --camera; pictures without a date are refused."
     ),
 ]
 
@@ -64,7 +79,7 @@ def calibrate(
                 taken = taken._replace(julian_year=year)
             seen.append(pictures.look(str(image), values, taken, given))
             calibration.check_together([one for one in seen if isinstance(one, pictures.Seen)])
-            count(_words(seen[-1], given.fov_deg))
+            count(_words(seen[-1], given.fov_deg, "leave --fov out" if base is None else "correct --camera"))
     found = calibration.of_seen(seen, *(() if base is None else [_known(base)]))
     if isinstance(found, str):
         say(found)
@@ -124,13 +139,13 @@ def _known(base):
     return calibrated.known(base)
 
 
-def _words(one, fov_deg):
-    """What is said of a picture that has been looked at. fov_deg : that is told, or None"""
+def _words(one, fov_deg, without):
+    """What is said of a picture that has been looked at. fov_deg, without : as of table.why"""
     from shefex_nav.solve.calibration.pictures import Unsolved
     from shefex_nav.solve.table import why
 
     if isinstance(one, Unsolved):
-        return f"{one.name} is not solved and not used, {why(one, False, fov_deg)}"
+        return f"{one.name} is not solved and not used, {why(one, False, fov_deg, without=without)}"
     return f"{one.name}, {len(one.sights.u_i)} stars"
 
 

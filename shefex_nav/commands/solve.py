@@ -1,7 +1,7 @@
 """`shefex-nav solve`: attitude, field of view and stars of pictures of the night sky.
 
-Exit codes: 0 solved, 1 a picture could not be solved (the result says why), 2 a file that cannot be read or
-bad input.
+Exit codes: 0 solved, 1 a picture could not be solved (the result says why), 2 a file that cannot be read (of
+several the others are solved) or bad input.
 """
 
 import re
@@ -24,6 +24,7 @@ from shefex_nav.files import named
 from shefex_nav.log.mcap_file import is_log
 
 NAMED = "6-names"  # the last of the pictures of --stages
+EXIT = {"ok": 0, "failed": 1, "unread": 2}  # by the status of a picture
 NEAR_S = 0.1  # a frame that is farther from the time asked for is told
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
@@ -46,7 +47,11 @@ Fov = Annotated[
 ]
 Mirrored = Annotated[
     bool,
-    typer.Option("--mirrored", help="The pictures are mirrored, as through a telescope with a diagonal."),
+    typer.Option(
+        "--mirrored",
+        help="The pictures are mirrored, as through a telescope with a diagonal. The first row of a file is "
+        "the top one, in FITS too: one whose first row is the lowest is mirrored, unless ROWORDER says so.",
+    ),
 ]
 Stages = Annotated[
     Path | None,
@@ -59,7 +64,8 @@ Stages = Annotated[
 Epoch = Annotated[
     str | None,
     typer.Option(
-        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the file, else today."
+        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the picture, else "
+        "with --camera that of its file, without it today."
     ),
 ]
 FrameTime = Annotated[
@@ -92,7 +98,8 @@ def solve(
 ):
     """Find where pictures of the night sky look, without being told anything, or with a camera told.
 
-    Several pictures give one row each, with --json one object a line. With --frame it is a frame of a log, by
+    Several pictures give one row each, with --json one object a line; one that cannot be read is told in its
+    row, and the others are solved. With --frame it is a frame of a log, by
     the camera of its scenario, compared with what the flight said of it and with the truth.
     """
     _check(images, (camera, fov, frame, mirrored, stages), overlay, force)
@@ -101,21 +108,31 @@ def solve(
         raise typer.Exit(_frame_of_log(images, frame, (camera, fov, epoch), (overlay, stages), json))
     fov_deg = None if fov is None else field_of_view(fov)
     options = {"fov_deg": fov_deg, "epoch": epoch, "mirrored": mirrored}
-    solve_one = _told(camera, epoch) if camera else _blind(options, stages)
-    found = []
-    for image in images:
-        solution = solve_one(image)
-        found.append((image, solution))
-        if json:
-            from shefex_nav.solve import table
-
-            name = {"file": str(image)} if len(images) > 1 else {}
-            print_json(name | table.as_numbers(solution))
+    found = _each(images, _told(camera, epoch) if camera else _blind(options, stages), json)
     if not json:
         _show(found, told=camera is not None, fov_deg=fov_deg)
     if overlay is not None:
         _draw(images[0], found[0][1], camera, overlay)
-    raise typer.Exit(0 if all(one.status == "ok" for _, one in found) else 1)
+    raise typer.Exit(max(EXIT[one.status] for _, one in found))
+
+
+def _each(images, solve_one, json):
+    """(path, ImageSolution or Unread) of every picture: list; with json each is printed when it is there."""
+    from shefex_nav.solve import table
+    from shefex_nav.solve.picture import PictureError
+
+    found = []
+    for image in images:
+        try:
+            one = solve_one(image)
+        except PictureError as error:
+            if len(images) == 1:
+                raise
+            one = table.unread(image, error)
+        found.append((image, one))
+        if json:
+            print_json({"file": str(image)} | table.as_numbers(one))
+    return found
 
 
 def _draw(image, solution, camera, overlay):
@@ -159,7 +176,7 @@ def _frame_of_log(logs, frame, of_pictures, drawn, json):
     if abs(again.t_s - t_s) > NEAR_S:
         say(f"{log}: the nearest frame that is kept whole is that of T{again.t_s:+.2f} s")
     if json:
-        print_json(table.as_numbers(again.solution) | table.again_as_numbers(again))
+        print_json({"file": str(log)} | table.as_numbers(again.solution) | table.again_as_numbers(again))
     else:
         name = f"{log}, frame {again.number}, T{again.t_s:+.2f} s"
         _show([(name, again.solution)], told=True)
@@ -296,10 +313,10 @@ def _show(found, *, told, fov_deg=None):
     console = stdout(100, highlight=False)
     if len(found) > 1:
         console.print(table.brief(found))
-        if not told and any(one.covariance is not None for _, one in found):
-            console.print(f"attitudes are of {table.MIDDLE}", markup=False)
+        for words in table.notes(found, told):
+            console.print(words, markup=False)
     for name, solution in found:
-        if solution.status != "ok":
+        if solution.status == "failed":
             console.print(f"{name}: not solved, {table.why(solution, told, fov_deg)}", markup=False)
             if len(found) == 1:
                 console.print(f"{len(solution.xy_px)} objects, {table.duration(solution.wall_ms)}")

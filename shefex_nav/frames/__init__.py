@@ -3,6 +3,6 @@
 flown                            the frames of a flight, flown for them, or flown again from its log
 header, picture_files            what is told with a picture; PNG and FITS
 truth                            what it really shows, as a table
-camera_file                      the camera as `solve --camera` takes it
+camera_file, usual_tracker       the camera as `solve --camera` takes it; its star tracker, if it says none
 export                           a folder of all that
 """

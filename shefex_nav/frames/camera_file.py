@@ -6,14 +6,16 @@ The sections have the keys and units of a scenario. A scenario may stand in the 
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, create_model
 
+from shefex_nav.frames import usual_tracker
 from shefex_nav.geometry.distortion import displaced_px
 from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.tracker import TrackerParams
 from shefex_nav.scenario import checks_tracker, kind, layers, lens, load
 from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.starlight import OF_LENS
@@ -27,11 +29,28 @@ FLUX = "zero_magnitude_flux"
 WORLD_ONLY = ("frames", "model", "software")  # keys of star_tracker that are not of the star tracker itself
 
 
+NOT_IN_PICTURES = {"background": None, "read_noise": None, "full_well": None, "readout": "0 s"}
+SHORTEST = "the shortest camera file is in docs/how-to/calibrate.md"
+
+
+def _of_pictures(detector):
+    """Section of a detector in which what pictures do not need may be left out."""
+    fields = detector.model_fields
+    optional = {
+        name: (
+            Annotated[fields[name].annotation, *fields[name].metadata] | None,
+            Field(default=default, description=fields[name].description),
+        )
+        for name, default in NOT_IN_PICTURES.items()
+    }
+    return create_model(detector.__name__, __base__=detector, __module__=__name__, **optional)
+
+
 class Sensor(Block):
     """The star camera as it is known."""
 
     optics: section(camera_settings.Optics)
-    detector: section(camera_settings.Detector)
+    detector: _of_pictures(section(camera_settings.Detector))
 
 
 class CameraFile(Block):
@@ -42,13 +61,15 @@ class CameraFile(Block):
 
     description: str = Field(default="", description="for people")
     epoch: Epoch | None = Field(
-        default=None, description="UTC of pictures that do not say it themselves; today if it is left out"
+        default=None, description="UTC of pictures that do not say it; left out: such pictures are refused"
     )
     star_camera: Sensor
     bad_pixels: list[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]] = Field(
         default=[], description="row and column of each, the first is 0; they are not looked at"
     )
-    star_tracker: section(startracker.StarTracker)
+    star_tracker: section(startracker.StarTracker) | None = Field(
+        default=None, description="left out: that of the default mission, for this camera (usual_tracker.py)"
+    )
 
 
 class Base(NamedTuple):
@@ -79,16 +100,22 @@ def base(path):
         camera = of_scenario(scenario)
         detector, gain_db = scenario.star_camera.detector, scenario.star_tracker.exposure.gain
         return Base(camera, detector, gain_db, _tree_of(scenario), tuple(texts))
-    given, _, _ = load.load_as(
-        lambda provided: CameraFile,
-        path,
-        parts=(_bad_pixels, *checks_tracker.OF_CAMERA),
-        instead=kind.instead_of_camera,
-    )
+    try:
+        given, _, _ = load.load_as(
+            lambda provided: CameraFile,
+            path,
+            parts=(_bad_pixels, *map(usual_tracker.checked, checks_tracker.OF_CAMERA)),
+            instead=kind.instead_of_camera,
+        )
+    except ScenarioError as error:
+        if not any("is missing" in line for line in error.messages):
+            raise
+        raise ScenarioError([*error.messages, f"{path}: {SHORTEST}"]) from None
     sensor = given.star_camera
     bad = np.array(given.bad_pixels, dtype=np.int64).reshape(-1, 2)
-    camera = _star_camera(sensor, settings(given.star_tracker), bad, given.epoch)
-    return Base(camera, sensor.detector, given.star_tracker.exposure.gain, tree, tuple(texts))
+    tracker, gain_db = usual_tracker.told(given)
+    camera = _star_camera(sensor, tracker, bad, given.epoch)
+    return Base(camera, sensor.detector, gain_db, tree, tuple(texts))
 
 
 def of_scenario(scenario, bad_pixels=()):

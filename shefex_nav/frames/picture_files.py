@@ -32,6 +32,7 @@ def _fits(path, image_dn, keywords):
     from astropy.io import fits
 
     plane = fits.PrimaryHDU(image_dn)
+    plane.header["ROWORDER"] = ("TOP-DOWN", "the first row of the file is the top one")
     for key, (value, comment) in keywords.items():
         plane.header[key] = (value, comment)
     plane.writeto(path, overwrite=True)

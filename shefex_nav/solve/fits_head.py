@@ -14,15 +14,22 @@ MOST_HEADS = 1000  # before that of the picture, which has few: astropy reads al
 LARGEST = 2**63 - 1
 ONCE = re.compile(  # keywords
     r"SIMPLE|XTENSION|GROUPS|[PG]COUNT|Z?BITPIX|Z?NAXIS[0-9]*|BSCALE|BZERO|BLANK|ZIMAGE|DATE-OBS|EXPTIME|VEL[XYZ]"
+    r"|ROWORDER"
 )
+COLOURS = 3  # planes of a picture in colour
 
 
 class FitsError(Exception):
     """A head that cannot be meant; the text says why."""
 
 
+def is_picture(axes):
+    """Whether axes of these lengths, the one that changes fastest first, are a picture, grey or in colour."""
+    return len(axes) == 2 or (len(axes) == 3 and axes[2] == COLOURS)
+
+
 def check(file):
-    """FitsError unless all heads up to that of the first picture of two axes are possible.
+    """FitsError unless all heads up to that of the first picture are possible.
 
     file : open for its bytes, at its beginning
     """
@@ -43,14 +50,13 @@ def check(file):
             raise FitsError(f"its head at byte {at} has no END") from None
         _once(head)
         start, stored = file.tell(), _bytes(head)
-        is_packed = head.get("ZIMAGE", False) is True
-        is_picture = is_packed and len(_axes(head, "Z")[1]) == 2
+        is_packed = head.get("ZIMAGE", False) is True and is_picture(_axes(head, "Z")[1])
         for key in ("BSCALE", "BZERO"):
             _finite(head, key)
         if head.get("BSCALE") == 0:
             raise FitsError("BSCALE is 0, by which all values are the same; expected another number")
         is_table = head.get("XTENSION", "IMAGE") != "IMAGE"
-        if is_picture or (_whole(head, "NAXIS", 0, MOST_AXES) == 2 and not is_table):
+        if is_packed or (not is_table and is_picture(_axes(head)[1])):
             if start + stored > size:
                 raise FitsError(f"ends after {size - start} of the {stored} bytes of its picture")
             return

@@ -9,13 +9,13 @@ stars that are named. Nothing is given out that chance would make more often tha
 from dataclasses import dataclass, replace
 from dataclasses import field as of_each
 from functools import lru_cache
-from math import isfinite
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from shefex_nav import warmup
-from shefex_nav.solve import field, lens, naming, patterns, picture, proof, told, triangles
+from shefex_nav.solve import field, given, lens, naming, patterns, picture, proof, told, triangles
 from shefex_nav.solve import search as searching
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.header import Taken, of_header, says_day, this_year
@@ -25,6 +25,8 @@ from shefex_nav.solve.solution import failed
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it
 EDGE = 1.02  # factor beyond both: proposals scatter, and no lens has quite the focal length of a pinhole
 NARROWEST_DEG = 2.0  # that may be told
+ARRAY = "(rows, columns[, channels]) of NumPy"
+SATURATED = 0.5  # share of the pixels at the end of their range, from which on a picture is too bright
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
 CAMERA_TOLERANCE = 1.02  # of the focal length of a given camera
 
@@ -68,9 +70,9 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     """Attitude, field of view and stars of a picture of the night sky.
 
     The field of view across may be 5 to 70 degrees, told 2 to 70. The lens may be anything between a pinhole
-    with a few per cent of distortion and r = f theta; its focal length and five terms of distortion are found
-    as well. The tables for a range of fields of view are made when they are first needed, 0.1 to 2 s each,
-    and kept.
+    with a few per cent of distortion and r = f theta; its focal length, principal point and five terms of
+    distortion are found as well. The tables for a range of fields of view are made when they are first
+    needed, 0.1 to 2 s each, and kept.
 
     The covariance is that of the attitude with all of the lens unknown. Aberration is taken out where the day
     of the picture is known, by its file or the epoch; where not, the attitude is that against the stars as
@@ -79,7 +81,8 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
 
     Parameters
     ----------
-    image : path of a picture file, or an array (rows, columns[, channels]) of grey values, row 0 at the top
+    image : path of a picture file, or a NumPy array (rows, columns[, channels]) of grey values, row 0 at the
+        top
         a file is turned as its EXIF orientation says, unless the camera is a StarCamera
     camera : None, a Camera (of the picture as displayed) whose focal length is right to two per cent, or a
         StarCamera (of the pixels as stored)
@@ -100,6 +103,9 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
     ValueError : any other argument
     """
     is_array = isinstance(image, np.ndarray)
+    if not is_array and not isinstance(image, str | PathLike):
+        words = f"{ARRAY} or the path of a file, got {type(image).__name__}"
+        raise picture.PictureError(f"image: expected an array {words}")
     if taken is not None and not (is_array and isinstance(camera, told.StarCamera)):
         raise ValueError("taken: goes with an array and a StarCamera; the file of a picture says it itself")
     if isinstance(camera, told.StarCamera):
@@ -111,9 +117,18 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
         if epoch is not None:
             taken = taken._replace(julian_year=_year(epoch, None))
         warmup.get_ready({"command=solve"})
-        return told.solve(image_dn, camera, taken)._replace(orientation=turn, as_stored=True)
-    seen = picture.Picture(picture.grey(image), None) if is_array else picture.read(image)
+        try:
+            found = told.solve(image_dn, camera, taken)._replace(orientation=turn, as_stored=True)
+        except picture.PictureError as error:
+            raise error if is_array else _of_file(image, error) from None
+        return found if epoch is None else found._replace(date_from="epoch")
+    seen = picture.of_array(image) if is_array else picture.read(image)
     return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch, mirrored=mirrored)
+
+
+def _of_file(path, error):
+    """The PictureError about a file from an error about its grey values."""
+    return picture.PictureError(f"{path}: {str(error).removeprefix('image: ')}")
 
 
 def as_stored(path, camera):
@@ -128,13 +143,14 @@ def as_stored(path, camera):
             taken = taken._replace(julian_year=found.julian_year)
         return told.checked(found.values, camera), taken, found.orientation
     except ValueError as error:
-        raise picture.PictureError(f"{path}: {str(error).removeprefix('image: ')}") from None
+        raise _of_file(path, error) from None
 
 
 def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None, mirrored=False, record=None):
     """`solve_image` for a Picture that has been read. record : Record, filled with the way there."""
     found = _solved(seen, camera, fov_deg, epoch, mirrored, record)
-    return found._replace(orientation=seen.orientation)
+    said = "epoch" if epoch is not None else "today" if seen.julian_year is None else "picture"
+    return found._replace(orientation=seen.orientation, date_from=said)
 
 
 def _solved(seen, camera, fov_deg, epoch, mirrored, record):
@@ -167,7 +183,8 @@ def _solved(seen, camera, fov_deg, epoch, mirrored, record):
         if searching.solve(turned, flux, search, clock, rounds=rounds)[0] is not None:
             reason = "mirrored"
     if solved is None:
-        return failed(reason, clock.ms(), found.xy_px)
+        full = seen.full is not None and np.mean(seen.grey >= seen.full) > SATURATED
+        return failed("saturated" if full else reason, clock.ms(), found.xy_px)
     day = year, _velocity(epoch, seen)
     return naming.described(solved, found, xy_px, size_px, day, camera, clock, record)
 
@@ -206,9 +223,12 @@ def _focal_range(size_px, camera, fov_deg, is_turned=False):
         return camera.focal_length_px / CAMERA_TOLERANCE, camera.focal_length_px * CAMERA_TOLERANCE
     narrow, wide = FOV_DEG[0] / EDGE, FOV_DEG[1] * EDGE
     if fov_deg is not None:
-        if not (np.isscalar(fov_deg) and isfinite(fov_deg) and NARROWEST_DEG <= fov_deg <= wide):
-            raise ValueError(f"fov_deg: expected {NARROWEST_DEG} to {wide} degrees, got {fov_deg!r}")
-        narrow, wide = fov_deg / FOV_TOLERANCE, fov_deg * FOV_TOLERANCE
+        wanted = given.number("fov_deg", fov_deg)
+        if not NARROWEST_DEG <= wanted <= FOV_DEG[1]:
+            raise ValueError(
+                f"fov_deg: expected {NARROWEST_DEG:g} to {FOV_DEG[1]:g} degrees, got {fov_deg!r}"
+            )
+        narrow, wide = wanted / FOV_TOLERANCE, wanted * FOV_TOLERANCE
     sides = size_px if is_turned and fov_deg is not None else size_px[:1]
     found = [0.5 * side / np.tan(0.5 * np.radians(fov)) for side in sides for fov in (wide, narrow)]
     return min(found), max(found)
@@ -227,6 +247,7 @@ def _year(epoch, seen_year):
     """Epoch of the star positions."""
     if epoch is None:
         return seen_year if seen_year is not None else this_year()
-    if not (np.isscalar(epoch) and isfinite(epoch) and 1900.0 < epoch < 2200.0):
+    year = given.number("epoch", epoch)
+    if not 1900.0 < year < 2200.0:
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
-    return float(epoch)
+    return year

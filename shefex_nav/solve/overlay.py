@@ -71,14 +71,15 @@ def stretched(grey):
 
 
 def describe(solution):
-    """One line about the solution."""
+    """One line about the solution, and what the rings mean."""
+    others = len(solution.xy_px) - len(solution.matched)
     if solution.status != "ok":
-        return f"not solved: {solution.reason.replace('_', ' ')}"
+        return f"not solved: {solution.reason.replace('_', ' ')}   {others} objects (orange)"
     return (
         f"RA {solution.ra_deg:.3f} deg   Dec {solution.dec_deg:+.3f} deg   "
         f"roll {solution.roll_deg:.2f} deg   "
         f"field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   "
-        f"{len(solution.matched)} stars (green)   background removed"
+        f"{len(solution.matched)} stars (green)   {others} not named (orange)   background removed"
     )
 
 

@@ -17,6 +17,7 @@ from shefex_nav.solve.header import julian_year, velocity_of, year_of
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
 FITS_MAGIC = b"SIMPLE  ="
+ROW_ORDER, LOWEST_FIRST = "ROWORDER", "BOTTOM-UP"  # keyword of Siril and others, and its value; or TOP-DOWN
 READABLE = "PNG, JPEG, TIFF, WebP, BMP, GIF, PPM or FITS"
 FORMATS = "PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF", "PPM"  # no others: EPS, for one, starts Ghostscript
 RAW = (".raw", ".bin")  # endings of files that hold grey values alone
@@ -35,12 +36,13 @@ class Picture(NamedTuple):
     julian_year: float | None  # when it was taken, if the file says so
     orientation: int = orientation.AS_STORED  # of EXIF, by which the rows of the file were turned
     velocity_i: np.ndarray | None = None  # (3,) m/s, of the camera relative to the Earth, likewise
+    full: float | None = None  # largest grey value of a pixel of 8 or 16 bits; None of others
 
 
 class Stored(NamedTuple):
     """A picture as a file holds it."""
 
-    values: np.ndarray  # (rows, columns[, channels]), first row of the file first
+    values: np.ndarray  # (rows, columns[, channels]), first row of the file first; of FITS the top one
     header: dict  # keyword -> text or number
     julian_year: float | None  # as of Picture
     orientation: int = orientation.AS_STORED  # of EXIF, 1 to 8; `values` are not turned
@@ -54,7 +56,18 @@ def read(path):
         velocity_i = velocity_of(found.header)
     except ValueError as error:
         raise PictureError(f"{path}: {error}") from None
-    return Picture(grey(turned, str(path)), found.julian_year, found.orientation, velocity_i)
+    full = _full(found.values)
+    return Picture(grey(turned, str(path)), found.julian_year, found.orientation, velocity_i, full)
+
+
+def of_array(values):
+    """Picture of an array (rows, columns[, channels]), whose row 0 is the top one."""
+    return Picture(grey(values), None, full=_full(values))
+
+
+def _full(values):
+    """Largest grey value of the type of an array, None if it has none of 8 or 16 bits."""
+    return float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else None
 
 
 def stored(path):
@@ -120,7 +133,10 @@ def raw(path, size_px, bits):
 
 
 def _of_fits(path):
-    """Stored of a FITS file: its first image of two axes, whose first row is row 0, with the head of it."""
+    """Stored of a FITS file: its first picture, grey or of three planes, with the head of it.
+
+    Its first row is the top one, unless ROWORDER says that it is the lowest (`BOTTOM-UP`).
+    """
     from astropy.io import fits
 
     with path.open("rb") as file:
@@ -129,11 +145,16 @@ def _of_fits(path):
         except fits_head.FitsError as error:
             raise PictureError(f"{path}: is no FITS picture that can be read: {error}") from None
     with fits.open(path, memmap=False) as parts:
-        plane = next((one for one in parts if one.is_image and one.header.get("NAXIS") == 2), None)
+        plane = next((one for one in parts if one.is_image and fits_head.is_picture(one.shape[::-1])), None)
         if plane is None:
-            raise PictureError(f"{path}: holds no image of two axes")
+            words = "expected one of two axes, or of three planes (red, green, blue); keep one plane"
+            raise PictureError(f"{path}: holds no picture: {words}")
         _check_size(path, plane.header["NAXIS1"], plane.header["NAXIS2"])
         values, header = plane.data, dict(plane.header)
+    if values.ndim == 3:
+        values = np.moveaxis(values, 0, 2)
+    if str(header.get(ROW_ORDER, "")).strip().upper() == LOWEST_FIRST:
+        values = values[::-1]
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     return Stored(values, header, _year(header))
 

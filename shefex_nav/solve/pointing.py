@@ -13,6 +13,17 @@ def marks(size_px):
     return np.array([[cx, cy], [cx, cy - 1.0], [-0.5, cy], [right, cy], [cx, -0.5], [cx, bottom]])
 
 
+def direction(u_i):
+    """Right ascension and declination of a direction (3,) in the ICRS: 2 floats [deg]."""
+    ra, dec = _ra_dec(u_i)
+    return float(np.degrees(ra % (2.0 * np.pi))), float(np.degrees(dec))
+
+
+def _ra_dec(u_i):
+    """The same, rad."""
+    return np.arctan2(u_i[1], u_i[0]), np.arcsin(np.clip(u_i[2], -1.0, 1.0))
+
+
 def angles(u_i):
     """Right ascension and declination of the middle, position angle of up, fields of view across and down.
 
@@ -20,7 +31,7 @@ def angles(u_i):
     through east
     """
     centre, up = u_i[0], u_i[1]
-    ra, dec = np.arctan2(centre[1], centre[0]), np.arcsin(np.clip(centre[2], -1.0, 1.0))
+    ra, dec = _ra_dec(centre)
     north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
     roll = np.arctan2(up @ east, up @ north)

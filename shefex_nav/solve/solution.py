@@ -18,7 +18,12 @@ class Match(NamedTuple):
 
 
 class ImageSolution(NamedTuple):
-    """What `solve_image` found; NaN and None without a solution."""
+    """What `solve_image` found; NaN and None without a solution.
+
+    RA, Dec and roll are of the middle of the picture. `q_ci`, the covariances and what follows from them are
+    of the axes of the camera, whose z is the axis of the lens: it meets the picture at
+    `camera.principal_point_px`, which is the middle where no camera is told.
+    """
 
     status: str  # 'ok' or 'failed'
     reason: str  # empty, or why: a key of `table.WHY`
@@ -30,7 +35,7 @@ class ImageSolution(NamedTuple):
     matched: list  # of Match, brightest first
     false_probability: float  # bound of the probability that chance made this; 1 without a solution
     wall_ms: float  # from the grey values to the solution; tables are not counted when they are made
-    q_ci: np.ndarray  # (4,) ICRS to camera: axes through the middle of the picture; of a told camera its own
+    q_ci: np.ndarray  # (4,) ICRS to axes through the middle of the picture; of a told camera to its own
     camera: Camera | None  # focal length, principal point and distortion as found, or as they were told
     xy_px: np.ndarray  # (n, 2) all detections, brightest first
     # None without a solution
@@ -43,9 +48,9 @@ class ImageSolution(NamedTuple):
     aberration_removed: bool = False  # angles are those of the ICRS
     julian_year: float | None = None  # of the sky and, where it is removed, of the aberration
     orientation: int = AS_STORED  # of EXIF, 1 to 8: by it the picture was turned first, as viewers do
-    as_stored: bool = (
-        False  # it was not turned: places and angles are of the pixels of a StarCamera's detector
-    )
+    # it was not turned: places and angles are of the pixels of a StarCamera's detector
+    as_stored: bool = False
+    date_from: str = ""  # who said julian_year: epoch, picture, camera (the file of a StarCamera), today
     # (4,) ICRS to the axes of `camera`, through its principal point: what it projects stars with
     camera_q_ci: np.ndarray | None = None
 

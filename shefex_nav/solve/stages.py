@@ -14,7 +14,9 @@ from shefex_nav.solve.overlay import stretched
 NAMES = ("1-background", "2-objects", "3-centroids", "4-hypotheses", "5-residuals")
 OF_TRACKER = NAMES[1:3]
 GREEN, ORANGE, RED, BLUE, GREY = "#009e73", "#e69f00", "#d55e00", "#56b4e9", "#767676"
+PINK = "#ff8fd0"  # seen on the grey of a sky
 SHOWN, HALF_PX = 24, 10  # centroids, and the pixels around each
+NEAR_PX, WHITE = 4, 4  # white is the so-many-th brightest pixel so near: a hot one does not hide the star
 LEAST_SHOWN = 1e-120  # probability
 LEAST_ROWS, MOST_TRIALS = 12, 60
 
@@ -78,7 +80,7 @@ def _objects(figure, grey, record, solution):
         (found.refused_px[found.refused_for == field.CROWDED], RED, "refused: no sky around it"),
         (
             found.refused_px[found.refused_for == field.FAINT],
-            GREY,
+            PINK,
             "refused: its middle is no more than noise",
         ),
     ):
@@ -106,7 +108,8 @@ def _centroids(figure, grey, record, solution):
         r0, c0 = max(int(y) - half, 0), max(int(x) - half, 0)
         cut = grey[r0 : int(y) + half + 1, c0 : int(x) + half + 1]
         extent = (c0 - 0.5, c0 + cut.shape[1] - 0.5, r0 + cut.shape[0] - 0.5, r0 - 0.5)
-        axes.imshow(cut, cmap="gray", extent=extent)
+        black, white = contrast(cut, (x - c0, y - r0), found.binning)
+        axes.imshow(cut, cmap="gray", extent=extent, vmin=black, vmax=white)
         axes.plot(x, y, "+", color=RED, ms=10)
         values, vectors = np.linalg.eigh(found.P_px[k])
         angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
@@ -118,6 +121,20 @@ def _centroids(figure, grey, record, solution):
         "brightest objects: fitted place, and three standard deviations by the noise of the pixels"
     )
     return True
+
+
+def contrast(cut, xy_px, binning):
+    """Grey values that are shown black and white, of the pixels around an object at a place in them."""
+    near, (x, y) = NEAR_PX * binning, np.rint(xy_px).astype(int)
+    around = np.sort(cut[max(y - near, 0) : y + near + 1, max(x - near, 0) : x + near + 1], axis=None)
+    spread, white = _spread(cut), float(around[-min(WHITE * binning**2, around.size)])
+    black = float(np.median(cut)) - 3.0 * spread
+    return black, max(white, black + spread)
+
+
+def _spread(values):
+    """Standard deviation by the quartiles, not zero."""
+    return max(float(np.subtract(*np.percentile(values, [75, 25]))) / 1.349, 1e-6)
 
 
 def _hypotheses(figure, grey, record, solution):

@@ -2,10 +2,14 @@
 
 from math import isnan
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.solve import pointing
 from shefex_nav.solve.header import date_of
 from shefex_nav.solve.image import FOV_DEG
 from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
@@ -25,19 +29,43 @@ WHY = {
     "residuals": "the identified stars do not fit one attitude; are focal length and distortion of the "
     "camera right?",
     "rolling": "rows are exposed one after the other; without the rate of the camera there is no attitude",
-    "saturated": "the picture is too bright for the star tracker of the camera that is told",
+    "saturated": "half of the picture or more is at the largest grey value: too bright, or exposed too long",
+    "saturated_told": "the picture is too bright for the star tracker of the camera that is told",
     "smeared": "the spots are no points: the camera turned faster than star_tracker.highest_rate, or the "
     "picture was compressed or blurred",
     "ambiguous": "more than one identification of the stars fits",
-    "mirrored": "the stars fit only when the picture is mirrored; --mirrored solves it so",
-    "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring",
+    "mirrored": "the stars fit only when the picture is mirrored; --mirrored solves it so. A FITS file whose "
+    "first row is the lowest looks mirrored, too: ROWORDER = 'BOTTOM-UP' in its header tells it",
+    "mirrored_told": "the stars fit only when the picture is mirrored; undo the mirroring (of FITS whose "
+    "first row is the lowest, by ROWORDER = 'BOTTOM-UP' in the header)",
     "not_mirrored": "the stars fit the picture as it is; it is not mirrored",
 }
+NO_FIT = "no_match", "mirrored"  # reasons that a wrong field of view may have
 SHOWN = 25  # rows of the table of stars
+SHOWN_NAMES = 3  # of pictures in a line
+
+
+class Unread(NamedTuple):
+    """One of several pictures, that cannot be read."""
+
+    reason: str  # in words
+    status: str = "unread"
+
+
+def unread(path, error):
+    """Unread of a PictureError about the file at a path."""
+    words = str(error).removeprefix(f"{path}: ").removeprefix("cannot be read: ")
+    return Unread(f"cannot be read: {words}")
 
 
 def as_numbers(solution):
-    """An ImageSolution as a dictionary for JSON; what is not known is None."""
+    """An ImageSolution, or Unread, as a dictionary for JSON; what is not known is None.
+
+    RA, Dec and roll are of the middle of the picture, `axis_ra_deg` and `axis_dec_deg` of the axis of the
+    lens, the z of `q_ic`, of `sigma_arcsec` and of the covariances.
+    """
+    if isinstance(solution, Unread):
+        return {"status": solution.status, "reason": solution.reason}
     numbers = {name: getattr(solution, name) for name in ("status", "reason")}
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
         value = getattr(solution, name)
@@ -50,6 +78,7 @@ def as_numbers(solution):
     numbers["wall_ms"] = solution.wall_ms
     if solution.covariance is not None:
         x, y, z = sigmas(solution.covariance)
+        numbers["axis_ra_deg"], numbers["axis_dec_deg"] = axis_of(solution)
         numbers["q_ic"] = (solution.q_ci * [1.0, -1.0, -1.0, -1.0]).tolist()
         numbers["sigma_arcsec"] = {"about_x": x, "about_y": y, "about_boresight": z}
         numbers["covariance_rad2"] = solution.covariance.tolist()
@@ -58,6 +87,7 @@ def as_numbers(solution):
         numbers["residual_px"] = solution.residual_px
         numbers["aberration_removed"] = solution.aberration_removed
         numbers["julian_year"] = solution.julian_year
+        numbers["date_from"] = solution.date_from
     if solution.fov_sigma_deg is not None:
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
@@ -68,17 +98,31 @@ def as_numbers(solution):
     return numbers
 
 
+def axis_of(solution):
+    """Right ascension and declination of the axis of the lens of an ImageSolution: 2 floats [deg]."""
+    return pointing.direction(dcm_from_quat(solution.q_ci)[2])
+
+
 def sigmas(P):
     """Standard deviations of a covariance (3, 3) [rad^2] about the axes of the camera: 3 floats, arcsec."""
     return tuple((ARCSEC * np.sqrt(np.diag(P))).tolist())
 
 
-def why(solution, told, fov_deg=None):
-    """Words for a picture without solution. told : with a StarCamera;  fov_deg : that is told, or None"""
+def why(solution, told, fov_deg=None, *, without="leave --fov out"):
+    """Words for a picture without solution.
+
+    told : with a StarCamera;  fov_deg : that is told, or None;  without : what may help if it is wrong
+    """
     text = WHY.get(f"{solution.reason}_told") if told else None
     low, high = FOV_DEG
     looked = f"from {low:g} to {high:g} deg across" if fov_deg is None else f"within 20 % of {fov_deg:g} deg"
-    return f"{solution.reason}: {(text or WHY[solution.reason]).format(looked=looked)}"
+    text = (text or WHY[solution.reason]).format(looked=looked)
+    if fov_deg is not None and solution.reason in NO_FIT:
+        text += f"; if the field of view that is told is wrong by more, {without}"
+    return f"{solution.reason}: {text}"
+
+
+OF_CAMERA = ", the date in the camera file: the picture says none"
 
 
 def _accuracy(solution):
@@ -91,7 +135,8 @@ def _accuracy(solution):
     if not solution.aberration_removed:
         rows.append(("aberration", "is in it, up to 20.5 arcsec: the day is not known"))
     elif solution.julian_year is not None:
-        rows.append(("aberration", f"removed, as of {date_of(solution.julian_year):%Y-%m-%d}"))
+        day = f"removed, as of {date_of(solution.julian_year):%Y-%m-%d}"
+        rows.append(("aberration", f"{day}{OF_CAMERA if solution.date_from == 'camera' else ''}"))
     return (*rows, ("stars off the attitude", f"{solution.residual_px:.2f} px rms"))
 
 
@@ -122,6 +167,9 @@ def brief(found):
     if len(set(names)) < len(names):
         names = [str(name) for name, _ in found]
     for name, (_, one) in zip(names, found, strict=True):
+        if one.status == "unread":
+            table.add_row(name, *["-"] * 4, Text(one.reason, justify="left"))
+            continue
         if one.status != "ok":
             table.add_row(name, *["-"] * 3, str(len(one.matched)), f"not solved: {one.reason}")
             continue
@@ -132,22 +180,55 @@ def brief(found):
 
 
 MIDDLE = (
-    "the middle of the picture; the axis of the lens is off it by a principal point that nobody has told "
-    "(`calibrate` measures it, --camera tells it)"
+    "the middle of the picture; the axis of the lens may be off it by a principal point that a narrow field "
+    "does not tell (`calibrate` measures it, --camera tells it)"
+)
+
+
+def notes(found, told):
+    """Lines below a table with a row for each picture. found : as of `brief`;  told : with a StarCamera"""
+    solved = [(Path(name).name, one) for name, one in found if one.status == "ok"]
+    if solved and told:
+        yield f"RA, Dec and roll are of {AXIS}"
+    elif any(one.covariance is not None for _, one in solved):
+        yield f"attitudes are of {MIDDLE}"
+    left = [name for name, one in solved if one.covariance is not None and not one.aberration_removed]
+    if left:
+        yield f"aberration, up to 20.5 arcsec, is left in{_of(left, solved)}: the day is not known"
+    lent = [name for name, one in solved if one.aberration_removed and one.date_from == "camera"]
+    if lent:
+        year = next(one.julian_year for _, one in solved if one.date_from == "camera")
+        yield f"aberration is removed as of {date_of(year):%Y-%m-%d}{OF_CAMERA}{_of(lent, solved)}"
+
+
+def _of(names, solved):
+    """Which of the pictures that are solved, if not all."""
+    if len(names) == len(solved):
+        return ""
+    more = len(names) - SHOWN_NAMES
+    return f" (of {', '.join(names[:SHOWN_NAMES])}{f' and {more} more' if more > 0 else ''})"
+
+
+AXIS = (
+    "the middle of the picture; sigma and, in --json, q_ic and covariances are of the axis of the lens "
+    "(axis_ra_deg, axis_dec_deg)"
 )
 
 
 def field(solution, name, *, told=False):
     """rich Table of where a picture looks, by an ImageSolution.
 
-    name : of the picture;  told : with a StarCamera, whose axis it is
+    RA, Dec and roll are of the middle of the picture; the sigmas are of the axes of the camera, whose z is
+    the axis of the lens: with a StarCamera the two may be apart by its principal point.
+
+    name : of the picture;  told : with a StarCamera
     """
     table = Table(title=str(name), show_header=False)
     rows = (
         ("right ascension", f"{solution.ra_deg:.4f} deg"),
         ("declination", f"{solution.dec_deg:+.4f} deg"),
         ("roll (up, from north through east)", f"{solution.roll_deg:.3f} deg"),
-        *(() if told or solution.covariance is None else (("attitude of", MIDDLE),)),
+        *_attitude_of(solution, told),
         *_accuracy(solution),
         *_turn(solution),
         ("field of view", f"{solution.fov_x_deg:.3f} x {solution.fov_y_deg:.3f} deg"),
@@ -158,6 +239,16 @@ def field(solution, name, *, told=False):
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def _attitude_of(solution, told):
+    """Row of the table about which direction of the camera is meant."""
+    if solution.covariance is None:
+        return ()
+    if not told:
+        return (("attitude of", MIDDLE),)
+    ra, dec = axis_of(solution)
+    return (("attitude of", f"{AXIS}, here at {ra:.4f}, {dec:+.4f} deg"),)
 
 
 def stars(solution):

@@ -90,7 +90,7 @@ def solve(image, camera, taken=None, record=None):
         _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s)
         _ready.add(image_dn.dtype)
     found = _solve(image_dn, camera, tracker, velocity_i, taken.exposure_s, record)
-    return found._replace(julian_year=year)
+    return found._replace(julian_year=year, date_from="camera" if taken.julian_year is None else "picture")
 
 
 def _solve(image_dn, camera, tracker, velocity_i, exposure_s, record=None):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from exported_frames import DEEP, SEED, error_c, exported
 from scipy.stats import chi2
 
@@ -134,3 +135,68 @@ def test_calibrate_finds_the_lens_of_the_simulated_camera(monkeypatch):
         assert (abs(d) < 4.0 * found.sigma[:7]).all()
         squares.append(d @ np.linalg.solve(P, d))
     assert sum(squares) < chi2.ppf(0.9995, 14)
+
+
+SHORT = """
+star_camera:
+  optics:
+    focal_length: {focal} mm
+    focal_length_error: 1 %
+    principal_point_error: 5 pix
+    psf_sigma: 0.8 pix
+    zero_magnitude_flux: 2e6 electron/s
+  detector:
+    {{columns: 659, rows: 493, pixel_size: 9.9 um, bits: {bits}, black_level: 60 DN,
+      conversion: 7.5 electron/DN, shutter: {shutter}}}
+"""
+
+
+@pytest.mark.parametrize("bits, shutter", [(8, "global"), (12, "rolling\n      , line_time: 60 us")])
+def test_a_short_file_has_a_star_tracker_for_its_camera(tmp_path, bits, shutter):
+    path = tmp_path / "short.yaml"
+    path.write_text(SHORT.format(focal=25, bits=bits, shutter=shutter))
+    found = camera_file.base(path)
+    settings, largest = found.camera.params.settings, 2**bits - 1
+    assert settings.detection.saturation == largest
+    assert settings.exposure.brightest_mean == pytest.approx(0.4 * largest)
+    assert settings.detection.scan == ("sequential" if bits == 8 else "streaks")
+    assert settings.catalogue.merge_radius == pytest.approx(3 * 9.9e-6 / 25e-3)
+    assert found.camera.params.camera.electrons_per_dn == 7.5  # no amplifier
+    assert "star_tracker" not in found.tree
+    path.write_text(SHORT.format(focal=100, bits=bits, shutter=shutter))
+    deeper = camera_file.read(path).params.settings.catalogue.faintest
+    assert settings.catalogue.faintest < deeper <= 8.0
+
+
+def test_a_short_file_solves_pictures(still, tmp_path):
+    """That of the true camera, without its star tracker, and without what pictures do not need."""
+    text = (still.folder / export.TRUE).read_text()
+    tree = yaml.safe_load(text)
+    del tree["star_tracker"], tree["bad_pixels"]
+    for key in ("background", "read_noise", "full_well", "readout"):
+        del tree["star_camera"]["detector"][key]
+    path = tmp_path / "short.yaml"
+    path.write_text(yaml.safe_dump(tree))
+    shot, camera = still.shots[0], camera_file.read(path)
+    found = solve_image(
+        shot.frame.image_dn, camera=camera, taken=Taken(None, shot.frame.exposure_s, shot.v_i)
+    )
+    assert found.status == "ok"
+    assert np.linalg.norm(error_c(found.q_ci, shot.q_mean)[:2]) < 4e-5  # 8 arcsec
+
+
+def test_a_file_that_lacks_something_says_what_alone(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("star_camera: {optics: {focal_length: 15 mm}, detector: {columns: 1024, rows: 768}}")
+    with pytest.raises(ScenarioError) as told:
+        camera_file.read(path)
+    lacks = [line.split(": ")[1] for line in told.value.messages if "is missing" in line]
+    optics = ("focal_length_error", "principal_point_error", "psf_sigma", "zero_magnitude_flux")
+    detector = ("pixel_size", "conversion", "black_level", "bits", "shutter")
+    assert sorted(lacks) == sorted(
+        [f"star_camera.optics.{key}" for key in optics] + [f"star_camera.detector.{key}" for key in detector]
+    )
+    assert "the shortest camera file is in docs/how-to/calibrate.md" in told.value.messages[-1]
+    path.write_text(SHORT.format(focal=25, bits=12, shutter="global, line_time: 60 us"))
+    with pytest.raises(ScenarioError, match="a global shutter exposes all rows at once"):
+        camera_file.read(path)

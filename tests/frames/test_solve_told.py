@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
 from shefex_nav.frames import camera_file, export
+from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.solve import picture, told
 from shefex_nav.solve.header import Taken, julian_year
 from shefex_nav.solve.image import solve_image
@@ -220,9 +221,46 @@ def test_command(still, tmp_path):
         assert np.linalg.norm(error_c(np.array(line["q_ic"]) * [1, -1, -1, -1], shot.q_mean)) < 1e-3
     done = command(pictures[0], "--camera", camera)
     assert done.exit_code == 0 and "1 sigma about x, y, boresight" in done.stdout
-    assert "middle of the picture" not in done.stdout  # the camera that is told says where its axis is
+    words = " ".join(done.stdout.replace("│", " ").split())
+    assert "nobody has told" not in words and "q_ic and covariances are of the axis of the lens" in words
+    assert "the date in the camera file" not in words  # these pictures have theirs
     done = command(*pictures, "--camera", camera)
     assert done.exit_code == 0 and done.stdout.count("frame_0000") >= 3
+    assert "RA, Dec and roll are of the middle of the picture" in done.stdout
+
+
+def test_which_axis_is_meant(still):
+    """The axis of the lens is that of the attitude, and off the middle by the principal point."""
+    camera, picture = still.folder / export.TRUE, files(still)[0]
+    line = json.loads(command(picture, "--camera", camera, "--json").stdout)
+    axis_i, middle_i = (direction(line[f"{of}ra_deg"], line[f"{of}dec_deg"]) for of in ("axis_", ""))
+    q = np.array(line["q_ic"])
+    np.testing.assert_allclose(axis_i, dcm_from_quat(q)[:, 2], atol=1e-12)
+    hole = cameras(still)[0].params.camera.pinhole
+    off_px = np.hypot(hole.cx_px - 0.5 * (hole.width_px - 1), hole.cy_px - 0.5 * (hole.height_px - 1))
+    assert off_px > 0.05
+    assert np.linalg.norm(axis_i - middle_i) == pytest.approx(off_px / hole.focal_length_px, rel=1e-3)
+
+
+def direction(ra_deg, dec_deg):
+    """Unit vector in the ICRS."""
+    ra, dec = np.radians([ra_deg, dec_deg])
+    return np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+
+
+def test_the_date_of_the_camera_file_is_said(still, tmp_path):
+    bare, dated = tmp_path / "bare.png", files(still)[0]
+    Image.fromarray(still.shots[0].frame.image_dn).save(bare)  # without texts
+    camera = still.folder / export.TOLD
+    done = command(bare, "--camera", camera)
+    words = " ".join(done.stdout.replace("│", " ").split())
+    assert "removed, as of 2010-10-08, the date in the camera file" in words
+    assert json.loads(command(bare, "--camera", camera, "--json").stdout)["date_from"] == "camera"
+    assert json.loads(command(dated, "--camera", camera, "--json").stdout)["date_from"] == "picture"
+    said = " ".join(command(bare, dated, "--camera", camera).stdout.split())
+    assert "the date in the camera file: the picture says none (of bare.png)" in said
+    given = command(bare, "--camera", camera, "--epoch", "2010-10-08", "--json")
+    assert json.loads(given.stdout)["date_from"] == "epoch"
 
 
 def test_command_tells_why_one_is_not_solved(still, tmp_path):
@@ -297,7 +335,7 @@ def test_a_picture_of_an_unknown_day_is_refused(still, tmp_path):
     camera = replace(cameras(still)[0], julian_year=None)
     bare = tmp_path / "bare.png"
     Image.fromarray(still.shots[0].frame.image_dn).save(bare)  # without texts
-    with pytest.raises(PictureError, match="does not say when it was taken"):
+    with pytest.raises(PictureError, match=r"bare\.png: does not say when it was taken"):
         solve_image(bare, camera=camera)
     solution = solve_image(bare, camera=camera, epoch=YEAR)
     assert solution.status == "ok"

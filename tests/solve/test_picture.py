@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from shefex_nav.solve import picture
-from shefex_nav.solve.picture import PictureError, read
+from shefex_nav.solve.picture import PictureError, read, stored
 
 
 @pytest.fixture
@@ -283,3 +283,32 @@ def test_a_picture_that_is_cut_off_is_told_in_our_words(kind, tmp_path):
     with pytest.raises(picture.PictureError, match=r"picture: is cut off, .* BMP, GIF, PPM or FITS$") as told:
         picture.read(path)
     assert "Error" not in str(told.value)
+
+
+def test_rows_of_a_fits_file_are_turned_as_it_says(tmp_path):
+    """Its first row is the top one, unless ROWORDER says that it is the lowest."""
+    from astropy.io import fits
+
+    grey = np.random.default_rng(1).integers(0, 4000, (70, 90)).astype(np.uint16)
+    for order, turned in ((None, False), ("TOP-DOWN", False), ("BOTTOM-UP", True), ("bottom-up", True)):
+        part = fits.PrimaryHDU(grey[::-1] if turned else grey)
+        if order:
+            part.header["ROWORDER"] = order
+        part.writeto(tmp_path / "rows.fits", overwrite=True)
+        assert np.array_equal(read(tmp_path / "rows.fits").grey, grey)
+        assert np.array_equal(stored(tmp_path / "rows.fits").values, grey)  # as cameras that are told see it
+
+
+@pytest.mark.parametrize("kind", ["PrimaryHDU", "CompImageHDU"])
+def test_a_fits_file_of_three_planes_is_a_picture_in_colour(tmp_path, kind):
+    from astropy.io import fits
+
+    cube = np.random.default_rng(2).integers(0, 4000, (3, 70, 90)).astype(np.int16)
+    path = tmp_path / "cube.fits"
+    parts = [fits.PrimaryHDU(cube)] if kind == "PrimaryHDU" else [fits.PrimaryHDU(), fits.CompImageHDU(cube)]
+    fits.HDUList(parts).writeto(path)
+    assert stored(path).values.shape == (70, 90, 3)
+    np.testing.assert_allclose(read(path).grey, cube.mean(axis=0), rtol=1e-6)
+    fits.PrimaryHDU(np.zeros((5, 70, 90), np.uint8)).writeto(tmp_path / "five.fits")
+    with pytest.raises(PictureError, match=r"five\.fits: holds no picture: expected one of two axes"):
+        read(tmp_path / "five.fits")

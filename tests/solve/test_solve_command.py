@@ -9,9 +9,12 @@ import test_picture
 from PIL import Image
 from typer.testing import CliRunner
 
+from shefex_nav import solve_image
 from shefex_nav.commands.app import app
 from shefex_nav.commands.solve import julian_year
-from shefex_nav.solve.overlay import free_place
+from shefex_nav.solve.overlay import describe, free_place
+from shefex_nav.solve.solution import failed
+from shefex_nav.solve.stages import contrast
 
 
 def solve(*arguments):
@@ -33,10 +36,13 @@ def test_json(sky):
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
     assert list(result) == [
-        "version", "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg",
-        "matched", "false_probability", "wall_ms", "q_ic", "sigma_arcsec", "covariance_rad2", "residual_px",
-        "aberration_removed", "julian_year", "fov_x_sigma_deg",
+        "version", "file", "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg",
+        "matched", "false_probability", "wall_ms", "axis_ra_deg", "axis_dec_deg", "q_ic", "sigma_arcsec",
+        "covariance_rad2", "residual_px", "aberration_removed", "julian_year", "date_from", "fov_x_sigma_deg",
     ]  # fmt: skip
+    assert (result["file"], result["date_from"]) == (str(path), "epoch")
+    for name in ("ra_deg", "dec_deg"):  # nobody has told a principal point
+        assert result[f"axis_{name}"] == pytest.approx(result[name], abs=1e-9)
     assert result["status"] == "ok" and result["reason"] == ""
     assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
     assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name", "designation"}
@@ -181,3 +187,68 @@ def test_mirrored_as_a_user_asks(sky, tmp_path):
     assert result["mirrored"] and abs(result["ra_deg"] - sky[1].ra_deg) < 0.02
     refused = solve(path, "--mirrored", "--camera", "night_sky")
     assert refused.exit_code == 2 and "not together" in refused.output
+
+
+def test_an_unreadable_picture_is_told_in_its_row_and_the_others_are_solved(sky, tmp_path):
+    path, shot = sky
+    text, gone = tmp_path / "text.jpg", tmp_path / "gone.png"
+    text.write_text("no picture")
+    done = solve(text, path, gone, "--json", "--epoch", night_sky.YEAR)
+    assert done.exit_code == 2
+    first, second, third = map(json.loads, done.stdout.splitlines())
+    assert (first["file"], first["status"]) == (str(text), "unread")
+    assert first["reason"].startswith("cannot be read: is not a picture that can be read; expected PNG")
+    assert second["file"] == str(path) and abs(second["ra_deg"] - shot.ra_deg) < 0.02
+    assert third["reason"] == "cannot be read: there is no such file"
+    done = solve(path, text)
+    assert done.exit_code == 2
+    lines = done.stdout.splitlines()
+    assert any("orion.png" in line and f"{second['ra_deg']:.2f}" in line for line in lines)
+    assert any("text.jpg" in line and "cannot be read: is not a picture" in line for line in lines)
+    alone = solve(text)
+    assert alone.exit_code == 2 and alone.stdout == "" and f"{text}: is not a picture" in alone.stderr
+
+
+def test_the_table_of_several_says_what_is_left_in(sky, tmp_path):
+    path, _ = sky
+    dated = tmp_path / "dated.jpg"
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x9003] = "2012:06:22 20:00:00"
+    Image.open(path).save(dated, exif=exif, quality=95)
+    said = " ".join(solve(path, path).stdout.split())
+    assert "aberration, up to 20.5 arcsec, is left in: the day is not known" in said
+    said = " ".join(solve(path, dated).stdout.split())
+    assert "is left in (of orion.png): the day is not known" in said
+    assert "is left in" not in solve(path, dated, "--epoch", "2012-06-22").stdout
+
+
+def test_a_field_of_view_that_is_wrong_is_thought_of(sky):
+    wrong = " ".join(solve(sky[0], "--fov", "40").stdout.split())
+    assert "within 20 % of 40 deg" in wrong and "leave --fov out" in wrong
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_white_picture_is_saturated_and_a_black_one_is_not(tmp_path, dtype):
+    white, black = tmp_path / "white.png", tmp_path / "black.png"
+    Image.fromarray(np.full((300, 400), np.iinfo(dtype).max, dtype)).save(white)
+    Image.fromarray(np.zeros((300, 400), dtype)).save(black)
+    done = solve(white)
+    assert done.exit_code == 1 and "saturated: half of the picture or more" in done.stdout
+    assert json.loads(solve(black, "--json").stdout)["reason"] == "too_few_stars"
+
+
+def test_a_hot_pixel_does_not_hide_a_star_in_the_drawing_of_its_fit():
+    rng, cut = np.random.default_rng(4), np.full((21, 21), 20.0)
+    night_sky.star(cut, 10.0, 10.0, 300.0, 0.8)
+    plain = contrast(cut + rng.normal(0.0, 2.0, cut.shape), (10.0, 10.0), 1)
+    cut[8, 12] = 4000.0
+    black, white = contrast(cut + rng.normal(0.0, 2.0, cut.shape), (10.0, 10.0), 1)
+    assert 5.0 < black < 20.0 < white < cut[10, 10] and white > 0.8 * plain[1]
+    assert contrast(np.zeros((5, 5)), (0.0, 4.0), 1)[0] < contrast(np.zeros((5, 5)), (0.0, 4.0), 1)[1]
+
+
+def test_the_drawing_says_what_its_rings_are(sky):
+    assert describe(failed("no_match", 1.0, np.zeros((7, 2)))) == "not solved: no match   7 objects (orange)"
+    found = solve_image(sky[0], epoch=night_sky.YEAR)
+    others = len(found.xy_px) - len(found.matched)
+    assert f"{len(found.matched)} stars (green)   {others} not named (orange)" in describe(found)
