@@ -240,9 +240,9 @@ def test_what_cannot_be_calibrated_is_said_with_its_exit_code(folder):
     cloud = called(folder / "cloud.png", "--epoch", YEAR, "--fov", "15 deg")
     assert cloud.exit_code == 1
     assert "none of the 1 pictures is solved" in cloud.output
-    no_match = commands._words(pictures.Unsolved("x.png", "no_match"), 15.0)
+    no_match = commands._words(pictures.Unsolved("x.png", "no_match"), 15.0, "leave --fov out")
     assert "x.png is not solved and not used, no_match: " in no_match
-    assert "within 20 % of 15 deg" in no_match and "{" not in no_match
+    assert "within 20 % of 15 deg" in no_match and "{" not in no_match and "leave --fov out" in no_match
     undated = called(folder / "p0.png", "--fov", "15 deg")
     assert undated.exit_code == 2
     no_base = called(folder / "p0.png", "--output", folder / "x.yaml")

@@ -41,8 +41,8 @@ def test_json(sky):
         "covariance_rad2", "residual_px", "aberration_removed", "julian_year", "date_from", "fov_x_sigma_deg",
     ]  # fmt: skip
     assert (result["file"], result["date_from"]) == (str(path), "epoch")
-    for name in ("ra_deg", "dec_deg"):  # nobody has told a principal point
-        assert result[f"axis_{name}"] == pytest.approx(result[name], abs=1e-9)
+    for name in ("ra_deg", "dec_deg"):  # to 0.004 arcsec: a narrow field keeps the axis in the middle
+        assert result[f"axis_{name}"] == pytest.approx(result[name], abs=1e-6)
     assert result["status"] == "ok" and result["reason"] == ""
     assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
     assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag", "name", "designation"}
