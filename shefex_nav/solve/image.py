@@ -113,17 +113,23 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None, taken=None, mir
             raise ValueError("mirrored: not together with a StarCamera, whose pictures are as they are")
         if fov_deg is not None:
             raise ValueError("fov_deg: not together with a camera, which has its own")
-        image_dn, taken, turn = (image, taken or Taken(), AS_STORED) if is_array else as_stored(image, camera)
-        if epoch is not None:
-            taken = taken._replace(julian_year=_year(epoch, None))
-        warmup.get_ready({"command=solve"})
-        try:
-            found = told.solve(image_dn, camera, taken)._replace(orientation=turn, as_stored=True)
-        except picture.PictureError as error:
-            raise error if is_array else _of_file(image, error) from None
-        return found if epoch is None else found._replace(date_from="epoch")
+        return _of_star_camera(image, camera, epoch, taken)
     seen = picture.of_array(image) if is_array else picture.read(image)
     return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch, mirrored=mirrored)
+
+
+def _of_star_camera(image, camera, epoch, taken):
+    """`solve_image` of a StarCamera."""
+    is_array = isinstance(image, np.ndarray)
+    image_dn, taken, turn = (image, taken or Taken(), AS_STORED) if is_array else as_stored(image, camera)
+    if epoch is not None:
+        taken = taken._replace(julian_year=_year(epoch, None))
+    warmup.get_ready({"command=solve"})
+    try:
+        found = told.solve(image_dn, camera, taken)._replace(orientation=turn, as_stored=True)
+    except picture.PictureError as error:
+        raise error if is_array else _of_file(image, error) from None
+    return found if epoch is None else found._replace(date_from="epoch")
 
 
 def _of_file(path, error):
