@@ -1,8 +1,9 @@
 """Star identification on random fields: our methods and other packages on the same ones, side by side.
 
 'possible' is a field with at least four catalogue stars (three with a good prediction): the ceiling; 'wrong'
-is an attitude more than 0.5 deg off, or any from noise. A time is the processor's for one call. Peers have
-environments of their own (`peers/`), made at the first run, and see the first --peer-samples fields.
+is an attitude more than 0.5 deg off, or any from noise. The fields are drawn in V, which is told. A time is
+the processor's for one call. Peers have environments of their own (`peers/`), made at the first run, and see
+the first --peer-samples fields.
 
     uv run python benchmarks/star_identification.py [--samples 1000] [--methods default tetra3rs] [--markdown]
 """
@@ -64,7 +65,9 @@ def solve_all(method, camera, fields):
         options = {"prediction": field.prediction} if tracked else {}
         options |= {} if field.P_px is None else {"centroid_covariance_px": field.P_px}
         begin = time.process_time()
-        found = solve_centroids(field.xy_px, field.flux, camera=camera, epoch=EPOCH, method=method, **options)
+        found = solve_centroids(
+            field.xy_px, field.flux, camera=camera, epoch=EPOCH, method=method, band="V", **options
+        )
         elapsed_ms[k] = 1e3 * (time.process_time() - begin)
         if found.status == "ok":
             q_ci[k] = found.q_ci

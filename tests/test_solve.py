@@ -118,7 +118,8 @@ def test_three_stars_alone_are_named_by_a_prediction():
     for _ in range(30):
         xy, flux, q_ci, hip = field(rng, n_false=0, least=6)
         three = np.argsort(-flux)[:3]
-        frame, P = {"camera": CAMERA, "epoch": EPOCH}, np.eye(3) * np.radians(0.05) ** 2
+        frame = {"camera": CAMERA, "epoch": EPOCH, "band": "V"}  # in which the fields are drawn
+        P = np.eye(3) * np.radians(0.05) ** 2
         found = solve_centroids(xy[three], flux[three], prediction=(q_ci, P), **frame)
         named += found.status == "ok"
         assert found.status == "failed" or (found.hip == hip[three]).all()
@@ -182,6 +183,8 @@ GOOD = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [70.0, 80.0]])
         (GOOD, None, {"max_magnitude": 20.0}, "max_magnitude: expected"),
         (GOOD, None, {"centroid_sigma_px": 0.0}, "centroid_sigma_px: expected a number"),
         (GOOD, None, {"magnitude_sigma": -1.0}, "magnitude_sigma: expected a number"),
+        (GOOD, None, {"band": "R"}, "band: expected V, Hp, silicon, got 'R'"),
+        (GOOD, None, {"band": 5.5}, "band: expected V"),
         (GOOD, None, {"false_limit": 0.0}, "false_limit: expected a probability"),
         (GOOD, None, {"method": "telepathy"}, "choose from: default"),
         (GOOD, None, {"prediction": np.eye(3)}, "prediction: expected"),

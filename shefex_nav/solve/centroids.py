@@ -58,6 +58,7 @@ def solve_centroids(
     epoch,
     method="default",
     max_magnitude=5.5,
+    band="silicon",
     centroid_sigma_px=0.15,
     magnitude_sigma=0.2,
     false_limit=1e-5,
@@ -77,9 +78,11 @@ def solve_centroids(
     camera : Camera
     epoch : float, Julian year, e.g. 2012.47
     method : 'default' or another of METHODS
-    max_magnitude : float, V of the faintest catalogue stars to use; wide fields need fewer and use fewer
+    max_magnitude : float, of the faintest catalogue stars to use; wide fields need fewer and use fewer
+    band : 'silicon' (a bare silicon detector, Gaia's G), 'V' or 'Hp': what the camera sees, and the system of
+        all magnitudes here
     centroid_sigma_px : float, standard deviation of a centroid per axis
-    magnitude_sigma : float, scatter of -2.5 log10 flux against V
+    magnitude_sigma : float, scatter of -2.5 log10 flux against the magnitudes of the catalogue
     false_limit : float, accepted probability that a solution is chance
     prediction : None or (q_ci, P): attitude and covariance (3, 3) [rad^2] of its error in camera axes
     centroid_covariance_px : None or (n, 2, 2) px^2, covariance of the error of each centroid, for those that
@@ -91,7 +94,7 @@ def solve_centroids(
     -------
     StarSolution; a frame that cannot be solved is not an error
     """
-    ready = _ready_for(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
+    ready = _ready_for(camera, band, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
     centroids = _of_pinhole(camera, xy_px, flux, centroid_covariance_px)
     if method not in ("default", "bayes"):
         return _by_method(method, ready, *centroids, zero_flux, prediction)
@@ -203,26 +206,28 @@ class _Ready(NamedTuple):
     solve: Callable  # that kernel, for these tables and round errors
 
 
-def _ready_for(camera, *numbers_given):
+def _ready_for(camera, band, *numbers_given):
     """_Ready of what users give, whatever that is."""
     if not isinstance(camera, Camera):
         raise ValueError(f"camera: expected a Camera, got {camera!r}")
+    if band not in catalogue.SYSTEMS:
+        raise ValueError(f"band: expected {', '.join(catalogue.SYSTEMS)}, got {band!r}")
     try:
-        return _ready(camera, *numbers_given)
+        return _ready(camera, band, *numbers_given)
     except TypeError:  # not what a number can be made of, or cannot be looked up
         names = "epoch", "max_magnitude", "centroid_sigma_px", "magnitude_sigma", "false_limit"
-        return _ready(camera, *(given.number(*one) for one in zip(names, numbers_given, strict=True)))
+        return _ready(camera, band, *(given.number(*one) for one in zip(names, numbers_given, strict=True)))
 
 
 @lru_cache(maxsize=64)
-def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit):
+def _ready(camera, band, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit):
     """Check what is said of the camera and its errors, once."""
     for name, value in (("centroid_sigma_px", centroid_sigma_px), ("magnitude_sigma", magnitude_sigma)):
         if not 0.0 < value <= 10.0:
             raise ValueError(f"{name}: expected a number between 0 and 10, got {value!r}")
     if not 0.0 < false_limit < 1.0:
         raise ValueError(f"false_limit: expected a probability between 0 and 1, got {false_limit!r}")
-    sky = _sky(camera, epoch, max_magnitude)
+    sky = _sky(camera, band, epoch, max_magnitude)
     numbers = bayes.Numbers(
         float(camera.width_px), float(camera.height_px), sky.pinhole.focal_length_px,
         sky.pinhole.cx_px, sky.pinhole.cy_px, bayes.BORDER_PX + sky.displaced_px,
@@ -234,13 +239,13 @@ def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, fal
 
 
 @lru_cache(maxsize=8)
-def _sky(camera, epoch, max_magnitude):
+def _sky(camera, band, epoch, max_magnitude):
     """Catalogue and pairs of a camera; brighter than max_magnitude where the field would hold too many."""
     warmup.get_ready({"command=solve_centroids"})
     if not 1900.0 < epoch < 2200.0:
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
     if not -2.0 < max_magnitude <= 8.0:
-        raise ValueError(f"max_magnitude: expected V between -2 and 8, got {max_magnitude!r}")
+        raise ValueError(f"max_magnitude: expected a magnitude between -2 and 8, got {max_magnitude!r}")
     pinhole = pinhole_of(camera)
     right, bottom = camera.width_px - 0.5, camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
@@ -248,10 +253,10 @@ def _sky(camera, epoch, max_magnitude):
     farthest_px = np.hypot(*(corners - camera.principal_point_px).T).max() + displaced
     field = 2.0 * np.arctan(farthest_px / pinhole.focal_length_px)
     sky = load_catalogue(8.0)
-    depth = _depth(np.sort(sky.vmag), float(max_magnitude), pinhole)
+    depth = _depth(np.sort(catalogue.magnitudes(sky, band)), float(max_magnitude), pinhole)
     settings = Catalogue(
         kind="magnitude_limited",
-        system="V",
+        system=band,
         faintest=depth,
         faintest_south=None,
         merge_radius=MERGE_PX / pinhole.focal_length_px,
@@ -264,19 +269,19 @@ def _sky(camera, epoch, max_magnitude):
     except ValueError:
         raise ValueError(
             f"camera, max_magnitude: a field of {np.degrees(field):.3g} deg holds no two of the "
-            f"{len(stars.hip)} stars to V {depth:.2g}; expected a wider field or a fainter limit"
+            f"{len(stars.hip)} stars to magnitude {depth:.2g}; expected a wider field or a fainter limit"
         ) from None
     return _Sky(pinhole, stars.hip, pairs, *pairs.quick, displaced)
 
 
-def _depth(vmag, max_magnitude, pinhole):
-    """V at which the field holds MOST_STARS on average, if that is brighter than max_magnitude.
+def _depth(magnitude, max_magnitude, pinhole):
+    """Magnitude at which the field holds MOST_STARS on average, if that is brighter than max_magnitude.
 
-    vmag : ascending, of all stars. A deeper catalogue only slows the search: the brightest stars decide.
+    magnitude : ascending, of all stars. A deeper catalogue only slows the search: the brightest stars decide.
     """
     share = pinhole.width_px * pinhole.height_px / pinhole.focal_length_px**2 / (4.0 * np.pi)
     enough = int(MOST_STARS / min(share, 0.5))
-    return max_magnitude if enough >= len(vmag) else min(max_magnitude, float(vmag[enough]))
+    return max_magnitude if enough >= len(magnitude) else min(max_magnitude, float(magnitude[enough]))
 
 
 def _complain(reason):

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 from star_fields import CATALOGUE, DEG, YEAR, all_stars
 
-from shefex_nav.environment.stars import load_catalogue
+from shefex_nav.environment.stars import load_catalogue, silicon_magnitude
 from shefex_nav.onboard.startracker import catalogue
 
 FIELD = 18.57 * DEG  # diagonal of the SHEFEX-2 camera
@@ -71,6 +71,20 @@ def test_pairs_know_the_magnitudes_of_their_stars():
     np.testing.assert_array_equal(pairs.first_vmag, pairs.stars.vmag[pairs.first])
     np.testing.assert_array_equal(pairs.second_vmag, pairs.stars.vmag[pairs.second])
     assert (pairs.first_vmag <= pairs.second_vmag).all()
+
+
+def test_magnitudes_of_a_silicon_detector():
+    """Gaia's G of single stars by V and B-V: Betelgeuse is brighter than in V, Rigel is not; limit in G."""
+    settings = replace(CATALOGUE, system="silicon", merge_radius=1e-6)
+    stars, sky = catalogue.build(settings, all_stars(), YEAR), all_stars()
+    in_band = dict(zip(stars.hip.tolist(), stars.vmag.tolist(), strict=True))
+    in_v = dict(zip(sky.hip.tolist(), sky.vmag.tolist(), strict=True))
+    assert in_band[27989] < in_v[27989] - 0.5 and abs(in_band[24436] - in_v[24436]) < 0.1
+    assert (np.diff(stars.vmag) >= 0.0).all() and 5.49 < stars.vmag[-1] <= 5.5
+    wanted = sky.hip[silicon_magnitude(sky.vmag, sky.bv) <= 5.5]
+    assert len(set(wanted.tolist()) ^ set(in_band)) < 0.01 * len(wanted)  # close pairs are one
+    redder = [hip for hip in in_band if in_v[hip] > 6.5]
+    assert len(redder) > 20  # of stars that a limit in V would leave out
 
 
 # Numbers of stars in the literature are counts of Hipparcos entries: nothing merged.
@@ -156,7 +170,7 @@ def scatter(u_i):
     "changed, message",
     [
         ({"kind": "round"}, "unknown star catalogue 'round'; choose from: magnitude_limited, asymmetric"),
-        ({"system": "B"}, "unknown magnitude system 'B'; choose V or Hp"),
+        ({"system": "B"}, "unknown magnitude system 'B'; choose V or Hp or silicon"),
         ({"kind": "combined", "size": 900}, r"900 stars are wanted, but keep_to alone keeps 9\d\d"),
         ({"kind": "combined", "size": 9000}, r"9000 stars are wanted, only 28\d\d are within"),
         ({"kind": "uniform", "size": 9000}, r"9000 stars are wanted, only 28\d\d are within"),

@@ -53,6 +53,24 @@ def test_partners_against_brute_force():
             assert expected.any()
 
 
+@pytest.mark.parametrize("n", [4, 5, 19, 25, 32])
+def test_pairs_from_all_are_each_once(n):
+    """In turn the brightest of all that are left, and a fair sample: half of the first tenth is spread."""
+    order = search.pairs_by_brightness(n)
+    mixed = search.from_all(order)
+    assert {tuple(pair) for pair in mixed} == {tuple(pair) for pair in order} and len(mixed) == len(order)
+    left = list(range(len(order)))
+    place = {tuple(pair): k for k, pair in enumerate(order.tolist())}
+    for k, pair in enumerate(mixed.tolist()):
+        if k % 2 == 0:
+            assert place[tuple(pair)] == left[0]
+        left.remove(place[tuple(pair)])
+    if n >= 19:
+        spread = np.sort([place[tuple(pair)] for pair in mixed[1 : len(order) // 5 : 2].tolist()])
+        widest = np.diff(np.concatenate([[0], spread, [len(order)]])).max()
+        assert widest < 4.0 * len(order) / len(spread)
+
+
 @pytest.mark.parametrize(
     "bits, need, has", [(0, 0, True), (0, 1, False), (4, 1, True), (4, 2, False), (5, 2, True)]
 )

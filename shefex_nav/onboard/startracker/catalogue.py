@@ -12,7 +12,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.environment.stars import at_epoch, photocentres, select
+from shefex_nav.environment.stars import at_epoch, photocentres, select, silicon_magnitude
 from shefex_nav.errors import UserError
 from shefex_nav.onboard.startracker import kvector, tables
 from shefex_nav.onboard.startracker.settings import Catalogue
@@ -40,7 +40,7 @@ class OnboardCatalogue(NamedTuple):
 
     hip: np.ndarray  # (n,) int64 Hipparcos number of the brightest star of each entry
     u_i: np.ndarray  # (n, 3) unit vectors at the epoch, without aberration
-    vmag: np.ndarray  # (n,) magnitude of the summed light; V unless the settings ask for Hp
+    vmag: np.ndarray  # (n,) magnitude of the summed light, V or in the system of the settings
     epoch: float = np.nan  # Julian year of u_i
 
 
@@ -116,9 +116,8 @@ def pool(settings, catalogue, inclusive=True):
     if settings.system not in SYSTEMS:
         choice = " or ".join(SYSTEMS)
         raise ValueError(f"unknown magnitude system {settings.system!r}; choose {choice}")
-    column = "vmag" if settings.system == "V" else "hpmag"
-    catalogue = select(catalogue, ~np.isnan(getattr(catalogue, column)))
-    own = getattr(catalogue, column)
+    catalogue = select(catalogue, ~np.isnan(magnitudes(catalogue, settings.system)))
+    own = magnitudes(catalogue, settings.system)
     limit = limits(settings, catalogue.u_i)
     within = own <= limit if inclusive else own < limit
     if not within.any():
@@ -127,8 +126,15 @@ def pool(settings, catalogue, inclusive=True):
         )
     stars = photocentres(catalogue, catalogue.vmag[within].max(), settings.merge_radius)
     stars = select(stars, np.isin(stars.hip, catalogue.hip[within]))
-    stars = select(stars, np.argsort(getattr(stars, column), kind="stable"))
-    return stars, getattr(stars, column)
+    stars = select(stars, np.argsort(magnitudes(stars, settings.system), kind="stable"))
+    return stars, magnitudes(stars, settings.system)
+
+
+def magnitudes(stars, system):
+    """Magnitudes of stars in one of SYSTEMS: (n,), NaN where unknown."""
+    if system == "silicon":
+        return silicon_magnitude(stars.vmag, stars.bv)
+    return stars.vmag if system == "V" else stars.hpmag
 
 
 def limits(settings, u_i):

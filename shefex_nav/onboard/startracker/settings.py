@@ -73,7 +73,9 @@ class Catalogue(Settings):
         "all stars to a magnitude; to another one in the south; thinned to an even spread; "
         "or the bright ones and an even fill"
     )
-    system: Literal["V", "Hp"] = choice("of all magnitudes here: Johnson V or Hipparcos Hp", "V")
+    system: Literal["V", "Hp", "silicon"] = choice(
+        "of all magnitudes here: Johnson V, Hipparcos Hp or those of a bare silicon detector (Gaia's G)", "V"
+    )
     faintest: float = quantity(
         "mag", "5.5 mag", "of the catalogue, or of the pool that is thinned", at_most="8 mag"
     )

@@ -7,6 +7,7 @@ attitudes looked at is bounded. A frame that the first pairs do not solve is sea
 stars only that could belong to an attitude (`partners`): whatever noise it is, it is soon given up.
 """
 
+from math import gcd
 from typing import NamedTuple
 
 import numpy as np
@@ -36,13 +37,14 @@ SHORT_PX = 50.0  # closer detections say little about the attitude
 BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, of which the cheaper go first
 WORK_PER_PAIR = 40  # cost of a pair of detections, in stars looked at by the screen
 PARTNER_GATE = 1.4  # times that of a pair: three stars may be worse placed than two
-ORDINARY, MOST_GROWTH = 400.0, 5.0  # pairs of stars for one of detections: with more, the work may grow
+ORDINARY, MOST_GROWTH = 230.0, 5.0  # pairs of stars for one of detections: with more, the work may grow
 MOST_FILTERED = 32  # detections, one bit each; with more, the partners would take longer than the search
 DENSE = 0.3  # such pairs over stars of the catalogue: with more, nearly all stars have partners
 DENSE_SHARE = 0.5  # of the budget, for the first pass then
 ENTRIES_PER_WORK = 8  # catalogue pairs that are marked in the time of looking at a star
 WORK_PER_LOOK = 300  # cost of adjusting and weighing an attitude ...
 WORK_PER_MATCH = 1.0  # ... and for each star predicted times each detection
+GOLDEN = 0.618034
 SURE = 3.0  # more than enough, in ln B: no need to look for a rival
 SAME_TRACE = 2.9999  # of the rotation between two attitudes that are one: 0.6 deg
 
@@ -195,6 +197,31 @@ def pairs_by_brightness(n):
 
 
 @inner
+def from_all(order):
+    """The same pairs, in turn the brightest and any: (m, 2). For frames whose brightest detections are false.
+
+    Any: m times the golden ratio further each time, so that few of them are already a fair sample of all.
+    """
+    m = order.shape[0]
+    mixed, taken, bright, any_k = np.empty_like(order), np.zeros(m, dtype=np.bool_), 0, 0
+    step = max(int(GOLDEN * m), 1)
+    while step > 1 and gcd(step, m) > 1:  # else not all pairs would be met
+        step -= 1
+    for k in range(m):
+        if k % 2 == 0:
+            while taken[bright]:
+                bright += 1
+            which = bright
+        else:
+            while taken[any_k]:
+                any_k = (any_k + step) % m
+            which = any_k
+        taken[which] = True
+        mixed[k, 0], mixed[k, 1] = order[which, 0], order[which, 1]
+    return mixed
+
+
+@inner
 def costs_of(scene, order):
     """Relative cost of pairs of detections, inf for close ones, and their variance along the line, (m,) each.
 
@@ -323,9 +350,11 @@ def lost_in_space(task, pairs, budget):
     for way in PASSES:
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
         trying, order = task, pairs_by_brightness(n)
-        if way.is_filtered and not is_dense:
-            trying, more = with_partners(task, pairs, u_c, order, way)
-            work += more
+        if way.is_filtered:
+            order = from_all(order)
+            if not is_dense:
+                trying, more = with_partners(task, pairs, u_c, order, way)
+                work += more
         share = max(way.share, DENSE_SHARE) if is_dense else way.share
         work += try_all(trying, ellipses, pairs, u_c, order, way, share * growth * budget - work)
         if margin(task) >= task.threshold:
