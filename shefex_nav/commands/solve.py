@@ -24,7 +24,7 @@ from shefex_nav.files import named
 from shefex_nav.log.mcap_file import is_log
 
 NAMED = "6-names"  # the last of the pictures of --stages
-EXIT = {"ok": 0, "failed": 1, "unread": 2}  # by the status of a picture
+EXIT = {"ok": 0, "failed": 1, "refused": 2}  # by the status of a picture
 NEAR_S = 0.1  # a frame that is farther from the time asked for is told
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
@@ -117,7 +117,7 @@ def solve(
 
 
 def _each(images, solve_one, json):
-    """(path, ImageSolution or Unread) of every picture: list; with json each is printed when it is there."""
+    """(path, ImageSolution or Refused) of every picture: list; with json each is printed when it is there."""
     from shefex_nav.solve import table
     from shefex_nav.solve.picture import PictureError
 
@@ -128,7 +128,7 @@ def _each(images, solve_one, json):
         except PictureError as error:
             if len(images) == 1:
                 raise
-            one = table.unread(image, error)
+            one = table.refused(image, error)
         found.append((image, one))
         if json:
             print_json({"file": str(image)} | table.as_numbers(one))

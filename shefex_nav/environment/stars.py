@@ -140,7 +140,7 @@ def aberrate(u_i, v_i):
     return seen_i
 
 
-def photocentres(catalogue, max_magnitude, radius_rad):
+def photocentres(catalogue, max_magnitude, radius_rad, magnitude=None):
     """Catalogue of what a camera sees as single points: neighbours merged into their centre of light.
 
     Every star with V <= max_magnitude, brightest first, takes all stars of the catalogue within
@@ -151,8 +151,9 @@ def photocentres(catalogue, max_magnitude, radius_rad):
     Parameters
     ----------
     catalogue : StarCatalogue, deeper than max_magnitude: the faint neighbours pull too
-    max_magnitude : float, V
+    max_magnitude : float, V or in the band of `magnitude`
     radius_rad : float [rad]
+    magnitude : None or (n,) in another band than V, by which stars are bright
 
     Returns
     -------
@@ -167,8 +168,9 @@ def photocentres(catalogue, max_magnitude, radius_rad):
     cos_radius = np.cos(radius_rad)
     u_i, pm_i = catalogue.u_i.copy(), catalogue.pm_i.copy()
     vmag, hpmag, bv = catalogue.vmag.copy(), catalogue.hpmag.copy(), catalogue.bv.copy()
-    bright = np.flatnonzero(catalogue.vmag <= max_magnitude)
-    bright = bright[np.argsort(catalogue.vmag[bright], kind="stable")]
+    own = catalogue.vmag if magnitude is None else magnitude
+    bright = np.flatnonzero(own <= max_magnitude)
+    bright = bright[np.argsort(own[bright], kind="stable")]
     swallowed = np.zeros(len(by_z), dtype=bool)
     for star in bright[has_near[bright]]:
         if taken[star]:

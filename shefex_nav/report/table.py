@@ -126,7 +126,7 @@ def _navigation_rows(navigation):
     aided = navigation.get("star_aided")
     if aided and consistency_rows.uses_stars(navigation):
         words = f"{_pair(aided['attitude_deg'], 3, 'deg')}, T{aided['from_s']:+.1f} s to the end"
-        yield "since two star fixes", words
+        yield "after two star fixes", words
     if pointing := navigation.get("while_pointing"):
         sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
         largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)

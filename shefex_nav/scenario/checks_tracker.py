@@ -140,7 +140,8 @@ def _chain(scenario):
         yield (*path, "run_length", "window"), f"{window} is not a power of two"
     deepest = tracker.identification.deepest
     if deepest is not None and deepest <= tracker.catalogue.faintest:
-        words = f"V {deepest:g} must be fainter than catalogue.faintest, {tracker.catalogue.faintest:g}"
+        faintest = f"{tracker.catalogue.faintest:g} ({tracker.catalogue.system})"
+        words = f"V {deepest:g} must be fainter than catalogue.faintest, {faintest}"
         yield ("star_tracker", "identification", "deepest"), words
 
 
@@ -195,7 +196,8 @@ def _catalogue_and_latency(scenario):
     tracker, navigation = scenario.star_tracker, scenario.navigation
     catalogue, camera = tracker.catalogue, scenario.star_camera
     if catalogue.faintest > camera.stars.faintest:
-        words = f"V {catalogue.faintest:g} on board, the camera draws stars to V {camera.stars.faintest:g}"
+        on_board = f"{catalogue.system} {catalogue.faintest:g}"
+        words = f"{on_board} on board, the camera draws stars to V {camera.stars.faintest:g}"
         yield ("star_tracker", "catalogue", "faintest"), words
     deepest = tracker.identification.deepest
     if deepest is not None and deepest > camera.stars.faintest:

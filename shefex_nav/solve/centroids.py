@@ -244,8 +244,10 @@ def _sky(camera, band, epoch, max_magnitude):
     warmup.get_ready({"command=solve_centroids"})
     if not 1900.0 < epoch < 2200.0:
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
-    if not -2.0 < max_magnitude <= 8.0:
-        raise ValueError(f"max_magnitude: expected a magnitude between -2 and 8, got {max_magnitude!r}")
+    faintest = catalogue.SILICON_TO if band == "silicon" else 8.0  # to which the table of stars is whole
+    if not -2.0 < max_magnitude <= faintest:
+        words = f"between -2 and {faintest:g} ({band})"
+        raise ValueError(f"max_magnitude: expected a magnitude {words}, got {max_magnitude!r}")
     pinhole = pinhole_of(camera)
     right, bottom = camera.width_px - 0.5, camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])

@@ -15,7 +15,6 @@ import numpy as np
 from shefex_nav.geometry import edges
 from shefex_nav.geometry.distortion import BEHIND, bent, undistort
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.solve import steps
 from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
 
@@ -41,9 +40,8 @@ class Lens(NamedTuple):
 
     @property
     def axis_C_ci(self):
-        """Attitude of the axis of the lens (3, 3), as `steps.to_axis`."""
-        x, y = self.off
-        return dcm_from_rotvec(np.array([y, -x, 0.0])) @ self.C_ci if any(self.off) else self.C_ci
+        """Attitude of the axis of the lens (3, 3)."""
+        return steps.axis_of(self.C_ci, self.terms) if any(self.off) else self.C_ci
 
 
 class Fit(NamedTuple):
@@ -151,14 +149,18 @@ def rays(lens, size_px, xy_px):
 
 
 def corner_angle(lens, size_px):
-    """Angle from the axis to the farthest corner [rad]."""
-    return edges.corner_angle(float(lens.focal_px), np.array(lens.k), tuple(map(float, size_px)))
+    """Angle from the axis to the farthest corner, at least [rad]."""
+    return edges.corner_angle(float(lens.focal_px), np.array(lens.k), _as_wide(lens, size_px))
 
 
 def is_lens(lens, size_px):
     """Whether each corner is the image of one direction: a polynomial may fold, where few stars hold it."""
-    as_wide = np.asarray(size_px) + 2.0 * lens.focal_px * np.abs(lens.off)  # as to the farther side
-    return edges.is_lens(float(lens.focal_px), np.array(lens.k), tuple(as_wide.tolist()))
+    return edges.is_lens(float(lens.focal_px), np.array(lens.k), _as_wide(lens, size_px))
+
+
+def _as_wide(lens, size_px):
+    """Size of a picture with its middle on the axis that reaches as far to either side as this one does."""
+    return tuple((np.asarray(size_px) + 2.0 * lens.focal_px * np.abs(lens.off)).tolist())
 
 
 def across(lens, size_px):

@@ -20,9 +20,11 @@ class Match(NamedTuple):
 class ImageSolution(NamedTuple):
     """What `solve_image` found; NaN and None without a solution.
 
-    RA, Dec and roll are of the middle of the picture. `q_ci`, the covariances and what follows from them are
-    of the axes of the camera, whose z is the axis of the lens: it meets the picture at
-    `camera.principal_point_px`, which is the middle where no camera is told.
+    RA, Dec and roll are of the middle of the picture. Where no camera is told, `q_ci` and the covariance are,
+    too: z is the middle. Of a camera that is told they are of its own axes: z is the axis of its lens.
+    `camera` puts stars where they are in the picture with `camera_q_ci`, whose z is always the axis of the
+    lens, at `camera.principal_point_px`. Where that was found, the axis is known less well than the middle:
+    the covariance is not its.
     """
 
     status: str  # 'ok' or 'failed'
@@ -51,7 +53,7 @@ class ImageSolution(NamedTuple):
     # it was not turned: places and angles are of the pixels of a StarCamera's detector
     as_stored: bool = False
     date_from: str = ""  # who said julian_year: epoch, picture, camera (the file of a StarCamera), today
-    # (4,) ICRS to the axes of `camera`, through its principal point: what it projects stars with
+    # (4,) ICRS to the axes of `camera`, z through its principal point: what it projects stars with
     camera_q_ci: np.ndarray | None = None
 
 

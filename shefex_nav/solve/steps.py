@@ -10,7 +10,7 @@ and only a wide field tells it.
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.geometry.distortion import BEHIND, bent_one, slopes_one
+from shefex_nav.geometry.distortion import BEHIND, bent_one, slopes_one, straight_one
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 
@@ -43,8 +43,20 @@ def turned(C_ci, turn_c):
 
 @inner
 def to_axis(C_ci, terms):
-    """Attitude of the lens (3, 3), from that of the middle of the picture: its axis is seen at terms[5:]."""
-    return turned(C_ci, np.array([terms[6], -terms[5], 0.0]))
+    """Attitude of the lens (3, 3), from that of the middle of the picture: its axis is seen at terms[5:].
+
+    The shortest turn that brings the middle to where the lens sees it.
+    """
+    x, y = straight_one(terms[:5], -terms[5], -terms[6])
+    r = np.hypot(x, y)
+    angle = np.arctan(r) / r if r > 0.0 else 1.0
+    return turned(C_ci, np.array([-angle * y, angle * x, 0.0]))
+
+
+@kernel
+def axis_of(C_ci, terms):
+    """`to_axis`, for those who are not compiled."""
+    return to_axis(C_ci, terms)
 
 
 @inner
@@ -81,14 +93,18 @@ def principal_point(focal_px, terms, size_px):
 
 @inner
 def fill_jacobian(focal_px, terms, x, y, J):
-    """Derivatives of a pixel by the eleven unknowns. J : (2, 11), filled;  x, y : X/Z, Y/Z of the lens"""
+    """Derivatives of a pixel by the eleven unknowns. J : (2, 11), filled;  x, y : X/Z, Y/Z of the lens
+
+    The turn is about the axes of the lens, which are those of the middle of the picture to a per cent.
+    """
     r2 = x * x + y * y
     xx, xy, yy = slopes_one(terms, x, y)
     by_x, by_y = turn_slopes(x, y)
     for a in range(3):  # the stars turn against the camera
         J[0, a] = -(xx * by_x[a] + xy * by_y[a])
         J[1, a] = -(xy * by_x[a] + yy * by_y[a])
-    J[0, 3], J[1, 3] = bent_one(terms, x, y)
+    bent_x, bent_y = bent_one(terms, x, y)
+    J[0, 3], J[1, 3] = terms[5] + bent_x, terms[6] + bent_y  # the principal point is a multiple of f
     J[0, 4], J[1, 4] = x * r2, y * r2
     J[0, 5], J[1, 5] = x * r2 * r2, y * r2 * r2
     J[0, 6], J[1, 6] = 2.0 * x * y, r2 + 2.0 * y * y

@@ -45,26 +45,25 @@ SHOWN = 25  # rows of the table of stars
 SHOWN_NAMES = 3  # of pictures in a line
 
 
-class Unread(NamedTuple):
-    """One of several pictures, that cannot be read."""
+class Refused(NamedTuple):
+    """One of several pictures that cannot be read, or is none of the camera."""
 
     reason: str  # in words
-    status: str = "unread"
+    status: str = "refused"
 
 
-def unread(path, error):
-    """Unread of a PictureError about the file at a path."""
-    words = str(error).removeprefix(f"{path}: ").removeprefix("cannot be read: ")
-    return Unread(f"cannot be read: {words}")
+def refused(path, error):
+    """Refused of a PictureError about the file at a path."""
+    return Refused(str(error).removeprefix(f"{path}: "))
 
 
 def as_numbers(solution):
-    """An ImageSolution, or Unread, as a dictionary for JSON; what is not known is None.
+    """An ImageSolution, or Refused, as a dictionary for JSON; what is not known is None.
 
-    RA, Dec and roll are of the middle of the picture, `axis_ra_deg` and `axis_dec_deg` of the axis of the
-    lens, the z of `q_ic`, of `sigma_arcsec` and of the covariances.
+    RA, Dec and roll are of the middle of the picture, `axis_ra_deg` and `axis_dec_deg` of the z of `q_ic`, of
+    `sigma_arcsec` and of the covariances: the axis of the lens of a camera that is told, else the middle.
     """
-    if isinstance(solution, Unread):
+    if isinstance(solution, Refused):
         return {"status": solution.status, "reason": solution.reason}
     numbers = {name: getattr(solution, name) for name in ("status", "reason")}
     for name in ("ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg"):
@@ -167,7 +166,7 @@ def brief(found):
     if len(set(names)) < len(names):
         names = [str(name) for name, _ in found]
     for name, (_, one) in zip(names, found, strict=True):
-        if one.status == "unread":
+        if one.status == "refused":
             table.add_row(name, *["-"] * 4, Text(one.reason, justify="left"))
             continue
         if one.status != "ok":

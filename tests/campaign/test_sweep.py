@@ -195,7 +195,7 @@ def test_that_no_run_met_what_is_required_is_not_that_nothing_is():
 def test_combinations_are_told_apart_by_what_the_stars_give():
     """The errors before the first star fix are the same 2.45 deg in all of them."""
     part = sweep._combinations([side("A", 0.2, 0.3), side("B", 0.3, 0.01)], [{"x": "1"}, {"x": "2"}])
-    assert part.heads[-1] == ">attitude, rms since two star fixes [deg]"
+    assert part.heads[-1] == ">attitude, rms after two star fixes [deg]"
     assert [(row[0], row[-1]) for row in part.rows] == [("B", "0.01"), ("A", "0.3")]
 
 

@@ -85,6 +85,11 @@ def test_magnitudes_of_a_silicon_detector():
     assert len(set(wanted.tolist()) ^ set(in_band)) < 0.01 * len(wanted)  # close pairs are one
     redder = [hip for hip in in_band if in_v[hip] > 6.5]
     assert len(redder) > 20  # of stars that a limit in V would leave out
+    # beside a star that is brighter in V alone, and is itself too faint: the entry is the redder one
+    deep = catalogue.build(
+        replace(CATALOGUE, system="silicon", faintest=6.5, merge_radius=245.0 / 206265.0), sky, YEAR
+    )
+    assert 99653 in deep.hip and 99649 not in deep.hip
 
 
 # Numbers of stars in the literature are counts of Hipparcos entries: nothing merged.
@@ -170,6 +175,7 @@ def scatter(u_i):
     "changed, message",
     [
         ({"kind": "round"}, "unknown star catalogue 'round'; choose from: magnitude_limited, asymmetric"),
+        ({"system": "silicon", "faintest": 6.6}, "ends at V 8, which is whole to 6.5 in silicon"),
         ({"system": "B"}, "unknown magnitude system 'B'; choose V or Hp or silicon"),
         ({"kind": "combined", "size": 900}, r"900 stars are wanted, but keep_to alone keeps 9\d\d"),
         ({"kind": "combined", "size": 9000}, r"9000 stars are wanted, only 28\d\d are within"),

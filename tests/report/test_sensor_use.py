@@ -66,7 +66,7 @@ def test_star_fixes_that_were_all_refused(flown):
     data = own(refused(flown))
     rows, n = rows_of(data), len(sensor_use.good_fixes(data))
     assert rows["star fixes"] == f"{n} delivered, none used, {n} refused"
-    assert "since two star fixes" not in rows and "not known" not in rows
+    assert "after two star fixes" not in rows and "not known" not in rows
     assert "no star fix was used" in rows["NEES"] and "from the start of the run" in rows["NEES"]
     assert f"star fixes: {n} delivered, none used" in words_of(data)
 
@@ -81,11 +81,11 @@ def test_without_gates_the_flag_says_whether_stars_were_used(flown):
     data = own(flown, gates=[])
     rows, n = rows_of(data), len(sensor_use.good_fixes(data))
     assert rows["star fixes"] == f"{n} delivered, how many of them were used is not known"
-    assert "since two star fixes" in rows and rows["not known"] == sensor_use.NO_GATES
+    assert "after two star fixes" in rows and rows["not known"] == sensor_use.NO_GATES
     none = np.zeros(len(data.nav.t_s), dtype=bool)
     rows = rows_of(data._replace(nav=data.nav._replace(star_aided=none)))
     assert rows["star fixes"] == f"{n} delivered, none used (star_aided was never set)"
-    assert "since two star fixes" not in rows
+    assert "after two star fixes" not in rows
 
 
 def test_the_page_does_not_say_nothing_of_what_it_does_not_know(flown):

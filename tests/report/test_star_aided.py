@@ -1,4 +1,4 @@
-"""Errors since two star fixes     leave out those of the start, which are its alone."""
+"""Errors after two star fixes leave out those of the start, which are its alone."""
 
 from types import SimpleNamespace
 
@@ -46,7 +46,7 @@ def test_rows_of_the_table():
         "while_pointing": pointing | {"from_s": 30.0, "to_s": 90.0}, "nees": {"mean": None},
     }  # fmt: skip
     found = dict(_navigation_rows(navigation))
-    assert found["since two star fixes"] == "0.001 deg rms, 0.004 deg max, T+33.2 s to the end"
+    assert found["after two star fixes"] == "0.001 deg rms, 0.004 deg max, T+33.2 s to the end"
     assert found["while pointing"].endswith("T+30 to +90 s, star fixes since T+33.2 s")
     navigation["while_pointing"]["from_s"] = 40.0
     assert dict(_navigation_rows(navigation))["while pointing"].endswith("T+40 to +90 s")

@@ -16,7 +16,7 @@ from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.image import solve_image
 
 YEAR = night_sky.YEAR
-CUT_PX = 16  # of each side of the picture that is drawn; what is left has its axis up to half of it off
+CUT_PX = 50  # of each side of the picture that is drawn; what is left has its axis up to half of it off
 
 
 def cut(rng, fov_deg, limit):
@@ -27,7 +27,8 @@ def cut(rng, fov_deg, limit):
     off_px = np.array([0.5 * CUT_PX - left, 0.5 * CUT_PX - top])
     focal_px = 0.5 * width / np.tan(0.5 * np.radians(fov_deg))
     axis_C_ci = np.array(night_sky.axes(shot.ra_deg, shot.dec_deg, shot.roll_deg))
-    x, y = off_px / focal_px
+    away = np.hypot(*off_px) / focal_px
+    x, y = off_px / focal_px * np.arctan(away) / away
     C_ci = dcm_from_rotvec(np.array([-y, x, 0.0])) @ axis_C_ci
     image = night_sky.to_8_bit(shot.image[top : top + 768, left : left + 1024])
     return image, C_ci, off_px

@@ -44,7 +44,7 @@ def test_the_truth_is_proved_and_its_turned_copies_are_not():
 def test_near_a_prediction_it_is_the_identification_that_flies():
     """The same to the last bit where that confirms its prediction; where it does not, no solution."""
     rng, camera = np.random.default_rng(3), Camera(*SIZE, FOCAL_PX)
-    ready = centroids._ready(camera, YEAR, 6.5, 0.2, 0.3, 1e-5)
+    ready = centroids._ready(camera, "V", YEAR, 6.5, 0.2, 0.3, 1e-5)
     P_c = np.diag([1e-3, 1e-3, 2e-3]) ** 2
     confirmed = denied = 0
     for k in range(24):

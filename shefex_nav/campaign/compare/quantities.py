@@ -65,9 +65,9 @@ QUANTITIES = (
     Quantity(
         "attitude, rms of the star phase", "deg", _at(_NAV + "star_phase.attitude_rms_deg"), spoken=True
     ),
-    Quantity("position, rms since two star fixes", "m", _at(_AIDED + "position_m.rms"), spoken=True),
-    Quantity("velocity, rms since two star fixes", "m/s", _at(_AIDED + "velocity_m_s.rms"), spoken=True),
-    Quantity("attitude, rms since two star fixes", "deg", _at(_AIDED + "attitude_deg.rms"), spoken=True),
+    Quantity("position, rms after two star fixes", "m", _at(_AIDED + "position_m.rms"), spoken=True),
+    Quantity("velocity, rms after two star fixes", "m/s", _at(_AIDED + "velocity_m_s.rms"), spoken=True),
+    Quantity("attitude, rms after two star fixes", "deg", _at(_AIDED + "attitude_deg.rms"), spoken=True),
     Quantity("position, rms of the run", "m", _at(_NAV + "position_error_m.rms"), spoken=True),
     Quantity("velocity, rms of the run", "m/s", _at(_NAV + "velocity_error_m_s.rms"), spoken=True),
     Quantity("attitude, rms of the run", "deg", _at(_NAV + "attitude_error_deg.rms"), spoken=True),

@@ -18,7 +18,7 @@ from shefex_nav.scenario import load, software, sweeps
 SHOWN = tuple(  # of `quantities`: the first that there is
     (
         f"{quantity} at entry{', size' if quantity == 'attitude' else ''}",
-        f"{quantity}, rms since two star fixes",
+        f"{quantity}, rms after two star fixes",
         f"{quantity}, rms of the run",
     )
     for quantity in ("position", "velocity", "attitude")
@@ -88,7 +88,7 @@ def _met(side):
 
 
 def _shown(every):
-    """Quantities that are told: of the entry, since two star fixes     or of the run, as a side has them."""
+    """Quantities that are told: of the entry, after two star fixes or of the run, as a side has them."""
     by_name = {one.name: one for one in QUANTITIES}
     for names in SHOWN:
         there = (name for name in names if any(_median(side, by_name[name]) is not None for side in every))

@@ -18,6 +18,7 @@ from shefex_nav.onboard.startracker import kvector, tables
 from shefex_nav.onboard.startracker.settings import Catalogue
 from shefex_nav.settings import declared
 
+SILICON_TO = 6.5  # magnitude in silicon: red stars to it that are fainter than V 8 are few
 KINDS, SYSTEMS = (get_args(declared(Catalogue)[name][0]) for name in ("kind", "system"))
 
 
@@ -124,7 +125,13 @@ def pool(settings, catalogue, inclusive=True):
         raise CatalogueError.of(
             "faintest", f"no star is as bright as {settings.system} {settings.faintest:g}"
         )
-    stars = photocentres(catalogue, catalogue.vmag[within].max(), settings.merge_radius)
+    if settings.system == "silicon":
+        if settings.faintest > SILICON_TO:
+            words = f"the table of stars ends at V 8, which is whole to {SILICON_TO:g} in silicon"
+            raise CatalogueError.of("faintest", words)
+        stars = photocentres(catalogue, own[within].max(), settings.merge_radius, own)
+    else:
+        stars = photocentres(catalogue, catalogue.vmag[within].max(), settings.merge_radius)
     stars = select(stars, np.isin(stars.hip, catalogue.hip[within]))
     stars = select(stars, np.argsort(magnitudes(stars, settings.system), kind="stable"))
     return stars, magnitudes(stars, settings.system)

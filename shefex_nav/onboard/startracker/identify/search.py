@@ -1,10 +1,11 @@
-"""Attitudes worth a look: pairs of detections, brightest first, and what else each attitude predicts.
+"""Attitudes worth a look: pairs of detections, and what else each attitude predicts.
 
 A pair of detections has an angle and a difference of brightness; the k-vector gives the pairs of stars that
 have them too. Each is an attitude, and most are dismissed by the first few bright stars that it predicts and
 that are not there (`screen`). What survives is adjusted and weighed (`evidence`, `odds`). The number of
-attitudes looked at is bounded. A frame that the first pairs do not solve is searched with those pairs of
-stars only that could belong to an attitude (`partners`): whatever noise it is, it is soon given up.
+attitudes looked at is bounded. The first pairs are the brightest. A frame that they do not solve is searched
+with those pairs of stars only that could belong to an attitude (`partners`), in turn by brightness and from
+all (`from_all`): whatever noise it is, it is soon given up.
 """
 
 from math import gcd
