@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import (
@@ -150,6 +150,7 @@ def propagate(constants, memory, first, begin_s, last, end_s):
 @inner(forceinline=True)
 def _propagate_ticks(constants, memory, first, begin_s, last, end_s, work):
     """`propagate` with a `workspace` that is there already."""
+    constants, memory, work = lent((constants, memory, work))
     numbers, x, P, model = memory.numbers, memory.x, memory.P, constants.model
     for number in range(first, last + 1):
         k = number % numbers.shape[0]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import integrity_protection, momentary, protected
@@ -127,6 +127,7 @@ def _fill(at, first, step, memory, noise, earth, bounds, out):
 
     first, step : numbers of the ticks;  memory : prediction.Memory;  noise : Noise;  bounds : Bounds
     """
+    at, memory, earth, bounds, out = lent((at, memory, earth, bounds, out))
     numbers, Ps, level, wanted = memory.numbers, memory.Ps, bounds.level, bounds.wanted
     axes, known, sigma = np.empty((4, 3)), np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     for j in range(len(out)):
