@@ -53,11 +53,11 @@ class Constants(NamedTuple):
     F: np.ndarray  # (m, m) 1/s, their law; (0, 0): they are constant but for the walks
     driving: int  # m if one of them drives increments, else 0
     earth: frames.EarthRotation
-    momentary: momentary.Momentary
+    momentary: np.ndarray  # (2, 3) of `momentary`
 
 
 def constants(layout, model, earth, blocks=(), errors=momentary.NONE):
-    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside, Momentary"""
+    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside, of `momentary`"""
     blocks = [block for block in blocks if block.name in layout.names]
     walks = np.concatenate([np.empty(0), *(block.walk**2 for block in blocks)])
     F, k = np.zeros((0, 0)), 0
