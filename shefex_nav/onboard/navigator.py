@@ -72,7 +72,8 @@ class Columns:
 
     def now(self, nav, tick):
         """Keep what there is of a tick, as `Records.now`. -> nothing to hand over"""
-        self._keep(nav, tick - 1, tick + 1, nav.history.newest - tick)
+        if tick % self.every == 0 or tick % COVARIANCE_TICKS == 0:
+            self._keep(nav, tick - 1, tick + 1, nav.history.newest - tick)
         return []
 
     def passed(self, nav, first, last, imu_blind):

@@ -182,7 +182,9 @@ def by_rate(data, errors):
             continue
         rotation = errors.rotation_c[fixed & ~wrong]
         P_c = [covariances[k] for k in errors.number[fixed & ~wrong].tolist()]
-        squares = [e @ np.linalg.solve(P, e) for e, P in zip(rotation - mean, P_c, strict=True)]
+        scatter = rotation - mean
+        weighed = np.linalg.solve(np.reshape(P_c, (-1, 3, 3)), scatter[:, :, None])[:, :, 0]
+        squares = [e @ w for e, w in zip(scatter, weighed, strict=True)]
         result.append(
             {
                 "from_deg_s": low,
@@ -192,8 +194,8 @@ def by_rate(data, errors):
                 "wrong": int((fixed & wrong).sum()),
                 "cross_axis_rms_arcsec": rms(rotation[:, :2].ravel()) * _ARCSEC,
                 "boresight_rms_arcsec": rms(rotation[:, 2]) * _ARCSEC,
-                "cross_axis_scatter_arcsec": rms((rotation - mean)[:, :2].ravel()) * _ARCSEC,
-                "boresight_scatter_arcsec": rms((rotation - mean)[:, 2]) * _ARCSEC,
+                "cross_axis_scatter_arcsec": rms(scatter[:, :2].ravel()) * _ARCSEC,
+                "boresight_scatter_arcsec": rms(scatter[:, 2]) * _ARCSEC,
                 "nees": float(np.mean(squares)) if squares else None,
             }
         )
@@ -225,9 +227,10 @@ def mounting_error_deg(data):
     nearest = np.searchsorted(0.5 * (truth.t_s[1:] + truth.t_s[:-1]), t_s)
     gap_s = t_s - truth.t_s[nearest]
     chosen = np.flatnonzero(np.abs(gap_s) <= np.abs(gap_s).min() + SAME_S).tolist()
-    nominal_q_bc, errors = quat_from_dcm(data.mission.C_bc), []
+    nominal_q_bc, q_bc = quat_from_dcm(data.mission.C_bc), []
     for k in chosen:
         since = quat_from_rotvec(truth.omega_ib_b[nearest[k]] * gap_s[k])
         q_ib = quat_multiply(truth.q_ib[nearest[k]], since)
-        errors.append(rotvec_between(nominal_q_bc, quat_multiply(quat_conjugate(q_ib), frames[k].q_ic)))
+        q_bc.append(quat_multiply(quat_conjugate(q_ib), frames[k].q_ic))
+    errors = rotvec_between(nominal_q_bc[None], q_bc)
     return np.degrees(np.median(errors, axis=0)).tolist()

@@ -188,7 +188,8 @@ class Pattern:
         tree, places = copy.deepcopy(self._tree), self._places.copy()
         for one in self.dispersed:
             fields.put(tree, one.path, drawn.applied(one, draws[one.name]))
-            places.put(one.path, {(): DRAWN}, {(): DRAWN})
+        marks = {one.path: DRAWN for one in self.dispersed}
+        places.take(marks, marks, marks)
         return self._validated(tree, places)
 
     def _validated(self, tree, places):

@@ -92,7 +92,9 @@ def test_a_correction_turns_what_was_seen_before():
         rotation.quat_from_rotvec(np.array([0.02, 0.01, 0.0])),
     )
     after = rotation.quat_multiply(turn, Q_B)
-    got = plain(history._corrected)(A, packed(Q_B, (0.1, 0.0, 0.0)), packed(after, (0.1, 0.0, 0.0)))
+    before, after = (packed(q, (0.1, 0.0, 0.0)) for q in (Q_B, after))
+    got, dr, dv = plain(history._corrected)(A, np.zeros(3), np.zeros(3), 1.0, before, after)
+    assert not dr.any() and not dv.any()
     assert np.linalg.norm(rotation.rotvec_between(got, rotation.quat_multiply(turn, A))) < 1e-12
 
 

@@ -147,7 +147,7 @@ def test_what_is_reported_contains_them():
             np.testing.assert_allclose(np.diag(told)[block] - np.diag(P)[block], variance, rtol=1e-9)
     np.testing.assert_allclose(of.sigma_theta_b**2, np.diag(P)[ATT] + added[1], rtol=1e-9)
     # nothing is known to the levels but the sigmas of the moment, so a level is so many of these
-    nothing = nav._replace(constants=nav.constants._replace(momentary=momentary.Momentary(*np.zeros(6))))
+    nothing = nav._replace(constants=nav.constants._replace(momentary=momentary.NONE))
     without = solution.solution(nothing)
     for name, block, variance in (("attitude", ATT, added[1]), ("velocity", VEL, added[0])):
         level, least = getattr(of, f"protection_{name}"), getattr(without, f"protection_{name}")

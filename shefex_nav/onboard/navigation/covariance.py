@@ -3,8 +3,6 @@
 A kernel writes each as a row of numbers, which are read as one record or, many, as a record of arrays.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from shefex_nav.compiled import kernel
@@ -27,13 +25,6 @@ from shefex_nav.records import NavCovariance
 FOUR = np.array([X_BG, X_BA, X_ROLL, X_MOUNTING.start])  # calibrations that always have a name, packed places
 # where a row holds P, the four, their sigmas, and behind them the blocks of choice; the time comes first
 P_AT, FOUR_AT, SIGMA_AT, CHOICE_AT = 1, 1 + PVA.stop**2, 13 + PVA.stop**2, 25 + PVA.stop**2
-
-
-class Added(NamedTuple):
-    """What is reported on top of the covariance of the filter."""
-
-    gravity: float  # m/s^2, sigma that the estimate of the accelerometer bias contains
-    momentary: momentary.Momentary
 
 
 def width(layout):
@@ -63,9 +54,8 @@ def fill(nav, ticks, rows):
 
     fusion.Filter; range of their numbers, as `History` counts them; rows (m, `width`)
     """
-    history, layout = nav.history, nav.layout
-    added = Added(nav.params.imu.gravity, nav.constants.momentary)
-    _fill(layout.at, layout.nominal, ticks.start, ticks.step, history.arrays, added, rows)
+    layout, added = nav.layout, (nav.constants.momentary, nav.params.imu.gravity)
+    _fill(layout.at, layout.nominal, ticks.start, ticks.step, nav.history.arrays, added, rows)
 
 
 def columns(layout, rows):
@@ -103,13 +93,16 @@ def as_reported(P, velocity2, attitude2):
 def _fill(at, nominal, first, step, memory, added, rows):
     """Rows of NavCovariance of ticks of a History: rows (m, `width`) is written.
 
-    at, nominal : of Layout;  first, step : numbers of the ticks;  memory : prediction.Memory;  added : Added
+    at, nominal : of Layout;  first, step : numbers of the ticks;  memory : prediction.Memory
+    added : what is reported on top of the covariance of the filter: variances of `momentary`, and the sigma
+        [m/s^2] of gravity that the estimate of the accelerometer bias contains
     """
+    of_moment, gravity = added
     numbers, xs, Ps = memory.numbers, memory.xs, memory.Ps
     for j in range(len(rows)):
         place, row = (first + j * step) % len(numbers), rows[j]
         x = xs[place]
-        velocity2, attitude2 = momentary.variances(added.momentary, numbers[place, 3])
+        velocity2, attitude2 = momentary.variances(of_moment, numbers[place, 3])
         P = as_reported(Ps[place], velocity2, attitude2)
         row[0] = numbers[place, 0]
         for i in range(PVA.stop):
@@ -122,7 +115,7 @@ def _fill(at, nominal, first, step, memory, added, rows):
                 sigma = np.nan
                 if blocks[m] >= 0:
                     variance = P[blocks[m] + i, blocks[m] + i]
-                    sigma = np.sqrt(variance + added.gravity**2 if blocks[m] == BA.start else variance)
+                    sigma = np.sqrt(variance + gravity**2 if blocks[m] == BA.start else variance)
                 row[SIGMA_AT + 3 * m + i] = sigma
         n = P.shape[0]
         for k in range(BA.stop, n):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import entry
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     adaptation,
@@ -72,6 +73,7 @@ class Filter(NamedTuple):
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
     noise: adaptation.Noise  # that is larger than told, likewise
     bank: integrity_bank.Bank  # of windows over innovations, likewise
+    propagate: Callable  # `prediction.propagate` for the types of its arrays
     judged: Callable | None = None  # of the sensor, S (m, m) and the NIS of every measurement at the gate
 
 
@@ -96,6 +98,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
     model, errors = error_model.record(params), momentary.of(params)
     constants = prediction.constants(order, model, earth, params.blocks, errors)
     first = Tick(state.t_s, pack(state), P, None)
+    history = History(first, constants.driving)
     return Filter(
         params=params,
         layout=order,
@@ -104,12 +107,13 @@ def start(params, alignment, earth, recorder=None, judged=None):
         constants=constants,
         kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
-        history=History(first, constants.driving),
+        history=history,
         health={name: integrity.HEALTHY for name in known},
         recorder=recorder,
         watch=integrity_watch.start(params),
         noise=adaptation.Noise(),
         bank=integrity_bank.Bank(),
+        propagate=entry(prediction.propagate, constants, history.arrays, 0, 0.0, 0, 0.0),
         judged=judged,
     )
 
@@ -289,7 +293,7 @@ def _propagate(nav, first, begin_s, last, end_s, recorder):
     history = nav.history
     way = history.oldest + first, begin_s, history.oldest + last, end_s
     if recorder is None:
-        prediction.propagate(nav.constants, history.arrays, *way)
+        nav.propagate(nav.constants, history.arrays, *way)
         return
     imu = history.imu(last)
     end_s = min(end_s, imu.length_s)

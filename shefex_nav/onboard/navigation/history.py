@@ -4,7 +4,6 @@ Tick k, counted from the start, stands in place k modulo the size of the arrays,
 What leaves this module is copied, so later ticks and later measurements do not change it.
 """
 
-import math
 from bisect import bisect_left
 from collections import deque
 from itertools import islice
@@ -15,12 +14,13 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation.calibration import acting, correct_increments
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q, X_R, X_V, unpack
-from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, sensed_packed
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
 
-NOTHING = np.zeros(6)
+NOTHING = np.empty(0)  # in the place of a sample
 
 
 class Tick(NamedTuple):
@@ -62,9 +62,8 @@ class Corrections:
 
     def add(self, number, oldest, t_s, x_before, x_after):
         """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
-        last, dv = self.kept[-1], x_after[X_V] - x_before[X_V]
-        dr = x_after[X_R] - x_before[X_R] - t_s * dv
-        self.kept.append(Corrected(number, _corrected(last.A, x_before, x_after), last.dr + dr, last.dv + dv))
+        _, A, dr, dv = self.kept[-1]
+        self.kept.append(Corrected(number, *_corrected(A, dr, dv, t_s, x_before, x_after)))
         while self.kept[1].number <= oldest:
             self.kept.popleft()
 
@@ -80,11 +79,13 @@ def camera_attitude(x):
 
 
 @kernel
-def _corrected(A, x_before, x_after):
-    """A of a Corrected after an update, from packed values. -> (4,)"""
+def _corrected(A, dr, dv, t_s, x_before, x_after):
+    """A, dr, dv of a Corrected after an update at t_s, from packed values."""
     before = rotation.quat_conjugate(camera_attitude(x_before))
     moved = rotation.quat_multiply(camera_attitude(x_after), before)
-    return rotation.quat_normalise(rotation.quat_multiply(moved, A))
+    more = x_after[X_V] - x_before[X_V]
+    dr = dr + (x_after[X_R] - x_before[X_R] - t_s * more)
+    return rotation.quat_normalise(rotation.quat_multiply(moved, A)), dr, dv + more
 
 
 class History:
@@ -246,14 +247,14 @@ class Moment:
     """The instant that a filter on its way through its history has reached, at_s in its tick k.
 
     x, P : (X,), (n, n), the present values of the History, not copied
-    place : of the tick in its arrays;  vibration : its level in the tick
+    place : of the tick in its arrays;  dt_s, vibration : of a sample, level in the tick
     """
 
     def __init__(self, history, k, at_s):
         self.history, self.k, self.at_s = history, k, at_s
         self.x, self.P, self.place = history.x, history.P, history.place(k)
-        self.vibration = float(history.numbers[self.place, 3])
-        self.t_s = history.ends_s[k] - (history.length_s(k) - at_s)
+        _, self.dt_s, n, self.vibration = history.numbers[self.place].tolist()
+        self.t_s = history.ends_s[k] - (n * self.dt_s - at_s)
 
     @property
     def state(self):
@@ -273,9 +274,7 @@ class Moment:
 
         exposure_s : s -> (3,) rad, body axes; nothing where the memory does not cover the exposure
         """
-        history = self.history
-        arrays, ticks = (history.numbers, history.increments), (history.oldest, history.newest)
-        return _bend(*arrays, *ticks, self.t_s, 0.5 * exposure_s)
+        return _bend(self._samples, self._ticks, self.t_s, 0.5 * exposure_s)
 
     @property
     def drive(self):
@@ -296,42 +295,21 @@ class Moment:
     @property
     def sensed_packed(self):
         """`sensed` in one array, (6,)."""
-        return self.sensed_with(self.x)
-
-    def sensed_with(self, x):
-        """`sensed_packed`, corrected with the estimates of other packed values."""
-        about, increments = self.about(), np.zeros((BEFORE + 1, 6))
-        increments[BEFORE] = about.increments
-        return sensed_packed(x, increments, 1, about.dt_s, self.vibration, self.drive, about.dt_s)
+        return _sensed(self._samples, self._ticks, self.at_s, self.x, self.vibration, self.drive)
 
     def about(self):
         """What the IMU measured in the time of one sample about the instant. -> Readings"""
-        history = self.history
-        _, dt_s, n, _ = history.numbers[self.place].tolist()
-        samples, n, at = history.increments[self.place], int(n), self.at_s / dt_s
-        k = BEFORE - 1 + min(max(math.ceil(at - 1e-6), 1), n)
-        past = at - (k - BEFORE + 0.5) if n else 0.0  # the middle of the sample in which it lies
-        before = samples[k - 1] if k > BEFORE or self._is_read(-1) else None
-        after = samples[k + 1] if k + 1 < BEFORE + n else self._next_sample(dt_s)
-        beside, other, share = (after, before, past) if past > 0.0 else (before, after, -past)
-        if beside is None:
-            missed = share * (samples[k] if other is None else samples[k] - other)
-            return Readings(dt_s, samples[k], 0.0, missed)
-        return Readings(dt_s, (1.0 - share) * samples[k] + share * beside, share, NOTHING)
+        return Readings(self.dt_s, *_about(self._samples, self._ticks, self.at_s))
 
-    def _is_read(self, ticks):
-        """Whether the gyros were read in the tick so many after this one, and it is remembered."""
-        history, number = self.history, self.history.number(self.k) + ticks
-        place = number % len(history.numbers)
-        return history.oldest <= number <= history.newest and not history.extra[place, 0].any()
+    @property
+    def _samples(self):
+        """Of the History, for kernels."""
+        return self.history.numbers, self.history.increments, self.history.extra
 
-    def _next_sample(self, dt_s):
-        """The first of the tick that follows, (6,) for a duration of dt_s; None: there is none to rely on."""
-        if not self._is_read(1):
-            return None
-        history = self.history
-        place = (history.number(self.k) + 1) % len(history.numbers)
-        return dt_s / history.numbers[place, 1] * history.increments[place, BEFORE]
+    @property
+    def _ticks(self):
+        """Numbers of the oldest tick of the History, of its newest and of that of the instant."""
+        return self.history.oldest, self.history.newest, self.history.number(self.k)
 
 
 class Readings(NamedTuple):
@@ -348,15 +326,56 @@ class Readings(NamedTuple):
 
 
 @kernel
-def _bend(numbers, increments, first, newest, t_s, half_s):
+def _sensed(samples, ticks, at_s, x, vibration, drive):
+    """`Moment.sensed_packed`, corrected with the estimates of packed values x; as `_about`."""
+    increments, dt_s = _about(samples, ticks, at_s)[0], samples[0][ticks[2] % len(samples[0]), 1]
+    return correct_increments(acting(x, vibration, drive), increments.reshape(1, 6), dt_s)[0] / dt_s
+
+
+@kernel
+def _about(samples, ticks, at_s):
+    """`Moment.about` but for the duration. samples, ticks, at_s : of a Moment"""
+    numbers, increments, _ = samples
+    place = ticks[2] % len(numbers)
+    own, dt_s, n = increments[place], numbers[place, 1], int(numbers[place, 2])
+    at = at_s / dt_s
+    k = BEFORE - 1 + min(max(int(np.ceil(at - 1e-6)), 1), n)
+    past = at - (k - BEFORE + 0.5) if n > 0 else 0.0  # the middle of the sample in which it lies
+    before = own[k - 1] if k > BEFORE or _is_read(samples, ticks, -1) else NOTHING
+    after = own[k + 1] if k + 1 < BEFORE + n else _next_sample(samples, ticks, dt_s)
+    beside, other, share = (after, before, past) if past > 0.0 else (before, after, -past)
+    if len(beside) == 0:
+        return own[k].copy(), 0.0, share * (own[k] if len(other) == 0 else own[k] - other)
+    return (1.0 - share) * own[k] + share * beside, share, np.zeros(6)
+
+
+@inner
+def _is_read(samples, ticks, step):
+    """Whether the gyros were read in the tick `step` after that of an instant, and it is remembered."""
+    (_, _, extra), (oldest, newest, number) = samples, ticks
+    return oldest <= number + step <= newest and not extra[(number + step) % len(extra), 0].any()
+
+
+@inner
+def _next_sample(samples, ticks, dt_s):
+    """The first of the tick that follows, for a duration of dt_s; NOTHING: there is none to rely on."""
+    if not _is_read(samples, ticks, 1):
+        return NOTHING
+    numbers, increments, _ = samples
+    place = (ticks[2] + 1) % len(numbers)
+    return dt_s / numbers[place, 1] * increments[place, BEFORE]
+
+
+@kernel
+def _bend(samples, ticks, t_s, half_s):
     """`Moment.bend`: the integral of the rate with the weight that a turn at each time has in the mean.
 
     A turn before the middle is in the attitude at the middle, but only in the later part of the exposure:
     -(half + t)/(2 half); one after it is in the rest of the exposure alone: (half - t)/(2 half).
     """
-    out, size = np.zeros(3), numbers.shape[0]
-    covered_s = 0.0
-    for number in range(newest, first - 1, -1):
+    (numbers, increments, _), (oldest, newest, _) = samples, ticks
+    out, size, covered_s = np.zeros(3), len(numbers), 0.0
+    for number in range(newest, oldest - 1, -1):
         k = number % size
         h, n = numbers[k, 1], int(numbers[k, 2])
         if n == 0 or numbers[k, 0] <= t_s - half_s:

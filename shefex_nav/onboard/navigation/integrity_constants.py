@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation.integrity import Fate, chi_square_limit
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
@@ -143,6 +143,7 @@ def _take(B, sums, seen, what, judges, learns):
     -> by how much the square of the innovation is beyond its mean; values of TIME and by how much they make
     the squares less; likewise of ARM
     """
+    B, sums, seen = lent((B, sums, seen))
     x, z, H, beyond = seen.x, seen.z, seen.H, 0.0
     v_i, C_ib = x[X_V].copy(), rotation.dcm_from_quat(x[X_Q])
     if seen.dt_s > 0.0:
@@ -205,6 +206,7 @@ def _read(memory, oldest, newest, t_s):
     memory : prediction.Memory;  oldest, newest : numbers of ticks;  t_s : s
     -> omega_b (3,) rad/s, body axes; f_i (3,) m/s^2, inertial axes; NaN: the memory has nothing
     """
+    memory = lent(memory)
     turned_b, gained_i, covered_s = np.zeros(3), np.zeros(3), 0.0
     for number in range(newest, oldest - 1, -1):
         k = number % len(memory.numbers)

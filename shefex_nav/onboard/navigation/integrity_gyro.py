@@ -160,13 +160,12 @@ class GyroWatch:
         if self.n == ROWS:
             self.n = ROWS // 2
             self.rows[: self.n] = self.rows[ROWS - self.n :]
-        _remember(self.rows, self.n, A, seen)
-        self.n += 1
         noise = self.noise
         if turned**2 > noise[3]:
             noise = noise.copy()
             noise[3] = min(turned, 1.0) ** 2
-        verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, noise, self.limits)
+        verdict, rate_b, sigma_b = _take(self.rows, self.n, A, seen, noise, self.limits)
+        self.n += 1
         return self._conclude(t_s, verdict, rate_b, sigma_b)
 
     def _conclude(self, t_s, verdict, rate_b, sigma_b):
@@ -212,6 +211,13 @@ class GyroWatch:
 
 
 @kernel
+def _take(rows, n, A, seen, noise, limits):
+    """Remember a fix in row n, and compare it: as `_remember` and `_compare`."""
+    _remember(rows, n, A, seen)
+    return _compare(rows, n + 1, BASELINES_S, noise, limits)
+
+
+@inner
 def _remember(rows, n, A, seen):
     """Write row n. A : (4,) all corrections of the attitude so far;  seen : StarSight"""
     z, q_ib, camera = seen.z, seen.x[X_Q], camera_attitude(seen.x)
@@ -282,7 +288,7 @@ def _steady(rows, first, middle, last, noise, limits):
     return off @ np.linalg.solve(of_fixes.reshape(3, 3) + white * np.eye(3), off) < limits[1]
 
 
-@kernel
+@inner
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 

@@ -226,10 +226,11 @@ class Watch:
         that was believed in the end.
         """
         imu_blind = self.imu_blind if imu_blind is None else imu_blind
+        if not imu_blind:
+            return self._contradicted(health)
         if imu_blind & Blind.TO_RATE:
             return ALL_OF[Doubt.IMU]
-        found = self._contradicted(health)
-        return np.where(OF_FORCE, Doubt.IMU, found) if imu_blind else found
+        return np.where(OF_FORCE, Doubt.IMU, self._contradicted(health))
 
     def _contradicted(self, health):
         """The same of what sensors say against each other."""

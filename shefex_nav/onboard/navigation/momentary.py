@@ -6,35 +6,24 @@ quantum. The filter counts neither as an error that grows. What is reported of a
 does what is predicted for the instant of a measurement, where it is noise of the measurement.
 """
 
-from typing import NamedTuple
+import numpy as np
 
 from shefex_nav.compiled import kernel
 
-
-class Momentary(NamedTuple):
-    """Variances on each axis, of velocity in m^2/s^2 and of attitude in rad^2."""
-
-    velocity_rounding: float
-    velocity_coast: float  # vibration while no motor burns, on the pad too
-    velocity_motor: float  # vibration while the strongest motor burns
-    attitude_rounding: float
-    attitude_coast: float
-    attitude_motor: float
-
-
-NONE = Momentary(*[0.0] * len(Momentary._fields))
+VELOCITY, ATTITUDE = 0, 1  # rows of variances on each axis: m^2/s^2, rad^2
+# columns: of rounding; of vibration while no motor burns, on the pad too, and while the strongest one burns
+ROUNDING, COAST, MOTOR = range(3)
+NONE = np.zeros((2, 3))
 
 
 def of(params):
-    """NavParams -> Momentary"""
+    """The variances (2, 3) of NavParams."""
     model, (angle, velocity) = params.imu, params.swing_at_rest.tolist()
-    return Momentary(
-        model.accel_quantum**2 / 12.0,
-        velocity**2,
-        model.accel_vibration**2,
-        model.gyro_quantum**2 / 12.0,
-        angle**2,
-        model.gyro_vibration**2,
+    return np.array(
+        [
+            [model.accel_quantum**2 / 12.0, velocity**2, model.accel_vibration**2],
+            [model.gyro_quantum**2 / 12.0, angle**2, model.gyro_vibration**2],
+        ]
     )
 
 
@@ -42,10 +31,10 @@ def of(params):
 def variances(momentary, vibration):
     """Of one instant, on each axis of velocity and of attitude: m^2/s^2, rad^2.
 
-    momentary : Momentary;  vibration : relative to that of the strongest motor, 0 if none burns
+    momentary : (2, 3) of `of`;  vibration : relative to that of the strongest motor, 0 if none burns
     """
-    velocity, attitude = momentary.velocity_coast, momentary.attitude_coast
+    velocity, attitude = momentary[VELOCITY, COAST], momentary[ATTITUDE, COAST]
     if vibration > 0.0:
-        velocity = vibration**2 * momentary.velocity_motor
-        attitude = vibration**2 * momentary.attitude_motor
-    return velocity + momentary.velocity_rounding, attitude + momentary.attitude_rounding
+        velocity = vibration**2 * momentary[VELOCITY, MOTOR]
+        attitude = vibration**2 * momentary[ATTITUDE, MOTOR]
+    return velocity + momentary[VELOCITY, ROUNDING], attitude + momentary[ATTITUDE, ROUNDING]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import (
@@ -53,11 +53,11 @@ class Constants(NamedTuple):
     F: np.ndarray  # (m, m) 1/s, their law; (0, 0): they are constant but for the walks
     driving: int  # m if one of them drives increments, else 0
     earth: frames.EarthRotation
-    momentary: momentary.Momentary
+    momentary: np.ndarray  # (2, 3) of `momentary`
 
 
 def constants(layout, model, earth, blocks=(), errors=momentary.NONE):
-    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside, Momentary"""
+    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside, of `momentary`"""
     blocks = [block for block in blocks if block.name in layout.names]
     walks = np.concatenate([np.empty(0), *(block.walk**2 for block in blocks)])
     F, k = np.zeros((0, 0)), 0
@@ -150,6 +150,7 @@ def propagate(constants, memory, first, begin_s, last, end_s):
 @inner(forceinline=True)
 def _propagate_ticks(constants, memory, first, begin_s, last, end_s, work):
     """`propagate` with a `workspace` that is there already."""
+    constants, memory, work = lent((constants, memory, work))
     numbers, x, P, model = memory.numbers, memory.x, memory.P, constants.model
     for number in range(first, last + 1):
         k = number % numbers.shape[0]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import integrity_protection, momentary, protected
@@ -49,18 +49,14 @@ NO_DOUBT = float(Doubt.NONE)
 WIDTH = DOUBT + len(QUANTITIES)
 
 
-class Noise(NamedTuple):
-    """Errors of the inertial sensors that a sample has and the state has not."""
-
-    random_walk: float  # rad/sqrt(s), of the gyros
-    momentary: momentary.Momentary
-
-
 class Bounds(NamedTuple):
-    """What decides whether a solution is to be used."""
+    """What decides whether a solution is to be used: fields of Level, of Requirement, and what is known."""
 
-    level: integrity_protection.Level
-    wanted: integrity_protection.Requirement
+    w: np.ndarray  # (3, 9)
+    sigma: np.ndarray  # (9,)
+    t_s: float
+    limits: np.ndarray  # (3,)
+    k: np.ndarray  # (7,)
     graver: np.ndarray  # (3,) Doubt that there is in any case, or NONE
 
 
@@ -88,9 +84,10 @@ def fill(nav, ticks, rows, imu_blind=None):
     imu_blind : as `Watch.imu_blind`, at all of these ticks; None: as it is now. What else decides whether
         they can be trusted is that of now: nothing may have arrived since the first of them.
     """
-    watch, noise = nav.watch, Noise(nav.params.imu.gyro_random_walk, nav.constants.momentary)
-    bounds = Bounds(watch.protection.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
-    _fill(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
+    watch, random_walk = nav.watch, nav.params.imu.gyro_random_walk
+    graver = watch.graver_doubts(nav.health, imu_blind)
+    bounds = Bounds(*watch.protection.level, *watch.params.wanted, graver)
+    _fill(nav.constants, nav.history.arrays, ticks.start, ticks.step, random_walk, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
 
 
@@ -122,25 +119,27 @@ def columns(rows):
 
 
 @kernel
-def _fill(at, first, step, memory, noise, earth, bounds, out):
+def _fill(constants, memory, first, step, random_walk, bounds, out):
     """`_derive`, protection levels, time and whether to be trusted of ticks of a History: out (m, WIDTH).
 
-    first, step : numbers of the ticks;  memory : prediction.Memory;  noise : Noise;  bounds : Bounds
+    constants, memory : prediction.Constants, prediction.Memory;  first, step : numbers of the ticks
+    random_walk : rad/sqrt(s), of the gyros: a sample has it, and the state has not;  bounds : Bounds
     """
-    numbers, Ps, level, wanted = memory.numbers, memory.Ps, bounds.level, bounds.wanted
+    constants, memory, bounds, out = lent((constants, memory, bounds, out))
+    numbers, Ps, at, earth = memory.numbers, memory.Ps, constants.at, constants.earth
     axes, known, sigma = np.empty((4, 3)), np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
-        added = momentary.variances(noise.momentary, numbers[place, 3])
+        added = momentary.variances(constants.momentary, numbers[place, 3])
         P = as_reported(Ps[place], added[0], added[1])
         dt_s = numbers[place, 1]  # of a sample, in the rate of which are the errors of both of its ends
-        white = noise.random_walk**2 / dt_s + 2.0 * added[1] / dt_s**2
+        white = random_walk**2 / dt_s + 2.0 * added[1] / dt_s**2
         _derive(at, memory, place, P, white, earth, out[j], axes)
         _sigmas(Ps[place], axes, added, known, sigma)
-        dt_s, protection = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
-        integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, protection)
+        dt_s, protection = numbers[place, 0] - bounds.t_s, out[j, LEVEL:T_S]
+        integrity_protection.levels(bounds.w, bounds.sigma, dt_s, bounds.k, known, sigma, protection)
         out[j, T_S] = numbers[place, 0]
-        integrity_protection.doubts(protection, wanted.limits, bounds.graver, out[j, DOUBT:WIDTH])
+        integrity_protection.doubts(protection, bounds.limits, bounds.graver, out[j, DOUBT:WIDTH])
 
 
 @inner

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner
 from shefex_nav.environment.gravity import J2_WGS84
 from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
@@ -174,7 +174,7 @@ def propagate(x, imu, begin_s, end_s, g, responses):
     return u_sum, u_r_sum, angle, speed
 
 
-@kernel
+@inner
 def sensed_packed(x, increments, n, dt_s, vibration, drive, at_s):
     """Corrected rate and specific force with packed values: means of the sample in which at_s lies.
 

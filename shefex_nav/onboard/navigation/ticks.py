@@ -4,7 +4,7 @@ Most ticks of a flight only integrate, and the interpreter around the call takes
 """
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.onboard.navigation import fusion, integrity_imu, prediction
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import ImuBlock, row
@@ -49,6 +49,7 @@ def _advance(constants, memory, newest, motors, screen, blocks, first, last):
 
     Ends before a block that does not follow on the one before it.
     """
+    constants, memory, motors, screen, blocks = lent((constants, memory, motors, screen, blocks))
     numbers, increments, extra = memory.numbers, memory.increments, memory.extra
     n, size, work = blocks.dtheta_b.shape[1], numbers.shape[0], prediction.workspace(memory.P.shape[0])
     for m in range(first, last):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
 from shefex_nav.onboard.startracker.attitude import inverse3, product
@@ -106,11 +106,9 @@ def _observe(camera, q_ic, xy_px, v_i, t_s):
 
 @inner
 def _inverse2(P):
-    """Inverse of a (2, 2) matrix."""
-    out = np.empty((2, 2))
+    """Inverse of a (2, 2) matrix: four numbers, row by row."""
     det = P[0, 0] * P[1, 1] - P[0, 1] * P[1, 0]
-    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = P[1, 1] / det, -P[0, 1] / det, -P[1, 0] / det, P[0, 0] / det
-    return out
+    return P[1, 1] / det, -P[0, 1] / det, -P[1, 0] / det, P[0, 0] / det
 
 
 @inner
@@ -128,13 +126,14 @@ def _normal(G, residual, P_px, P_common):
     d : (4,) best d at dtheta = 0
     chi2 : float, at dtheta = 0 and that d
     """
+    G, residual, P_px = lent((G, residual, P_px))
     M, b, chi2 = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS), 0.0
     for k in range(residual.shape[0]):
         W = _inverse2(P_px[k])
         chi2 += _form2(W, residual[k])
         for i in range(UNKNOWNS):
-            a0 = G[k, 0, i] * W[0, 0] + G[k, 1, i] * W[1, 0]
-            a1 = G[k, 0, i] * W[0, 1] + G[k, 1, i] * W[1, 1]
+            a0 = G[k, 0, i] * W[0] + G[k, 1, i] * W[2]
+            a1 = G[k, 0, i] * W[1] + G[k, 1, i] * W[3]
             b[i] += a0 * residual[k, 0] + a1 * residual[k, 1]
             for j in range(UNKNOWNS):
                 M[i, j] += a0 * G[k, 0, j] + a1 * G[k, 1, j]
@@ -264,8 +263,8 @@ def _covariance(errors):
 
 @inner
 def _form2(W, r):
-    """r' W r of a (2, 2) matrix and a (2,) vector."""
-    return W[0, 0] * r[0] ** 2 + (W[0, 1] + W[1, 0]) * r[0] * r[1] + W[1, 1] * r[1] ** 2
+    """r' W r of a matrix as of `_inverse2` and a (2,) vector."""
+    return W[0] * r[0] ** 2 + (W[1] + W[2]) * r[0] * r[1] + W[3] * r[1] ** 2
 
 
 @inner

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
@@ -153,7 +153,7 @@ def _look(hole, states, q_bc, samples, earth, heaven, shot):
     (hip (n,), xy_px (n, 2)) of listed stars in the middle of the exposure
     (hip (n,), xy_px (n, 2), electrons (n,)) of all sources where their light falls in the mean
     """
-    heaven, shot = Heaven(*heaven), Shot(*shot)
+    states, heaven, shot = lent(states), Heaven(*lent(heaven)), Shot(*shot)
     path_ci, C_ci, r_i, v_i, omega_i, rate = motion.moved(hole, states, q_bc, samples, 0.0)
     C_ei = np.ascontiguousarray(frames.dcm_ie(earth, shot.t_valid_s).T)
     cone = atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + SPARE
@@ -178,7 +178,7 @@ def _on_detector(hole, C_ci, hip, u_i, electrons):
     kept, seen, light = np.empty_like(hip), np.empty((hip.size, 2)), np.empty(hip.size)
     xy_px, n = pixels(hole, u_i @ C_ci.T), 0
     for k in range(hip.size):
-        x, y = xy_px[k]  # NaN behind the camera is inside of nothing
+        x, y = xy_px[k, 0], xy_px[k, 1]  # NaN behind the camera is inside of nothing
         if -EDGE_PX <= x <= hole.width_px - EDGE_PX and -EDGE_PX <= y <= hole.height_px - EDGE_PX:
             kept[n], seen[n, 0], seen[n, 1], light[n] = hip[k], x, y, electrons[k]
             n += 1

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import inner, kernel
+from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.errors import UserError
 from shefex_nav.world.flight import control as attitude_control
 from shefex_nav.world.flight import vehicle
@@ -238,8 +238,9 @@ def _integrate(progress, span, k, samples, steered, scene, gravity, tolerance):
     span : s, where the section begins, what has been reached, t_end and the instants (n,) at which steps
         have to end;  steered : mode, law, control
     """
-    (t_begin, t_s, t_end, breaks), (mode, law, control) = span, steered
-    (x, work, numbers), s, tables = progress, scene.record[0], scene.tables
+    (x, work, numbers), samples, scene, gravity = lent((progress, samples, scene, gravity))
+    (t_begin, t_s, t_end, breaks), (mode, law, control) = lent((span, steered))
+    s, tables = scene.record[0], scene.tables
     section = Section(mode, law, s, tables)
     pace, t_break, follows, steps = Pace(numbers[0], numbers[1]), numbers[2], numbers[3] > 0.0, numbers[4]
     height = _height(t_s, x, s)
