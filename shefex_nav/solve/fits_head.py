@@ -16,7 +16,7 @@ ONCE = re.compile(  # keywords
     r"SIMPLE|XTENSION|GROUPS|[PG]COUNT|Z?BITPIX|Z?NAXIS[0-9]*|BSCALE|BZERO|BLANK|ZIMAGE|DATE-OBS|EXPTIME|VEL[XYZ]"
     r"|ROWORDER"
 )
-COLOURS = 3  # planes of a picture in colour
+PLANES = 1, 3  # of a picture: grey, in colour
 
 
 class FitsError(Exception):
@@ -25,7 +25,7 @@ class FitsError(Exception):
 
 def is_picture(axes):
     """Whether axes of these lengths, the one that changes fastest first, are a picture, grey or in colour."""
-    return len(axes) == 2 or (len(axes) == 3 and axes[2] == COLOURS)
+    return len(axes) == 2 or (len(axes) == 3 and axes[2] in PLANES)
 
 
 def check(file):

@@ -56,16 +56,16 @@ def read(path):
         velocity_i = velocity_of(found.header)
     except ValueError as error:
         raise PictureError(f"{path}: {error}") from None
-    full = _full(found.values)
+    full = full_of(found.values)
     return Picture(grey(turned, str(path)), found.julian_year, found.orientation, velocity_i, full)
 
 
 def of_array(values):
     """Picture of an array (rows, columns[, channels]), whose row 0 is the top one."""
-    return Picture(grey(values), None, full=_full(values))
+    return Picture(grey(values), None, full=full_of(values))
 
 
-def _full(values):
+def full_of(values):
     """Largest grey value of the type of an array, None if it has none of 8 or 16 bits."""
     return float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else None
 
@@ -147,12 +147,12 @@ def _of_fits(path):
     with fits.open(path, memmap=False) as parts:
         plane = next((one for one in parts if one.is_image and fits_head.is_picture(one.shape[::-1])), None)
         if plane is None:
-            words = "expected one of two axes, or of three planes (red, green, blue); keep one plane"
+            words = "expected one of two axes, or of one or three planes (red, green, blue); keep one plane"
             raise PictureError(f"{path}: holds no picture: {words}")
         _check_size(path, plane.header["NAXIS1"], plane.header["NAXIS2"])
         values, header = plane.data, dict(plane.header)
     if values.ndim == 3:
-        values = np.moveaxis(values, 0, 2)
+        values = values[0] if len(values) == 1 else np.moveaxis(values, 0, 2)
     if str(header.get(ROW_ORDER, "")).strip().upper() == LOWEST_FIRST:
         values = values[::-1]
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))

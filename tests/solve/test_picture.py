@@ -309,6 +309,8 @@ def test_a_fits_file_of_three_planes_is_a_picture_in_colour(tmp_path, kind):
     fits.HDUList(parts).writeto(path)
     assert stored(path).values.shape == (70, 90, 3)
     np.testing.assert_allclose(read(path).grey, cube.mean(axis=0), rtol=1e-6)
+    fits.PrimaryHDU(cube[:1]).writeto(tmp_path / "one.fits")
+    np.testing.assert_array_equal(stored(tmp_path / "one.fits").values, cube[0])
     fits.PrimaryHDU(np.zeros((5, 70, 90), np.uint8)).writeto(tmp_path / "five.fits")
     with pytest.raises(PictureError, match=r"five\.fits: holds no picture: expected one of two axes"):
         read(tmp_path / "five.fits")

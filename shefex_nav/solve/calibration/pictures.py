@@ -121,8 +121,9 @@ def look(name, values, taken, given, *, velocity_i=None):
     grey, record = picture.grey(values, name), image.Record()
     year = taken.julian_year
     answer = image.solve_picture(
-        picture.Picture(grey, year), fov_deg=given.fov_deg, epoch=year, record=record
-    )
+        picture.Picture(grey, year, full=picture.full_of(values)), fov_deg=given.fov_deg, epoch=year,
+        record=record,
+    )  # fmt: skip
     if answer.status != "ok":
         return Unsolved(name, answer.reason)
     known, found, lens = record.known, record.field, record.adjusted.lens
