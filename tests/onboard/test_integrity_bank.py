@@ -297,6 +297,24 @@ def test_growing_tells_nothing_of_what_stars_cannot_tell_apart():
     assert np.diag(after_star_fix(wrong, 1e-6)).max() < 1e-3 * 1e-6
 
 
+def test_an_attitude_grows_by_no_more_than_the_mounting_that_it_is_tied_to():
+    """A mounting may be 1.5 mrad on two axes: there both grow by 1.5, and stars tell neither.
+
+    With a factor of its own for each, the next star fix told both to 1e-3 of what they are known to.
+    """
+    P, most, mounting = np.zeros((12, 12)), np.full(12, np.inf), slice(9, 12)
+    P[6:, 6:] = np.block([[np.eye(3), -np.eye(3)], [-np.eye(3), np.eye(3)]]) * 1e-6 + 1e-14 * np.eye(6)
+    most[9:11] = 1.5e-3
+    factors = grown(P, 3.0, most, mounting).factors
+    np.testing.assert_allclose(factors, [1.0] * 6 + [1.5, 1.5, 3.0, 1.5, 1.5, 3.0], rtol=1e-6)
+    left = np.diag(after_star_fix((P * np.outer(factors, factors))[6:, 6:], 1e-6))
+    np.testing.assert_array_less(0.99e-6 * np.array([2.25, 2.25, 9.0, 2.25, 2.25, 9.0]), left)
+    apart = grown(P, 3.0, most).factors
+    assert np.diag(after_star_fix((P * np.outer(apart, apart))[6:, 6:], 1e-6))[0] < 1e-3 * 1e-6
+    P[6:9, 9:], P[9:, 6:9] = 0.5 * P[6:9, 9:], 0.5 * P[9:, 6:9]  # hardly tied: each by its own
+    assert grown(P, 3.0, most, mounting).factors[6:].tolist() == pytest.approx([3.0, 3.0, 3.0, 1.5, 1.5, 3.0])
+
+
 def test_angles_that_are_hardly_known_do_not_grow():
     P = np.diag(np.r_[np.ones(6), 0.01, 1.0, 4.0])
     assert grown(P, 8.0, np.full(9, np.inf)).factors.tolist() == [8.0] * 7 + [1.0, 1.0]

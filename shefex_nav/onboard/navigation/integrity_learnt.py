@@ -148,7 +148,7 @@ def widened(nav, P, factor):
     for name in LEARNT:
         if nav.layout.places[name] is not None:
             most[nav.layout.places[name]] = MOST * np.sqrt(_at_start(nav.params, name))
-    return grown(P, factor, most)
+    return grown(P, factor, most, nav.layout.places["mounting"])
 
 
 def by_stars(nav, now, z, explained):
