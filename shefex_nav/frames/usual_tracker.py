@@ -8,6 +8,7 @@ goes by the field of view. There is no amplifier: `conversion` is that of the pi
 import numpy as np
 
 from shefex_nav.environment.stars import load_catalogue
+from shefex_nav.geometry.pinhole import solid_angle
 from shefex_nav.scenario import lens, load
 from shefex_nav.scenario.of_settings import settings
 
@@ -38,8 +39,7 @@ def of_camera(sensor):
 
 def faintest(hole):
     """V of the faintest star, so that the field of a Pinhole holds STARS of them on average."""
-    half = 0.5 * np.array([hole.width_px, hole.height_px]) / hole.focal_length_px
-    share = np.arcsin(np.prod(half / np.sqrt(1.0 + half**2))) / np.pi  # of the sky
+    share = solid_angle(hole.width_px, hole.height_px, hole.focal_length_px) / (4.0 * np.pi)  # of the sky
     vmag = np.sort(load_catalogue(DEEPEST).vmag)
     return float(vmag[min(int(STARS / share), len(vmag) - 1)])
 

@@ -28,6 +28,12 @@ def pinhole(width_px, height_px, focal_length_px, principal_point=None):
     return Pinhole(width_px, height_px, focal_length_px, *middle)
 
 
+def solid_angle(width_px, height_px, focal_px):
+    """Solid angle of a picture whose middle is on the axis [sr]: less than its area over f^2."""
+    half = 0.5 * np.array([width_px, height_px]) / focal_px
+    return 4.0 * float(np.arcsin(np.prod(half / np.sqrt(1.0 + half**2))))
+
+
 @kernel
 def turn_slopes(x, y):
     """How a small turn of the camera, dtheta_c, moves the direction (x, y) = (X/Z, Y/Z) of a star.

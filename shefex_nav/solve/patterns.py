@@ -19,6 +19,7 @@ from shefex_nav.environment.stars import (
     load_catalogue,
     silicon_magnitude,
 )
+from shefex_nav.geometry.pinhole import solid_angle
 from shefex_nav.onboard.startracker import skygrid
 
 MAX_MAGNITUDE = 8.0
@@ -140,12 +141,6 @@ def magnitude_of(density):
     return float(vmag[n]) if n < len(vmag) else MAX_MAGNITUDE
 
 
-def solid_angle(size):
-    """Solid angle [sr] of a square picture of size S = side / focal length: less than S^2."""
-    s2 = 0.25 * size * size
-    return 4.0 * float(np.arcsin(s2 / (1.0 + s2)))
-
-
 def band(number, julian_year):
     """Band by its number, for an epoch."""
     return _band(number, DECADE * round(julian_year / DECADE))
@@ -156,7 +151,7 @@ def _band(number, julian_year):
     low = SMALLEST * RATIO**number
     high = low * RATIO
     size = np.sqrt(low * high)
-    sky = solid_angle(size)
+    sky = solid_angle(size, size, 1.0)
     shown = magnitude_of(SHOWN / sky)
     stars = merged(catalogue(julian_year), shown, BLEND * size)
     start, row = sky_lists(stars.u_i, REACH * high)

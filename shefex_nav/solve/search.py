@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment.stars import select
+from shefex_nav.geometry.pinhole import solid_angle
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.solve import lens, patterns, proof, triangles
 
@@ -155,9 +156,7 @@ def _examined(proposal, xy_px, flux, search, tried):
 def sky_of(at, n_stars, size_px, year):
     """Stars in and a little around a picture, to the magnitude that so many are in it in the mean."""
     stars = patterns.catalogue(year)
-    half = 0.5 * np.asarray(size_px) / at.focal_px
-    solid_angle = 4.0 * np.arcsin(np.prod(half / np.sqrt(1.0 + half**2)))
-    vmag = patterns.magnitude_of(n_stars / solid_angle)
+    vmag = patterns.magnitude_of(n_stars / solid_angle(*size_px, at.focal_px))
     radius = lens.corner_angle(at, size_px) + MARGIN
     near = (stars.u_i @ at.C_ci[2] > np.cos(radius)) & (stars.vmag <= vmag + FAINT_NEIGHBOUR)
     return patterns.merged(select(stars, np.flatnonzero(near)), vmag, BLEND_PX / at.focal_px)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec
+from shefex_nav.solve import centroid_noise, steps
 from shefex_nav.solve import lens as lenses
-from shefex_nav.solve import steps
 
 NAMES = ("focal_length_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 WIDER = (
@@ -73,7 +73,7 @@ def fit(sights, first, size_px):
         equations = [linear(*both, values, size_px) for both in zip(sights, attitudes, strict=True)]
         residual = np.concatenate([e[keep] for (_, e), keep in zip(equations, used, strict=True)])
         P_px = np.concatenate([one.P_px[keep] for one, keep in zip(sights, used, strict=True)])
-        multiple, floor2 = steps.noise_seen(residual, P_px, 3.0 * len(sights) + len(NAMES))
+        multiple, floor2 = centroid_noise.noise_seen(residual, P_px, 3.0 * len(sights) + len(NAMES))
         W = [np.linalg.inv(multiple * one.P_px + floor2 * np.eye(2)) for one in sights]
         used = [fits(e, w) for (_, e), w in zip(equations, W, strict=True)]
         change, covariance, own = step(equations, W, used, values - expected, prior)

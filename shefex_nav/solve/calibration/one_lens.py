@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec
-from shefex_nav.solve import steps
+from shefex_nav.solve import centroid_noise
 from shefex_nav.solve.calibration import lens_fit
 
 FALSE_ALARM = 1e-6  # of a set of pictures of one lens
@@ -49,7 +49,7 @@ def focal_lengths(sights, firsts, size_px):
         ]
         residual = np.concatenate([e[keep] for (_, e), keep in zip(equations, used, strict=True)])
         P_px = np.concatenate([one.P_px[keep] for one, keep in zip(sights, used, strict=True)])
-        multiple, floor2 = steps.noise_seen(residual, P_px, n_lens)
+        multiple, floor2 = centroid_noise.noise_seen(residual, P_px, n_lens)
         W = [np.linalg.inv(multiple * one.P_px + floor2 * np.eye(2)) for one in sights]
         used = [lens_fit.fits(e, w) for (_, e), w in zip(equations, W, strict=True)]
         change, common, own = lens_fit.step(equations, W, used, values - expected, prior)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.pinhole import solid_angle
 from shefex_nav.solve import background, image, picture, search, told
 from shefex_nav.solve import lens as lenses
 from shefex_nav.solve.calibration import hot_pixels, noise, spots
@@ -161,8 +162,7 @@ def _covered(found, lens, size_px, year):
 
 def faint_stars(lens, size_px, year):
     """Places of the stars of the catalogue in a picture, those below its noise among them: (n, 2) px."""
-    half = 0.5 * np.asarray(size_px) / lens.focal_px
-    share = np.arcsin(np.prod(half / np.sqrt(1.0 + half**2))) / np.pi  # of the sky
+    share = solid_angle(*size_px, lens.focal_px) / (4.0 * np.pi)  # of the sky
     sky = search.sky_of(lens, max(int(FAINTEST * share), 10), size_px, year)
     at, _ = lenses.project(lens, sky.u_i, size_px)
     return at[((at > -SPOT_PX) & (at < np.asarray(size_px) + SPOT_PX)).all(axis=1)]
