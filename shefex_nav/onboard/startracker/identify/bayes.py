@@ -24,6 +24,7 @@ from shefex_nav.onboard.startracker.identify.doubts import (
 from shefex_nav.onboard.startracker.identify.ellipses import of_covariances
 from shefex_nav.onboard.startracker.identify.evidence import (
     BORDER_PX,
+    GATE,
     WIDE_GATE,
     Prior,
     Scene,
@@ -31,7 +32,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     predict,
     solve_cholesky,
 )
-from shefex_nav.onboard.startracker.identify.lever import no_lever
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX, no_lever
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
 from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
@@ -218,17 +219,26 @@ def conclude(task, numbers, n, work, tracked):
         best.trial_C[:] = best.C  # is it the focal length?
         gate_px = WIDE_GATE * numbers.centroid_error
         look(task, numbers.focal_px, gate_px, no_lever(gate_px), True)
+    reason, denied = verdict(task)
+    if denied > 0.0 and (reason == 0 or reason == RESIDUALS):
+        task = with_noise(task, np.sqrt(denied))
+        best, reason = task.best, verdict(task)[0]
+        if margin(task) < task.threshold:
+            reason = RESIDUALS
     odds, rival = best.score[0], best.score[1]
-    wrong = min(
-        (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0
-    )
-    k, n_par = (best.star >= 0).sum(), int(best.score[2])
-    reason, denied = verdict(task, n_par)
+    wrong = (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0)
+    wrong = min(wrong, 1.0)
     if reason != 0:
         return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, work, tracked
     star[: len(best.star)] = best.star
-    variance = numbers.centroid_error**2
-    variance *= max(variance_seen(best.score[3] / variance, 2 * k - n_par), denied)
+    return 0, star, quat_from_dcm(best.C), covariance(task), odds, wrong, work, tracked
+
+
+@inner
+def covariance(task):
+    """Covariance of the best attitude (3, 3) [rad^2], by the residuals of its stars."""
+    best, variance, n_par = task.best, task.scene.centroid_error**2, int(task.best.score[2])
+    variance *= variance_seen(best.score[3] / variance, 2 * (best.star >= 0).sum() - n_par)
     P_c, column = np.empty((3, 3)), np.empty(4)
     for c in range(3):
         column[:] = 0.0
@@ -236,7 +246,28 @@ def conclude(task, numbers, n, work, tracked):
         solve_cholesky(best.L, column, n_par)
         for a in range(3):
             P_c[a, c] = column[a]
-    return 0, star, quat_from_dcm(best.C), P_c, odds, wrong, work, tracked
+    return P_c
+
+
+@inner
+def with_noise(task, growth):
+    """The task with the centroid error so many times the told one, and its best attitude fitted again.
+
+    Stars beyond the gate of the told noise were left out, though the noise had moved them there.
+    """
+    best, told = task.best, task.scene
+    scene = Scene(
+        told.xy_px, told.mag, told.has_flux, told.width_px, told.height_px, told.focal_px, told.cx_px,
+        told.cy_px, told.border_px, growth * told.centroid_error, told.magnitude_error, told.ellipses,
+    )  # fmt: skip
+    again = Task(
+        task.stars, scene, task.prior, task.seen, new_best(len(best.star)), task.room, task.min_stars,
+        task.threshold, task.strict,
+    )  # fmt: skip
+    again.best.trial_C[:] = best.C
+    gate_px = min(GATE * scene.centroid_error, REACH_PX)
+    look(again, best.score[4], gate_px, no_lever(gate_px), best.score[2] == 4.0)
+    return again
 
 
 @inner
@@ -251,7 +282,7 @@ def variance_seen(chi2, dof):
 
 
 @inner
-def verdict(task, n_par):
+def verdict(task):
     """Why the best attitude must not be given out: a Reason, 0 when it may be; see `doubts`.
 
     And the variance of the centroids over the told one if the neighbourhood of the stars denies that.
@@ -261,7 +292,7 @@ def verdict(task, n_par):
         if best.score[0] >= task.threshold:
             return AMBIGUOUS, 0.0
         return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH, 0.0
-    focal_px, noise_px = best.score[4], best.score[5]
+    n_par, focal_px, noise_px = int(best.score[2]), best.score[4], best.score[5]
     n = predict(task.stars, task.scene, best.C, focal_px, task.room)
     badly, denied = fits_badly(task, n, n_par)
     if badly:
