@@ -10,8 +10,8 @@ mean of the last `FOLLOWS_S`, but never further from what is measured than chanc
 white noise and rounding. A turn is followed at once; what is left out of it is at most `BAND` times the
 noise of a tick for the time `FOLLOWS_S`, times a scale factor.
 
-A longer mean would be a bias that the filter does not know yet, and a rate of zero within the band would leave
-out all that a slow turn does. Both taught more falsehoods than they avoided.
+A longer mean would be a bias that the filter does not know yet, and a rate of zero within the band would
+leave out all that a slow turn does. Both taught more falsehoods than they avoided.
 """
 
 import numpy as np
