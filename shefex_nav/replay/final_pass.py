@@ -56,7 +56,7 @@ class Keeping(History):
 class Final(NamedTuple):
     """Ticks 0 (the start, without samples) to N of a filter's run."""
 
-    numbers: np.ndarray  # (N + 1, 4) as of a History
+    numbers: np.ndarray  # (N + 1, 7) as of a History
     increments: np.ndarray  # (N + 1, 2 + samples, 6)
     extra: np.ndarray  # (N + 1, 2, 3)
     xs: np.ndarray  # (N + 1, X) packed values at the ends of the ticks, all measurements taken in

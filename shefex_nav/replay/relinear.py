@@ -22,7 +22,7 @@ from shefex_nav.onboard.navigation import error_model, fusion, gate, laws, predi
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.laws import FIELD_TIME_S, SIZES
-from shefex_nav.onboard.navigation.prediction import TOP
+from shefex_nav.onboard.navigation.prediction import RATE_NOISE, TOP
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
@@ -212,7 +212,7 @@ def _update(mean, P, z, H, R):
 class Samples(NamedTuple):
     """The ticks of a Final, and the parts of them that lie between nodes."""
 
-    numbers: np.ndarray  # (N + 1, 4)
+    numbers: np.ndarray  # (N + 1, 7)
     increments: np.ndarray  # (N + 1, 2 + samples, 6)
     extra: np.ndarray  # (N + 1, 2, 3)
     drives: np.ndarray  # (N + 1, 6, m)
@@ -246,7 +246,9 @@ def _follow(constants, samples, about, between, mean, P, intervals):
             x[X_GRAVITY + i] += about.more[j, i]
         row = error_model.valid(model, numbers[k, 0])
         extra, drive = samples.extra[k], samples.drives[k]
-        imu = ImuWindow(numbers[k, 0], numbers[k, 1], own, numbers[k, 3], extra, drive)
+        imu = ImuWindow(
+            numbers[k, 0], numbers[k, 1], own, numbers[k, 3], extra, drive, numbers[k, RATE_NOISE]
+        )
         walk, _, _ = prediction.interval(constants, model[row], x, imu, begin_s, end_s, work)
         prediction.carry_covariance(constants, model[row], P, work, walk, T)
         left = np.exp(-T / FIELD_TIME_S)

@@ -135,6 +135,21 @@ def test_an_alarm_withdraws_the_solution_and_grows_the_covariance_at_the_next_fi
     assert got.admitted.factors[0] == pytest.approx(alarm.factor)
 
 
+@pytest.mark.parametrize("of_receiver", [True, False])
+def test_what_was_learnt_by_a_receiver_told_too_good_grows_to_the_start(nav, of_receiver, monkeypatch):
+    """A gyro bias known to a third of the start: its prior was right, whatever the noise of the receiver."""
+    monkeypatch.setattr(integrity_bank.adaptation, "blame_receiver", lambda nav, streams: of_receiver)
+    bias, P = nav.layout.places["gyro_bias"], nav.history.P
+    P[bias, bias] /= 9.0
+    P[bias, 0] = P[0, bias] = 1e-3 * np.sqrt(P[bias, bias].diagonal() * P[0, 0])
+    alarmed(nav)
+    factor = nav.bank.due["gps"].factor
+    assert factor > 3.0
+    got = fed(nav, 13.0, np.zeros(3))
+    np.testing.assert_allclose(got.admitted.factors[bias], 3.0 if of_receiver else factor)
+    assert got.admitted.factors[0] == pytest.approx(factor)
+
+
 def test_what_an_alarm_grows_by_has_bounds(nav):
     for own, size, factor in ((0.0, 3.6, 2.0), (0.99, 9.0, 8.0)):
         found = integrity_bank.Finding("", size**2 / 3.0 - 1.0 if own else 0.5, np.zeros(3), False)

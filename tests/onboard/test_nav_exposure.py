@@ -29,7 +29,7 @@ def moment(rate_b, t_s=0.1):
     history = History(Tick(0.0, x, np.eye(15), None))
     for k in range(1, TICKS + 1):
         place, end_s = history.make_room(SAMPLES), k * SAMPLES * DT
-        history.numbers[place] = end_s, DT, SAMPLES, 0.0
+        history.numbers[place, :3] = end_s, DT, SAMPLES
         for m in range(SAMPLES):
             begin_s = end_s - (SAMPLES - m) * DT
             history.increments[place, BEFORE + m, :3] = quad_vec(rate_b, begin_s, begin_s + DT)[0]

@@ -107,7 +107,7 @@ def _sums(history):
     total, covered_s, span = np.zeros((SUMS, 6)), 0.0, SUMS - 1
     for k in range(len(history) - 1, 0, -1):
         place = history.place(k)
-        _, dt_s, n, _ = history.numbers[place].tolist()
+        _, dt_s, n = history.numbers[place, :3].tolist()
         if n == 0:
             return None
         total[span] += history.increments[place, BEFORE : BEFORE + int(n)].sum(axis=0)

@@ -13,7 +13,8 @@ dtheta, dv (Groves, 2nd ed., section 14.2.4; Sola, arXiv:1711.02508, section 5 f
 
 with s, s_r of `strapdown`; J, D in `derivatives`. What an error of calibration does to the increments
 (`calibration`) is a fixed direction times a weight: the duration for a bias, an angle for scale factor and
-misalignment of the gyros, a gain of velocity for those of the accelerometers and for the g-sensitivity::
+misalignment of the gyros (without its noise, `rate_noise`), a gain of velocity for those of the
+accelerometers and for the g-sensitivity::
 
     d dtheta = -(T, dtheta_x, dtheta_y, dtheta_z, dv_x, dv_y, dv_z) e,    d dv = -(T, dv_x, dv_y, dv_z) e
 
@@ -68,11 +69,12 @@ def derivatives(T, dtheta, dv, B, b):
 
 
 @inner(forceinline=True)
-def carry_all(responses, m, weights, piece, C, u, u_r):
+def carry_all(responses, m, weights, piece, noise, C, u, u_r):
     """Carry the responses of all weights that are wanted over a part, in place.
 
     responses : Responses;  m : (4, 3, 3) and weights : (7,) are written
-    piece : of `strapdown.cut`;  C : C_ib at its start;  u, u_r : as in `carry`
+    piece : of `strapdown.cut`;  noise : rad/s, what of its rate is noise
+    C : C_ib at its start;  u, u_r : as in `carry`
     """
     T, dtheta, dv, B, b = piece[0], piece[1], piece[2], piece[3], piece[4]
     J, D, D_r, J_r = derivatives(T, dtheta, dv, B, b)
@@ -80,7 +82,8 @@ def carry_all(responses, m, weights, piece, C, u, u_r):
     t3.store(m[1], t3.product(C, D))
     t3.store(m[2], t3.product(C, D_r))
     t3.store(m[3], t3.product(C, J_r))
-    weights[0], weights[1], weights[2], weights[3] = T, dtheta[0], dtheta[1], dtheta[2]
+    turned = t3.plus(dtheta, -T, noise)
+    weights[0], weights[1], weights[2], weights[3] = T, turned[0], turned[1], turned[2]
     weights[4], weights[5], weights[6] = dv
     by_gyro, by_accel, gyro, accel = responses
     for k in range(WEIGHTS):

@@ -16,7 +16,7 @@ from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.calibration import acting, correct_increments
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.prediction import Memory
+from shefex_nav.onboard.navigation.prediction import RATE_NOISE, Memory
 from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q, X_R, X_V, unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
 
@@ -96,7 +96,7 @@ class History:
     oldest, newest : numbers of the first and of the last tick
     x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
-    numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
+    numbers : (size, 7) mission time of the end [s], s of a sample, number of samples, vibration, `rate_noise`
     increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 3, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
     arrays : these and x, P as `prediction.propagate` takes them, Memory
@@ -114,16 +114,16 @@ class History:
         self.corrections = Corrections()
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples, driving)
-        self.numbers[0] = tick.t_s, 1.0, 0, 0.0
+        self.numbers[0, :2] = tick.t_s, 1.0
         if tick.imu is not None:
-            self.numbers[0, 1:] = tick.imu.dt_s, samples, tick.imu.vibration
+            self.numbers[0, 1:] = tick.imu.dt_s, samples, tick.imu.vibration, *tick.imu.rate_noise
             self.increments[0], self.extra[0] = tick.imu.increments, tick.imu.extra
             self.drives[0] = tick.imu.drive
         self.xs[0], self.Ps[0] = tick.x, tick.P
 
     def _allocate(self, size, samples, driving):
         """Make the arrays."""
-        self.numbers, self.extra = np.zeros((size, 4)), np.zeros((size, 3, 3))
+        self.numbers, self.extra = np.zeros((size, RATE_NOISE.stop)), np.zeros((size, 3, 3))
         self.increments, self.drives = np.zeros((size, BEFORE + samples, 6)), np.zeros((size, 6, driving))
         self.xs, self.Ps = np.empty((size, *self.x.shape)), np.empty((size, *self.P.shape))
         self.arrays = Memory(
@@ -149,12 +149,12 @@ class History:
     def imu(self, k):
         """ImuWindow of tick k, None at the start."""
         place = self.place(k)
-        _, dt_s, n, vibration = self.numbers[place].tolist()
+        _, dt_s, n, vibration, *noise = self.numbers[place].tolist()
         if n == 0:
             return None
         increments = self.increments[place, : BEFORE + int(n)].copy()
         extra, drive = self.extra[place].copy(), self.drives[place].copy()
-        return ImuWindow(self.ends_s[k], dt_s, increments, vibration, extra, drive)
+        return ImuWindow(self.ends_s[k], dt_s, increments, vibration, extra, drive, np.array(noise))
 
     def length_s(self, k):
         """Duration of tick k."""
@@ -253,7 +253,7 @@ class Moment:
     def __init__(self, history, k, at_s):
         self.history, self.k, self.at_s = history, k, at_s
         self.x, self.P, self.place = history.x, history.P, history.place(k)
-        _, self.dt_s, n, self.vibration = history.numbers[self.place].tolist()
+        _, self.dt_s, n, self.vibration = history.numbers[self.place, : RATE_NOISE.start].tolist()
         self.t_s = history.ends_s[k] - (n * self.dt_s - at_s)
 
     @property

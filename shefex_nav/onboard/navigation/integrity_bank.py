@@ -33,6 +33,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
+from shefex_nav.onboard.navigation.grown import MOST as MOST_LEARNT
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate, Innovations, chi_square_limit
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE
@@ -234,9 +235,11 @@ class Bank:
     def _doubted(self, nav, now, group, alarm, verdict):
         """Verdict on a fix before which the covariance grows, and what was learnt is doubted.
 
-        Positions that scatter tell of their receiver at once. The second time within a minute says that the
-        first has mended nothing: then noise was told too small. Vibration is noise of another kind.
+        Positions that scatter tell of their receiver at once. What was learnt from it was believed too much,
+        and grows to what was known at the start at most: that was right. The second time within a minute says
+        that the first has mended nothing: then noise was told too small. Vibration is noise of another kind.
         """
+        of_receiver = False
         before, self.before[group] = self.before.get(group, -np.inf), alarm.t_s
         again = alarm.t_s - before < adaptation.LOOP_S
         if group == GPS:
@@ -248,7 +251,7 @@ class Bank:
         else:
             doubts = integrity_learnt.by_stars(nav, now, alarm.mean, False)
         if verdict.fate != Fate.RESET:
-            admitted = integrity_learnt.widened(nav, now.P, alarm.factor)
+            admitted = integrity_learnt.widened(nav, now.P, alarm.factor, 1.0 if of_receiver else MOST_LEARNT)
             verdict = verdict._replace(fate=Fate.RESET, admitted=admitted, note="what was learnt is doubted")
         return verdict._replace(doubts=doubts)
 

@@ -139,15 +139,15 @@ def _at_start(params, name):
     return initial_covariance(params, name).diagonal()
 
 
-def widened(nav, P, factor):
-    """What a covariance that was too small all along grows by, learnt errors to `MOST` sigmas of the start.
+def widened(nav, P, factor, learnt=MOST):
+    """What a covariance that was too small all along grows by, learnt errors to so many sigmas of the start.
 
-    Filter, (n, n), float -> Grown
+    Filter, (n, n), float, float -> Grown
     """
     most = np.full(nav.layout.n, np.inf)
     for name in LEARNT:
         if nav.layout.places[name] is not None:
-            most[nav.layout.places[name]] = MOST * np.sqrt(_at_start(nav.params, name))
+            most[nav.layout.places[name]] = learnt * np.sqrt(_at_start(nav.params, name))
     return grown(P, factor, most, nav.layout.places["mounting"])
 
 

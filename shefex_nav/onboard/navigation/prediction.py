@@ -20,6 +20,7 @@ from shefex_nav.onboard.navigation import (
     laws,
     momentary,
     process_noise,
+    rate_noise,
     strapdown,
     unknown_attitude,
 )
@@ -42,6 +43,7 @@ from shefex_nav.onboard.navigation.state import (
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, gravity_i
 
 TOP = PVA.stop  # rows of Phi that the strapdown makes
+RATE_NOISE = slice(4, 7)  # columns of the numbers of a tick, the last of them
 
 
 class Constants(NamedTuple):
@@ -74,7 +76,7 @@ def constants(layout, model, earth, blocks=(), errors=momentary.NONE):
 class Memory(NamedTuple):
     """The arrays of a `History`, which holds tick k in place k modulo its size."""
 
-    numbers: np.ndarray  # (size, 4)
+    numbers: np.ndarray  # (size, 7)
     increments: np.ndarray  # (size, 2 + samples, 6)
     extra: np.ndarray  # (size, 3, 3)
     xs: np.ndarray  # (size, X)
@@ -126,7 +128,8 @@ def advance(constants, x, t_s, P, imu, begin_s, end_s):
     -> x, P (n, n)
     """
     x, P = x.copy(), P.copy()
-    numbers = np.array([[t_s - begin_s + imu.length_s, imu.dt_s, imu.n, imu.vibration]])
+    of_tick = t_s - begin_s + imu.length_s, imu.dt_s, imu.n, imu.vibration
+    numbers = np.array([[*of_tick, *imu.rate_noise]])
     increments, extra = imu.increments[None], imu.extra[None]
     memory = Memory(numbers, increments, extra, x[None].copy(), P[None].copy(), x, P, imu.drive[None])
     propagate(constants, memory, 0, begin_s, 0, end_s)
@@ -160,7 +163,7 @@ def _propagate_ticks(constants, memory, first, begin_s, last, end_s, work):
         if until_s > begin_s:
             extra = memory.extra[k]
             own, drive = memory.increments[k, : BEFORE + n], memory.drives[k]
-            imu = ImuWindow(numbers[k, 0], h, own, numbers[k, 3], extra, drive)
+            imu = ImuWindow(numbers[k, 0], h, own, numbers[k, 3], extra, drive, numbers[k, RATE_NOISE])
             row = error_model.valid(model, numbers[k, 0])
             bias_walk, angle, speed = interval(constants, model[row], x, imu, begin_s, until_s, work)
             carry_covariance(constants, model[row], P, work, bias_walk, until_s - begin_s)
@@ -205,8 +208,25 @@ def enter(constants, memory, number, motors, t_end_s, dt_s, n, work=None):
     limits = model[0].thrust_threshold, model[0].shake_threshold
     vibration = error_model.vibration_level(motors, limits[0], limits[1], t_end_s, gained / (n * dt_s), shake)
     numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3] = t_end_s, dt_s, n, vibration
+    _tell_noise(constants, memory, k, before)
     room = workspace(memory.P.shape[0]) if work is None else work
     _propagate_ticks(constants, memory, number, 0.0, number, np.inf, room)
+
+
+@inner(forceinline=True)
+def _tell_noise(constants, memory, k, before):
+    """Complete the numbers of a tick by what of its rate is noise; k, before: its place, that of the last."""
+    numbers, increments = memory.numbers, memory.increments
+    row = constants.model[error_model.valid(constants.model, numbers[k, 0])]
+    n, n_before = int(numbers[k, 2]), int(numbers[before, 2])
+    T, T_before = n * numbers[k, 1], n_before * numbers[before, 1]
+    for i in range(3):
+        now = w = rate_noise.mean(increments[k], BEFORE, n, i, T)
+        column = RATE_NOISE.start + i
+        if n_before > 0:
+            w = rate_noise.mean(increments[before], BEFORE, n_before, i, T_before) - numbers[before, column]
+        extra = memory.extra[k, 0, i]
+        numbers[k, column] = rate_noise.of_tick(row, constants.momentary, extra, w, now, T)
 
 
 @inner

@@ -41,6 +41,7 @@ from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
 NO_EXTRA = np.zeros((3, 3))
+NO_NOISE = np.zeros(3)
 
 
 class ImuWindow(NamedTuple):
@@ -52,6 +53,7 @@ class ImuWindow(NamedTuple):
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
     extra: np.ndarray = NO_EXTRA  # (3, 3) white noise of more, body axes, as `integrity_imu.screen` says
     drive: np.ndarray = NO_DRIVE  # (6, m) what the last m errors drive, as in `calibration`
+    rate_noise: np.ndarray = NO_NOISE  # (3,) rad/s, what of the mean rate is noise, of `rate_noise`
 
     @property
     def dtheta_b(self):
@@ -150,7 +152,7 @@ def propagate(x, imu, begin_s, end_s, g, responses):
     q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
     m, weights = np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
-    known = acting(x, imu.vibration, imu.drive)
+    known, noise = acting(x, imu.vibration, imu.drive), t3.vector(imu.rate_noise, 0)
     last = free_increment(known, M, A, G, increments, 0, h)
     before = free_increment(known, M, A, G, increments, 1, h)
     for n in range(BEFORE, increments.shape[0]):
@@ -162,7 +164,7 @@ def propagate(x, imu, begin_s, end_s, g, responses):
             C = t3.dcm_from_quat(q)
             u, u_r = t3.rotated(C, s), t3.rotated(C, s_r)
             if responses.by_gyro[0]:
-                error_model.carry_all(responses, m, weights, piece, C, u, u_r)
+                error_model.carry_all(responses, m, weights, piece, noise, C, u, u_r)
             u_r_sum, u_sum = t3.plus(t3.plus(u_r_sum, T, u_sum), 1.0, u_r), t3.plus(u_sum, 1.0, u)
             angle, speed = t3.plus(angle, 1.0, dtheta), t3.plus(speed, 1.0, dv)
             r = t3.plus(t3.plus(t3.plus(r, T, v), 1.0, u_r), 0.5 * T * T, g)
