@@ -240,9 +240,10 @@ def best_of(score, k=5):
     return SimpleNamespace(C=C_CI, star=star, trial_C=np.zeros((3, 3)), L=L, score=np.array(score))
 
 
-def task_of(score, min_stars=4, threshold=15.0):
+def task_of(score, min_stars=4, threshold=15.0, error_px=0.2):
+    scene = SimpleNamespace(centroid_error=error_px)
     return SimpleNamespace(
-        best=best_of(score), threshold=threshold, min_stars=min_stars, stars=None, scene=None, room=None
+        best=best_of(score), threshold=threshold, min_stars=min_stars, stars=None, scene=scene, room=None
     )
 
 
@@ -254,7 +255,7 @@ def told(monkeypatch, score, badly=(False, 0.0), leans=False, image=False, **tas
     monkeypatch.setattr(bayes, "fits_badly", lambda *a: badly)
     monkeypatch.setattr(bayes, "leans_on_one_star", lambda *a: leans)
     monkeypatch.setattr(bayes, "has_second_image", lambda *a: image)
-    reason, denied = plain(bayes.verdict)(task_of(score, **task), 3)
+    reason, denied = plain(bayes.verdict)(task_of(score, **task))
     return Reason(reason).name if reason else "", denied
 
 
@@ -273,18 +274,28 @@ def test_an_attitude_is_given_out_only_without_a_doubt(monkeypatch):
     assert told(monkeypatch, [14.0, *GOOD[1:]], min_stars=8)[0] == "NO_MATCH"
 
 
-def concluded(monkeypatch, score, reason=0, denied=0.0, tracked=False):
-    looked = []
+def concluded(monkeypatch, score, reason=0, denied=0.0, tracked=False, again=None):
+    """Solution, what was looked at, the task; again: score and reason with the noise that a frame shows."""
+    looked, verdicts = [], [(reason, denied)]
+    grown = task_of(again[0], error_px=1.0) if again else None
+
+    def with_noise(task, growth):
+        assert growth == pytest.approx(np.sqrt(denied)) and task.scene.centroid_error == 0.2
+        verdicts.append((again[1], 0.0))
+        return grown
+
     monkeypatch.setattr(bayes, "margin", lambda task: task.best.score[0] - max(task.best.score[1], 0.0))
-    monkeypatch.setattr(bayes, "verdict", lambda *a: (reason, denied))
+    monkeypatch.setattr(bayes, "verdict", lambda task: verdicts[-1])
     monkeypatch.setattr(bayes, "look", lambda *a: looked.append(a))
+    monkeypatch.setattr(bayes, "with_noise", with_noise)
     numbers = SimpleNamespace(centroid_error=0.2, focal_px=F)
     task = task_of(score)
-    return bayes.Solution(*plain(bayes.conclude)(task, numbers, 12, 77, tracked)), looked, task
+    found = bayes.Solution(*plain(bayes.conclude)(task, numbers, 12, 77, tracked))
+    return found, looked, grown or task
 
 
 def test_what_is_given_out_has_the_covariance_of_its_information(monkeypatch):
-    """sigma^2 (L L')^-1, by the told sigma^2 times the greater of what residuals and neighbourhood say."""
+    """sigma^2 (L L')^-1, by the told sigma^2 times what the residuals say."""
     got, looked, task = concluded(monkeypatch, GOOD)
     information = (task.best.L @ task.best.L.T)[:3, :3]
     factor = (4.0 + 0.5 / 0.04) / (4.0 + 7.0)  # ten numbers, three parameters
@@ -292,15 +303,29 @@ def test_what_is_given_out_has_the_covariance_of_its_information(monkeypatch):
     np.testing.assert_allclose(got.P_c, factor * 0.04 * np.linalg.inv(information), rtol=1e-9)
     assert got.star.tolist() == [10, 11, 12, 13, 14] + [-1] * 7 and not looked
     assert (got.reason, got.log_odds, got.work, got.tracked) == (0, 20.0, 77, False)
-    got, _, _ = concluded(monkeypatch, GOOD, denied=30.0)
-    np.testing.assert_allclose(got.P_c, 30.0 * 0.04 * np.linalg.inv(information), rtol=1e-9)
     four = [*GOOD[:2], 4.0, *GOOD[3:]]
-    got, _, task = concluded(monkeypatch, four, denied=30.0)
+    got, _, task = concluded(monkeypatch, four)
     whole = np.linalg.inv(task.best.L @ task.best.L.T)[:3, :3]
-    np.testing.assert_allclose(got.P_c, 30.0 * 0.04 * whole, rtol=1e-9)
+    factor = 1.0 + ((4.0 + 0.5 / 0.04) / (4.0 + 6.0) - 1.0) * stats.t(10).var()
+    np.testing.assert_allclose(got.P_c, factor * 0.04 * whole, rtol=1e-9)
     refused, _, _ = concluded(monkeypatch, GOOD, reason=3)
     assert refused.reason == 3 and np.all(refused.star == -1) and len(refused.star) == 12
     assert np.isnan(refused.q_ci).all() and refused.P_c.shape == (3, 3) and np.isnan(refused.P_c).all()
+
+
+@pytest.mark.parametrize("reason", [0, int(Reason.RESIDUALS)])
+def test_a_frame_that_denies_the_told_noise_is_judged_by_the_one_it_shows(monkeypatch, reason):
+    weaker = [16.0, -3.0, 3.0, 0.5, F, 1.0]
+    got, _, task = concluded(monkeypatch, GOOD, reason, 30.0, again=(weaker, 0))
+    information = (task.best.L @ task.best.L.T)[:3, :3]
+    np.testing.assert_allclose(got.P_c, (4.0 + 0.5) / (4.0 + 7.0) * np.linalg.inv(information), rtol=1e-9)
+    assert got.reason == 0 and got.log_odds == 16.0
+    assert got.false_probability == pytest.approx(0.003 * np.exp(-16.0))
+    for score, after in (([14.9, *weaker[1:]], 0), (weaker, int(Reason.RESIDUALS))):
+        got, _, _ = concluded(monkeypatch, GOOD, reason, 30.0, again=(score, after))
+        assert got.reason == Reason.RESIDUALS and np.isnan(got.q_ci).all()
+    assert concluded(monkeypatch, GOOD, int(Reason.AMBIGUOUS), 30.0)[0].reason == Reason.AMBIGUOUS
+    assert concluded(monkeypatch, GOOD, reason, 225.0)[0].reason == reason  # it cannot be seen how much
 
 
 def test_the_expected_number_of_chance_attitudes(monkeypatch):

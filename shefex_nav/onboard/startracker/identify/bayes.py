@@ -49,6 +49,7 @@ MIN_TRACKED = 3  # with a prediction ...
 NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wide one leaves room for chance
 BUDGET = 80_000  # stars looked at, before giving up
 PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
+MOST_NOISE = 15.0  # times the told centroid error: with more, stars leave the place where they are looked for
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
 
 TOO_FEW_STARS, NO_MATCH = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH)
@@ -220,7 +221,7 @@ def conclude(task, numbers, n, work, tracked):
         gate_px = WIDE_GATE * numbers.centroid_error
         look(task, numbers.focal_px, gate_px, no_lever(gate_px), True)
     reason, denied = verdict(task)
-    if denied > 0.0 and (reason == 0 or reason == RESIDUALS):
+    if 0.0 < denied < MOST_NOISE**2 and (reason == 0 or reason == RESIDUALS):
         task = with_noise(task, np.sqrt(denied))
         best, reason = task.best, verdict(task)[0]
         if margin(task) < task.threshold:
@@ -267,6 +268,7 @@ def with_noise(task, growth):
     again.best.trial_C[:] = best.C
     gate_px = min(GATE * scene.centroid_error, REACH_PX)
     look(again, best.score[4], gate_px, no_lever(gate_px), best.score[2] == 4.0)
+    again.best.score[1] = max(again.best.score[1], best.score[1])
     return again
 
 
