@@ -328,6 +328,29 @@ def test_a_frame_that_denies_the_told_noise_is_judged_by_the_one_it_shows(monkey
     assert concluded(monkeypatch, GOOD, reason, 225.0)[0].reason == reason  # it cannot be seen how much
 
 
+@pytest.mark.parametrize("dof", [5, 7, 11, 25])
+def test_the_tail_of_an_attitude_whose_noise_the_residuals_tell(dof):
+    """A bound of Student's tail, and not twice as large where it matters."""
+    nu = max(0.75 * dof - 1.0, 2.5)
+    for sigma_deg in (0.01, 0.05, 0.1, 0.2):
+        P_c = np.diag([1.0, 2.0, 7.0]) * np.radians(sigma_deg) ** 2 / 10.0
+        x = 0.5 / sigma_deg * np.sqrt(nu / (nu - 2.0))
+        tail = 2.0 * stats.t(nu).sf(x)
+        assert tail < plain(bayes.beyond)(P_c, dof) < 2.0 * tail
+
+
+def test_noise_of_another_size_needs_an_attitude_that_is_well_known(monkeypatch):
+    """Residuals of 4.5 times the told error, of ten numbers less three: 0.5 deg once in a thousand."""
+    for chi2, beyond, reason in (
+        (0.99, 2e-3, 0), (1.01, 2e-3, int(Reason.RESIDUALS)), (1.01, 0.9e-3, 0)
+    ):  # fmt: skip
+        monkeypatch.setattr(bayes, "beyond", lambda P_c, dof, beyond=beyond: beyond)
+        score = [*GOOD[:3], chi2 * 7.0 * (4.5 * 0.2) ** 2, *GOOD[4:]]
+        got = concluded(monkeypatch, score)[0]
+        assert got.reason == reason and np.isnan(got.P_c).all() == np.isnan(got.q_ci).all() == (reason > 0)
+        assert (got.star >= 0).any() == (reason == 0)
+
+
 def test_the_expected_number_of_chance_attitudes(monkeypatch):
     """0.003 exp(-ln B) of a search, exp(-ln B) near a prediction; a rival counts by its odds; one at most."""
     chance = lambda *a, **k: concluded(monkeypatch, *a, **k)[0].false_probability  # noqa: E731

@@ -53,10 +53,14 @@ def test_solved_and_consistent(benchmark, sky, case, least, most_nees):
 
 
 def test_noise_far_beyond_the_told_one_is_inflated_or_refused(benchmark, sky):
-    """Seven times; residuals of the stars that fit alone would leave the covariance three times too small."""
+    """Seven times: an attitude of the stars that happen to fit would be three times less certain than it says.
+
+    All stars that the noise has moved are fitted again, so most fields are solved.
+    """
     found = benchmark.measure(sky, "noise 7 times", 400, SEED)
     assert found["denied"] == 0
-    assert found["nees"] < 8.0
+    assert found["nees"] < 4.5
+    assert found["solved"] > 0.65 * found["possible"]
 
 
 def test_twenty_five_times_the_told_noise_is_refused(benchmark, sky):

@@ -16,6 +16,7 @@ from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.doubts import (
+    KEPT,
     fits_badly,
     has_second_image,
     leans_on_one_star,
@@ -50,6 +51,8 @@ NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wid
 BUDGET = 80_000  # stars looked at, before giving up
 PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
 MOST_NOISE = 15.0  # times the told centroid error: with more, stars leave the place where they are looked for
+OTHER_NOISE = 4.5  # [E] times the told centroid error: nothing that was told of it holds, and then ...
+WRONG, WRONG_LIMIT = np.radians(0.5), 1e-3  # ... no attitude that may be so far off, by this probability
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
 
 TOO_FEW_STARS, NO_MATCH = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH)
@@ -228,26 +231,43 @@ def conclude(task, numbers, n, work, tracked):
             reason = RESIDUALS
     odds, rival = best.score[0], best.score[1]
     wrong = (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0)
-    wrong = min(wrong, 1.0)
-    if reason != 0:
-        return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, work, tracked
-    star[: len(best.star)] = best.star
-    return 0, star, quat_from_dcm(best.C), covariance(task), odds, wrong, work, tracked
+    wrong, P_c, q_ci = min(wrong, 1.0), np.full((3, 3), np.nan), np.full(4, np.nan)
+    if reason == 0:
+        dof = covariance(task, P_c)
+        seen = best.score[3] / (dof * numbers.centroid_error**2)
+        if seen > OTHER_NOISE**2 and beyond(P_c, dof) > WRONG_LIMIT:
+            reason, P_c[:] = RESIDUALS, np.nan
+    if reason == 0:
+        star[: len(best.star)], q_ci[:] = best.star, quat_from_dcm(best.C)
+    return reason, star, q_ci, P_c, odds, wrong, work, tracked
 
 
 @inner
-def covariance(task):
-    """Covariance of the best attitude (3, 3) [rad^2], by the residuals of its stars."""
+def covariance(task, P_c):
+    """Write the covariance (3, 3) [rad^2] of the best attitude, by the residuals. -> degrees of freedom"""
     best, variance, n_par = task.best, task.scene.centroid_error**2, int(task.best.score[2])
-    variance *= variance_seen(best.score[3] / variance, 2 * (best.star >= 0).sum() - n_par)
-    P_c, column = np.empty((3, 3)), np.empty(4)
+    dof = 2 * (best.star >= 0).sum() - n_par
+    variance *= variance_seen(best.score[3] / variance, dof)
+    column = np.empty(4)
     for c in range(3):
         column[:] = 0.0
         column[c] = variance
         solve_cholesky(best.L, column, n_par)
         for a in range(3):
             P_c[a, c] = column[a]
-    return P_c
+    return dof
+
+
+@inner
+def beyond(P_c, dof):
+    """Bound of the probability that an attitude is WRONG whose noise is known by its residuals alone.
+
+    Its error over its sigma has Student's distribution, of which it is the tail beyond x, with the density
+    c (1 + t^2/nu)^(-(nu + 1)/2), c < 0.4, times t/x > 1.
+    """
+    nu = max(KEPT * dof - 1.0, 2.5)
+    x = WRONG * np.sqrt(nu / ((nu - 2.0) * (P_c[0, 0] + P_c[1, 1] + P_c[2, 2])))
+    return 0.8 * nu / ((nu - 1.0) * x) * (1.0 + x * x / nu) ** (-0.5 * (nu - 1.0))
 
 
 @inner
