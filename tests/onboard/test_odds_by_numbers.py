@@ -325,7 +325,7 @@ def test_a_frame_that_denies_the_told_noise_is_judged_by_the_one_it_shows(monkey
         got, _, _ = concluded(monkeypatch, GOOD, reason, 30.0, again=(score, after))
         assert got.reason == Reason.RESIDUALS and np.isnan(got.q_ci).all()
     assert concluded(monkeypatch, GOOD, int(Reason.AMBIGUOUS), 30.0)[0].reason == Reason.AMBIGUOUS
-    assert concluded(monkeypatch, GOOD, reason, 225.0)[0].reason == reason  # it cannot be seen how much
+    assert concluded(monkeypatch, GOOD, reason, 144.0)[0].reason == reason  # it cannot be seen how much
 
 
 @pytest.mark.parametrize("dof", [5, 7, 11, 25])
@@ -340,12 +340,12 @@ def test_the_tail_of_an_attitude_whose_noise_the_residuals_tell(dof):
 
 
 def test_noise_of_another_size_needs_an_attitude_that_is_well_known(monkeypatch):
-    """Residuals of 4.5 times the told error, of ten numbers less three: 0.5 deg once in a thousand."""
+    """Residuals of five times the told error, of ten numbers less three: 0.5 deg once in a thousand."""
     for chi2, beyond, reason in (
         (0.99, 2e-3, 0), (1.01, 2e-3, int(Reason.RESIDUALS)), (1.01, 0.9e-3, 0)
     ):  # fmt: skip
         monkeypatch.setattr(bayes, "beyond", lambda P_c, dof, beyond=beyond: beyond)
-        score = [*GOOD[:3], chi2 * 7.0 * (4.5 * 0.2) ** 2, *GOOD[4:]]
+        score = [*GOOD[:3], chi2 * 7.0 * (5.0 * 0.2) ** 2, *GOOD[4:]]
         got = concluded(monkeypatch, score)[0]
         assert got.reason == reason and np.isnan(got.P_c).all() == np.isnan(got.q_ci).all() == (reason > 0)
         assert (got.star >= 0).any() == (reason == 0)

@@ -53,7 +53,7 @@ def test_solved_and_consistent(benchmark, sky, case, least, most_nees):
 
 
 def test_noise_far_beyond_the_told_one_is_inflated_or_refused(benchmark, sky):
-    """Seven times: an attitude of the stars that happen to fit would be three times less certain than it says.
+    """Seven times: an attitude of the stars that happen to fit is three times less certain than it says.
 
     All stars that the noise has moved are fitted again, so most fields are solved.
     """

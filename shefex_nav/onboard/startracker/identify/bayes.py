@@ -50,8 +50,8 @@ MIN_TRACKED = 3  # with a prediction ...
 NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wide one leaves room for chance
 BUDGET = 80_000  # stars looked at, before giving up
 PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
-MOST_NOISE = 15.0  # times the told centroid error: with more, stars leave the place where they are looked for
-OTHER_NOISE = 4.5  # [E] times the told centroid error: nothing that was told of it holds, and then ...
+MOST_NOISE = 12.0  # times the told centroid error: with more, stars leave the place where they are looked for
+OTHER_NOISE = 5.0  # [E] times the told centroid error: nothing that was told of it holds, and then ...
 WRONG, WRONG_LIMIT = np.radians(0.5), 1e-3  # ... no attitude that may be so far off, by this probability
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
 
