@@ -158,6 +158,15 @@ def test_broken_scenario_is_one_message_and_exit_code_2(kind, verb, command, def
     assert not out.exists()
 
 
+@pytest.mark.parametrize("verb", ["run", "check", "campaign", "compare", "replay"])
+def test_a_key_that_is_set_twice_is_refused(verb, command, default_scenario):
+    """The last would be taken without a word; keys of one section are none of this."""
+    given = [word for text in ("a.b=1", "a.c=2", "a.b = 3") for word in ("--set", text)]
+    result = command(verb, default_scenario, *given)
+    assert (result.code, result.out) == (2, "")
+    assert result.err == "--set: a.b is given twice: 'a.b=1' and 'a.b = 3'; leave one out\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "hint"),
     [

@@ -18,9 +18,21 @@ MOST_SEEDS = 100_000  # of a study that keeps all of its flights in memory
 FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]
 
 
+def _each_once(given):
+    """The values of --set, of which no two are of one key: the last would be taken without a word."""
+    seen = {}
+    for text in given or ():
+        key = text.partition("=")[0].strip()
+        if key in seen:
+            raise typer.BadParameter(f"{key} is given twice: '{seen[key]}' and '{text}'; leave one out")
+        seen[key] = text
+    return given
+
+
 def overrides(help):
     """Type of the option --set, with its help."""
-    return Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help=help)]
+    option = typer.Option("--set", metavar="KEY=VALUE", help=help, callback=_each_once)
+    return Annotated[list[str] | None, option]
 
 
 Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'.")
