@@ -49,6 +49,7 @@ def of(scenario):
     half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
     share = _solid_angle(*half) / SPHERE
     year = ephemeris.julian_year(scenario.mission.epoch)
+    catalogue.check_deepest(tracker)
     known = _known(tracker.catalogue, year)
     if share * len(known.hip) < SURE:
         _check_pairs(tracker.catalogue, year, 2.0 * math.atan(math.hypot(*half)))

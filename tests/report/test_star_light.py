@@ -110,6 +110,16 @@ def test_keys_that_are_made_for_a_camera_with_less_light_are_named():
     assert list(noted(lens, "star_tracker.enabled=false")) == ["star_camera"]
 
 
+def test_deep_matching_to_stars_that_the_table_has_not():
+    """In silicon it is whole to 6.5; of the others it has all that can be asked for."""
+    deepest = "star_tracker.identification.deepest=7 mag"
+    assert list(warned(deepest)) == []
+    with pytest.raises(CatalogueError) as caught:
+        warned(deepest, f"{CATALOGUE}.system=silicon")
+    assert caught.value.field == ("star_tracker", "identification", "deepest")
+    assert "whole to 6.5 in silicon" in str(caught.value)
+
+
 def test_too_narrow_a_field():
     """The mean number of stars is that of the catalogue times the share of the sky: here a small one."""
     (text,) = warned("star_camera.optics.focal_length=120 mm").values()
