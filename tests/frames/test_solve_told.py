@@ -90,6 +90,7 @@ def test_calibration_is_in_the_covariance(still):
     found = solve_image(image, camera=calibrated, taken=taken_of(shot))
     assert np.array_equal(with_true.covariance, with_true.noise_covariance)
     f = calibrated.params.camera.pinhole.focal_length_px
+    assert np.array_equal(found.camera_covariance, found.covariance)
     constant = found.covariance - found.noise_covariance
     np.testing.assert_allclose(np.sqrt(np.diag(constant))[:2], 0.3 / f, rtol=0.05)
     hole, true_hole = calibrated.params.camera.pinhole, true.params.camera.pinhole
