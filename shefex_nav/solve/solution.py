@@ -14,7 +14,7 @@ class Match(NamedTuple):
     hip: int  # Hipparcos number
     x_px: float  # where it was detected
     y_px: float
-    vmag: float
+    vmag: float  # with a StarCamera in the band of its catalogue
 
 
 class ImageSolution(NamedTuple):

@@ -258,7 +258,9 @@ def _attitude_of(solution, told):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "name", "designation", "V", "x [px]", "y [px]"):
+    # those of a star tracker are in the band of its catalogue, star_tracker.catalogue.system
+    magnitude = "V" if solution.noise_covariance is None else "mag"
+    for title in ("HIP", "name", "designation", magnitude, "x [px]", "y [px]"):
         table.add_column(title, justify="left" if title in ("name", "designation") else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
         places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"
