@@ -5,6 +5,9 @@ average; to which magnitude the detection finds a star at rest in the longest ex
 the empty sky in the shortest one. They flatter the star tracker (no motion, no stray light), so what fails
 here fails in flight.
 
+Magnitudes are in the band of the catalogue on board, `star_tracker.catalogue.system`, but for those of the
+stars that are drawn, which are V. The faintest star is white: its magnitude is the same in every band.
+
 A star of E electrons has the share erf(h / sqrt(2) / s)^2 of them in a square of 2 h pixels around its middle
 (Gaussian spot of standard deviation s). The detection finds it where that exceeds its threshold: `seed_sigma`
 times the noise of a sum of 3x3 pixels, of a pixel where the scan looks at single ones, or an amount of charge
@@ -28,14 +31,14 @@ BLOCK = 3.0  # pixels, side of the sums that are searched (onboard.startracker.b
 SPHERE = 4.0 * math.pi
 SURE = 20.0  # stars in the field on average: there are pairs enough
 DEEPER = 1.2  # mag [E]: stars of a third of the light
-LISTED = 8.0  # mag, the faintest star of the program's table
+LISTED = 8.0  # V, the faintest star of the program's table
 
 
 class Light(NamedTuple):
     """What the star camera of a scenario sees of the sky."""
 
     in_field: float  # stars of the catalogue in the field of view, on average
-    faintest: float  # V that is found of a star at rest
+    faintest: float  # magnitude that is found of a white star at rest
     found: float  # stars of the catalogue as bright as that, in the field of view, on average
     drawn: float  # stars that are drawn and found, in the field of view, on average
     empty_dn: float  # mean grey value of the empty sky in the shortest exposure
@@ -49,6 +52,7 @@ def of(scenario):
     half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
     share = _solid_angle(*half) / SPHERE
     year = ephemeris.julian_year(scenario.mission.epoch)
+    catalogue.check_deepest(tracker)
     known = _known(tracker.catalogue, year)
     if share * len(known.hip) < SURE:
         _check_pairs(tracker.catalogue, year, 2.0 * math.atan(math.hypot(*half)))
@@ -58,7 +62,7 @@ def of(scenario):
         share * len(known.hip),
         faintest,
         share * int(np.count_nonzero(known.vmag <= faintest)),
-        share * _brighter(min(faintest, camera.stars.faintest)),
+        share * _brighter(tracker.catalogue.system, faintest, camera.stars.faintest),
         chip.black_level + chip.background * tracker.exposure.shortest / electrons_per_dn,
         field_of_view.degrees(camera)[:2],
     )
@@ -70,9 +74,11 @@ def _known(of_catalogue, julian_year):
     return catalogue.build(of_catalogue, stars.load_catalogue(LISTED), julian_year)
 
 
-def _brighter(vmag):
-    """How many stars are as bright as that, or brighter."""
-    return int(np.count_nonzero(stars.load_catalogue(LISTED).vmag <= vmag))
+def _brighter(system, magnitude, drawn_to):
+    """How many stars are as bright as that in a band of the catalogue, or brighter, and are drawn (V)."""
+    sky = stars.load_catalogue(LISTED)
+    seen = catalogue.magnitudes(sky, system) <= magnitude
+    return int(np.count_nonzero(seen & (sky.vmag <= drawn_to)))
 
 
 @lru_cache(maxsize=64)
@@ -87,7 +93,7 @@ def _solid_angle(x, y):
 
 
 def _faintest(camera, tracker):
-    """V of the faintest star at rest that the detection finds in the longest exposure."""
+    """Magnitude of the faintest white star at rest that the detection finds in the longest exposure."""
     chip, exposure, detection = camera.detector, tracker.exposure, tracker.detection
     per_dn = detector.electronics(chip, exposure.gain).electrons_per_dn
     sky = chip.background * exposure.longest  # electrons
@@ -110,7 +116,7 @@ def warnings(scenario):
     seen, tracker = of(scenario), settings(scenario.star_tracker)
     width, height = seen.field_deg
     field = f"a field of view of {width:.3g} x {height:.3g} deg"
-    wanted, exposure = tracker.identification.fewest_stars, tracker.exposure
+    wanted, exposure, band = tracker.identification.fewest_stars, tracker.exposure, tracker.catalogue.system
     if seen.in_field < wanted:
         words = (
             f"{field} holds {seen.in_field:.2g} stars of the catalogue on average, {wanted} are needed: take "
@@ -119,9 +125,9 @@ def warnings(scenario):
         yield ("star_camera", "optics", "focal_length"), words
     elif seen.found < wanted:
         words = (
-            f"in {1e3 * exposure.longest:g} ms the detection finds stars to V {seen.faintest:.1f}, of which "
-            f"{field} holds {seen.found:.2g} on average, and {wanted} are needed: it takes more light "
-            "(f_number, transmission, star_tracker.exposure.longest) or less noise"
+            f"in {1e3 * exposure.longest:g} ms the detection finds stars to {band} {seen.faintest:.1f}, "
+            f"of which {field} holds {seen.found:.2g} on average, and {wanted} are needed: it takes more "
+            "light (f_number, transmission, star_tracker.exposure.longest) or less noise"
         )
         yield ("star_camera", "optics", "zero_magnitude_flux"), words
     if seen.empty_dn > exposure.brightest_mean:
@@ -145,17 +151,19 @@ def notes(scenario):
         return [field]
     seen, tracker = of(scenario), settings(scenario.star_tracker)
     longest, drawn_to = 1e3 * tracker.exposure.longest, scenario.star_camera.stars.faintest
-    lines = [f"{field}, finds stars to V {seen.faintest:.1f} (at rest, in {longest:g} ms)"]
-    reached = min(seen.faintest, LISTED)
+    band, known_to = tracker.catalogue.system, tracker.catalogue.faintest
+    lines = [f"{field}, finds stars to {band} {seen.faintest:.1f} (at rest, in {longest:g} ms)"]
     if drawn_to < LISTED and seen.faintest - drawn_to > DEEPER:
-        words = f"stars are drawn to V {drawn_to:g} alone; write {math.ceil(reached):g} mag"
+        wanted = math.ceil(min(seen.faintest, LISTED))
+        words = f"stars are drawn to V {drawn_to:g} alone; write {wanted:g} mag"
         lines.append(f"star_camera.stars.faintest: {words} for a sky as full as this camera sees it")
-    known_to = tracker.catalogue.faintest
+    reached = min(seen.faintest, catalogue.SILICON_TO if band == "silicon" else LISTED)
     if reached - known_to > DEEPER and tracker.identification.deepest is None:
         deep = min(reached - 1.0, drawn_to)
-        words = f"the star tracker knows stars to V {known_to:g}, {seen.in_field:.0f} in the field on average"
+        words = f"the star tracker knows stars to {band} {known_to:g}"
+        words += f", {seen.in_field:.0f} in the field on average"
         if deep > known_to:
-            more = _solid_angle_share(scenario) * _brighter(deep)
+            more = _solid_angle_share(scenario) * _brighter(band, deep, LISTED)
             lines.append(
                 f"star_tracker.catalogue.faintest: {words}; {deep:.1f} mag knows {more:.0f}, or "
                 f"star_tracker.identification.deepest: {deep:.1f} mag names them once a frame is identified"

@@ -140,8 +140,8 @@ def _chain(scenario):
         yield (*path, "run_length", "window"), f"{window} is not a power of two"
     deepest = tracker.identification.deepest
     if deepest is not None and deepest <= tracker.catalogue.faintest:
-        faintest = f"{tracker.catalogue.faintest:g} ({tracker.catalogue.system})"
-        words = f"V {deepest:g} must be fainter than catalogue.faintest, {faintest}"
+        words = f"{deepest:g} must be fainter than catalogue.faintest, {tracker.catalogue.faintest:g}"
+        words += f" (both in {tracker.catalogue.system})"
         yield ("star_tracker", "identification", "deepest"), words
 
 
@@ -201,7 +201,8 @@ def _catalogue_and_latency(scenario):
         yield ("star_tracker", "catalogue", "faintest"), words
     deepest = tracker.identification.deepest
     if deepest is not None and deepest > camera.stars.faintest:
-        words = f"V {deepest:g} is matched, the camera draws stars to V {camera.stars.faintest:g}"
+        matched = f"{catalogue.system} {deepest:g}"
+        words = f"{matched} is matched, the camera draws stars to V {camera.stars.faintest:g}"
         yield ("star_tracker", "identification", "deepest"), words
     if catalogue.kind == "asymmetric" and catalogue.faintest_south is None:
         yield ("star_tracker", "catalogue", "faintest_south"), "an asymmetric catalogue needs it"

@@ -53,3 +53,15 @@ def adjust(lens, prior, u_i, xy_px, P_px, size_px):
     grown = nu / (nu - 2.0) if nu > 4.0 else 2.0 * (4.0 / nu) ** 2  # no variance at two squares: very large
     rms = float(np.sqrt((rest**2).sum() / max(used.sum(), 1)))
     return Adjusted(lens, grown * covariance, used, rms, float(np.sqrt(floor2)), multiple)
+
+
+def of_axis(covariance):
+    """Covariance of the attitude of the axis of the lens, from that of an Adjusted: (11, 11) -> (3, 3) rad^2.
+
+    A principal point that moves by (x, y) turns the lens by (y, -x) against the middle of the picture, as in
+    `steps.fill_jacobian`: the axis is known less well by what is not known of the principal point.
+    """
+    G = np.zeros((3, steps.UNKNOWNS))
+    G[:, :3] = np.eye(3)
+    G[0, 10], G[1, 9] = 1.0, -1.0
+    return G @ covariance @ G.T

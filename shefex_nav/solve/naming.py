@@ -56,7 +56,7 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
         fov_sigma_deg=_fov_sigma(best, size_px), aberration_removed=velocity_i is not None, julian_year=year,
-        camera_q_ci=quat_from_dcm(best.lens.axis_C_ci),
+        camera_q_ci=quat_from_dcm(best.lens.axis_C_ci), camera_covariance=adjust.of_axis(best.covariance),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ class Match(NamedTuple):
     hip: int  # Hipparcos number
     x_px: float  # where it was detected
     y_px: float
-    vmag: float
+    vmag: float  # with a StarCamera in the band of its catalogue
 
 
 class ImageSolution(NamedTuple):
@@ -24,7 +24,7 @@ class ImageSolution(NamedTuple):
     too: z is the middle. Of a camera that is told they are of its own axes: z is the axis of its lens.
     `camera` puts stars where they are in the picture with `camera_q_ci`, whose z is always the axis of the
     lens, at `camera.principal_point_px`. Where that was found, the axis is known less well than the middle:
-    the covariance is not its.
+    `camera_covariance` is its.
     """
 
     status: str  # 'ok' or 'failed'
@@ -55,6 +55,8 @@ class ImageSolution(NamedTuple):
     date_from: str = ""  # who said julian_year: epoch, picture, camera (the file of a StarCamera), today
     # (4,) ICRS to the axes of `camera`, z through its principal point: what it projects stars with
     camera_q_ci: np.ndarray | None = None
+    # (3, 3) rad^2, error of the conjugate of camera_q_ci, axes of `camera`; of one that is told covariance
+    camera_covariance: np.ndarray | None = None
 
 
 def failed(reason, ms, xy_px):

@@ -1,5 +1,6 @@
 """What was found in a picture: as an object for other programs, as tables for people."""
 
+from dataclasses import asdict
 from math import isnan
 from pathlib import Path
 from typing import NamedTuple
@@ -87,6 +88,10 @@ def as_numbers(solution):
         numbers["aberration_removed"] = solution.aberration_removed
         numbers["julian_year"] = solution.julian_year
         numbers["date_from"] = solution.date_from
+    if solution.covariance is not None and solution.noise_covariance is None:  # no StarCamera was told
+        numbers["camera"] = asdict(solution.camera)
+        numbers["camera_q_ci"] = solution.camera_q_ci.tolist()
+        numbers["camera_covariance_rad2"] = solution.camera_covariance.tolist()
     if solution.fov_sigma_deg is not None:
         numbers["fov_x_sigma_deg"] = solution.fov_sigma_deg
     if solution.mirrored:
@@ -253,7 +258,9 @@ def _attitude_of(solution, told):
 def stars(solution):
     """rich Table of the brightest stars of an ImageSolution."""
     table = Table(title="brightest stars")
-    for title in ("HIP", "name", "designation", "V", "x [px]", "y [px]"):
+    # those of a star tracker are in the band of its catalogue, star_tracker.catalogue.system
+    magnitude = "V" if solution.noise_covariance is None else "mag"
+    for title in ("HIP", "name", "designation", magnitude, "x [px]", "y [px]"):
         table.add_column(title, justify="left" if title in ("name", "designation") else "right")
     for star in sorted(solution.matched, key=lambda star: star.vmag)[:SHOWN]:
         places = f"{star.x_px:.2f}", f"{star.y_px:.2f}"

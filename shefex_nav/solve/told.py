@@ -140,7 +140,7 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s, record=None):
     return ImageSolution(
         "ok", "", *pointing.angles(marks_i), matched, float(np.exp(-found.log_odds)),
         1e3 * (perf_counter() - began), q_ci, told, seen.xy_px, noise + constant, noise, residual_px,
-        aberration_removed=bool(np.any(velocity_i)), camera_q_ci=q_ci,
+        aberration_removed=bool(np.any(velocity_i)), camera_q_ci=q_ci, camera_covariance=noise + constant,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
+from shefex_nav.environment.stars import load_catalogue, silicon_magnitude
 from shefex_nav.frames import camera_file, export
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.solve import picture, told
@@ -90,6 +91,7 @@ def test_calibration_is_in_the_covariance(still):
     found = solve_image(image, camera=calibrated, taken=taken_of(shot))
     assert np.array_equal(with_true.covariance, with_true.noise_covariance)
     f = calibrated.params.camera.pinhole.focal_length_px
+    assert np.array_equal(found.camera_covariance, found.covariance)
     constant = found.covariance - found.noise_covariance
     np.testing.assert_allclose(np.sqrt(np.diag(constant))[:2], 0.3 / f, rtol=0.05)
     hole, true_hole = calibrated.params.camera.pinhole, true.params.camera.pinhole
@@ -227,6 +229,28 @@ def test_command(still, tmp_path):
     done = command(*pictures, "--camera", camera)
     assert done.exit_code == 0 and done.stdout.count("frame_0000") >= 3
     assert "RA, Dec and roll are of the middle of the picture" in done.stdout
+
+
+def test_magnitudes_are_of_the_band_of_the_catalogue(still, tmp_path):
+    """V is not said of them: of a catalogue in silicon red stars are brighter than V."""
+    text = (still.folder / export.TRUE).read_text(encoding="utf-8")
+    red = tmp_path / "red.yaml"
+    assert "system: V" in text
+    red.write_text(text.replace("system: V", "system: silicon"), encoding="utf-8")
+    lines = {}
+    for camera in (still.folder / export.TRUE, red):
+        done = command(files(still)[0], "--camera", camera)
+        assert done.exit_code == 0 and "│  mag │" in done.stdout.replace("┃", "│")
+        line = json.loads(command(files(still)[0], "--camera", camera, "--json").stdout)
+        lines[camera] = {star["hip"]: star["vmag"] for star in line["matched"]}
+    in_v, in_silicon = lines.values()
+    sky = load_catalogue(8.0)
+    row = {hip: n for n, hip in enumerate(sky.hip.tolist())}
+    both = [hip for hip in in_v if hip in in_silicon]
+    rows = [row[hip] for hip in both]
+    difference = silicon_magnitude(sky.vmag[rows], sky.bv[rows]) - sky.vmag[rows]
+    found = np.array([in_silicon[hip] - in_v[hip] for hip in both])
+    assert len(both) >= 5 and np.median(np.abs(found - difference)) < 0.01  # some have neighbours
 
 
 def test_which_axis_is_meant(still):

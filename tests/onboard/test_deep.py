@@ -10,7 +10,7 @@ from star_fields import CAMERA, TRACKER, YEAR, all_stars, random_attitude, track
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
-from shefex_nav.onboard.startracker import deep, tracker
+from shefex_nav.onboard.startracker import catalogue, deep, tracker
 from shefex_nav.records import Detections, Reason
 
 NOISE_PX, DEEPEST, SEED = 0.1, 7.0, 51803
@@ -114,6 +114,31 @@ def test_stars_that_contradict_the_identification_change_nothing():
         angle = np.linalg.norm(rotvec_between(before[2][0], result[2][0])[:2])
         limit = np.sqrt(deep.CONTRADICTION * np.linalg.eigvalsh(before[2][1][:2, :2])[-1])
         assert angle < limit
+
+
+@pytest.mark.parametrize("system", ["V", "Hp", "silicon"])
+def test_limit_and_magnitudes_are_of_the_band_that_is_told(system):
+    """Every star to the limit in that band, and no other; the magnitudes of both parts are of one band."""
+    settings = tracker_with(
+        TRACKER, identification__deepest=6.4, catalogue__system=system, catalogue__faintest=5.0,
+        catalogue__kind="asymmetric", catalogue__faintest_south=4.8, catalogue__merge_radius=1e-7,
+    ).settings  # fmt: skip
+    first = catalogue.build(settings.catalogue, all_stars(), YEAR)
+    found = deep.build(settings, first, all_stars(), YEAR)
+    sky = all_stars()
+    told = catalogue.magnitudes(sky, system)
+    assert set(found.stars.hip.tolist()) == set(sky.hip[told <= 6.4].tolist())
+    row = {hip: n for n, hip in enumerate(sky.hip.tolist())}
+    wanted = told[[row[hip] for hip in found.stars.hip.tolist()]]
+    assert found.stars.vmag == pytest.approx(wanted, abs=1e-9)
+    assert (found.n_first < len(wanted)) and (found.stars.hip[: found.n_first] == first.hip).all()
+
+
+def test_beyond_the_table_it_is_refused():
+    """G of 6.5 is as deep as stars to V 8 are whole."""
+    settings = tracker_with(TRACKER, identification__deepest=6.6, catalogue__system="silicon").settings
+    with pytest.raises(catalogue.CatalogueError, match=r"identification\.deepest: .* to 6\.5 in silicon"):
+        deep.build(settings, DEEP.pairs.stars, all_stars(), YEAR)
 
 
 def test_it_is_off_unless_it_is_asked_for():

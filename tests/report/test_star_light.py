@@ -7,7 +7,7 @@ import pytest
 
 from shefex_nav.commands.app import main
 from shefex_nav.environment.stars import load_catalogue
-from shefex_nav.onboard.startracker.catalogue import CatalogueError
+from shefex_nav.onboard.startracker.catalogue import CatalogueError, magnitudes
 from shefex_nav.report import programme, star_light
 from shefex_nav.scenario import load
 
@@ -108,6 +108,36 @@ def test_keys_that_are_made_for_a_camera_with_less_light_are_named():
     deeper = ("star_camera.stars.faintest=8 mag", "star_tracker.catalogue.faintest=7 mag")
     assert list(noted(lens, *deeper, "star_tracker.detection.most_objects=300")) == ["star_camera"]
     assert list(noted(lens, "star_tracker.enabled=false")) == ["star_camera"]
+
+
+@pytest.mark.parametrize(("system", "end"), [("V", 8.0), ("Hp", 8.0), ("silicon", 6.5)])
+def test_magnitudes_are_of_the_band_of_the_catalogue(system, end):
+    """Words and numbers of stars; V is said of what is drawn alone. silicon ends where the table is whole."""
+    default = load.load("shefex2_andoya")
+    lens = f"star_camera.optics.zero_magnitude_flux={10.0 * default.star_camera.optics.zero_magnitude_flux}"
+    said = [f"{CATALOGUE}.system={system}", f"{CATALOGUE}.faintest=5.0 mag"]
+    found = noted(f"{lens} electron/s", *said)
+    assert f"finds stars to {system} 9.0 (at rest" in found["star_camera"]
+    assert "drawn to V 7 alone; write 8 mag" in found["star_camera.stars.faintest"]
+    words = found["star_tracker.catalogue.faintest"]
+    deep = min(end - 1.0, 7.0)
+    assert f"knows stars to {system} 5," in words and f"identification.deepest: {deep:.1f} mag" in words
+    known = magnitudes(load_catalogue(8.0), system)
+    of_sphere = 4.0 * math.pi / ((659 * 9.9e-3 / 24.95) * (493 * 9.9e-3 / 24.95))
+    counted = float(words.split("knows ")[2].split(",")[0])
+    assert counted == pytest.approx(np.count_nonzero(known <= deep) / of_sphere, rel=0.05)
+    (dark,) = warned(*said, "star_camera.optics.zero_magnitude_flux=2500 electron/s").values()
+    assert f"the detection finds stars to {system} " in dark
+
+
+def test_deep_matching_to_stars_that_the_table_has_not():
+    """In silicon it is whole to 6.5; of the others it has all that can be asked for."""
+    deepest = "star_tracker.identification.deepest=7 mag"
+    assert list(warned(deepest)) == []
+    with pytest.raises(CatalogueError) as caught:
+        warned(deepest, f"{CATALOGUE}.system=silicon")
+    assert caught.value.field == ("star_tracker", "identification", "deepest")
+    assert "whole to 6.5 in silicon" in str(caught.value)
 
 
 def test_too_narrow_a_field():

@@ -42,4 +42,7 @@ def test_deep_matching_needs_stars_that_are_fainter_and_drawn():
     assert load(DEFAULT).star_tracker.identification.deepest is None
     assert load(DEFAULT, [f"{key}=7 mag"]).star_tracker.identification.deepest == 7.0
     assert "fainter than catalogue.faintest, 5.5" in the_message(DEFAULT, [f"{key}=5 mag"])
-    assert "the camera draws stars to V 7" in the_message(DEFAULT, [f"{key}=7.5 mag"])
+    assert "V 7.5 is matched, the camera draws stars to V 7" in the_message(DEFAULT, [f"{key}=7.5 mag"])
+    silicon = "star_tracker.catalogue.system=silicon"
+    assert "5.5 (both in silicon)" in the_message(DEFAULT, [f"{key}=5 mag", silicon])
+    assert "silicon 7.5 is matched, the camera draws" in the_message(DEFAULT, [f"{key}=7.5 mag", silicon])

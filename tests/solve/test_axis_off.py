@@ -11,11 +11,12 @@ from shefex_nav.geometry.rotation import (
     quat_from_dcm,
     rotvec_from_quat,
 )
-from shefex_nav.solve import lens
+from shefex_nav.solve import adjust, lens
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.image import solve_image
 
 YEAR = night_sky.YEAR
+SIZE_PX = 1024, 768
 CUT_PX = 50  # of each side of the picture that is drawn; what is left has its axis up to half of it off
 
 
@@ -27,25 +28,77 @@ def cut(rng, fov_deg, limit):
     off_px = np.array([0.5 * CUT_PX - left, 0.5 * CUT_PX - top])
     focal_px = 0.5 * width / np.tan(0.5 * np.radians(fov_deg))
     axis_C_ci = np.array(night_sky.axes(shot.ra_deg, shot.dec_deg, shot.roll_deg))
-    away = np.hypot(*off_px) / focal_px
-    x, y = off_px / focal_px * np.arctan(away) / away
-    C_ci = dcm_from_rotvec(np.array([-y, x, 0.0])) @ axis_C_ci
+    C_ci = of_axis(axis_C_ci, -off_px / focal_px)
     image = night_sky.to_8_bit(shot.image[top : top + 768, left : left + 1024])
     return image, C_ci, off_px
 
 
+def squares(C_ci, true_C_ci, P_c):
+    """NEES of an attitude with covariance P_c (3, 3)."""
+    d = rotvec_from_quat(quat_from_dcm(C_ci @ true_C_ci.T))
+    return d @ np.linalg.solve(P_c, d)
+
+
+def of_axis(C_ci, off):
+    """Attitude of the axis of a pinhole whose principal point is `off` (2,) focal lengths from the middle."""
+    away = np.hypot(*off)
+    x, y = off * np.arctan(away) / away
+    return dcm_from_rotvec(np.array([-y, x, 0.0])).T @ C_ci
+
+
 def test_errors_are_what_the_covariance_says_with_the_axis_off_the_middle():
-    """Mean NEES of 24 pictures of 62 deg within 99.9 % of chi squared; of the middle without it some 20."""
+    """Mean NEES of 24 pictures of 62 deg within 99.9 % of chi squared; of the middle without it some 20.
+
+    That of the axis as well, which is known ten times less well.
+    """
     rng, values = np.random.default_rng(31), []
     for _ in range(24):
         image, C_ci, off_px = cut(rng, 62.0, 5.0)
         found = solve_image(image, epoch=YEAR)
         assert found.status == "ok"
-        d = rotvec_from_quat(quat_from_dcm(dcm_from_quat(found.q_ci) @ C_ci.T))
-        values.append(d @ np.linalg.solve(found.covariance, d))
+        axis_C_ci = of_axis(C_ci, off_px / (512.0 + 0.5 * CUT_PX) * np.tan(np.radians(31.0)))
+        values.append(
+            (
+                squares(dcm_from_quat(found.q_ci), C_ci, found.covariance),
+                squares(dcm_from_quat(found.camera_q_ci), axis_C_ci, found.camera_covariance),
+            )
+        )
         # the axis itself is found as well, to a pixel or so
         assert np.abs(np.array(found.camera.principal_point_px) - [511.5, 383.5] - off_px).max() < 3.0
-    assert chi2.ppf(0.0005, 72) / 24 < np.mean(values) < chi2.ppf(0.9995, 72) / 24
+    low, high = chi2.ppf([0.0005, 0.9995], 72) / 24
+    assert (low < np.mean(values, axis=0)).all() and (np.mean(values, axis=0) < high).all()
+
+
+def seen(rng, fov_deg, n_stars):
+    """A lens as `spread` has them, and what it shows: Lens, its prior, stars, centroids, covariances."""
+    focal_px = 512.0 / np.tan(0.5 * np.radians(fov_deg))
+    prior = lens.spread(640.0 / focal_px)
+    is_lens = False
+    while not is_lens:
+        truth = lens.of_terms(dcm_from_rotvec(rng.normal(size=3)), focal_px, rng.normal(0.0, prior))
+        is_lens = lens.is_lens(truth, SIZE_PX)
+    xy_px = rng.uniform([0.0, 0.0], [1023.0, 767.0], (n_stars, 2))
+    u_i = lens.rays(truth, SIZE_PX, xy_px) @ truth.axis_C_ci
+    noise_px = rng.uniform(0.1, 0.3, n_stars)
+    xy_px = lens.project(truth, u_i, SIZE_PX)[0] + noise_px[:, None] * rng.normal(size=(n_stars, 2))
+    return truth, prior, u_i, xy_px, noise_px[:, None, None] ** 2 * np.eye(2)
+
+
+@pytest.mark.parametrize("fov_deg", [12.0, 30.0, 62.0])
+def test_errors_of_the_axis_are_what_its_covariance_says(fov_deg):
+    """Mean NEES of 400 lenses within 99.9 % of chi squared: of a narrow field the prior, of a wide one stars.
+
+    With the covariance of the middle it is some 100 and more.
+    """
+    rng, values = np.random.default_rng(34), []
+    for _ in range(400):
+        truth, prior, u_i, xy_px, P_px = seen(rng, fov_deg, 60)
+        best = adjust.adjust(truth, prior, u_i, xy_px, P_px, SIZE_PX)
+        found, P_c = best.lens.axis_C_ci, best.covariance
+        values.append([squares(found, truth.axis_C_ci, P) for P in (adjust.of_axis(P_c), P_c[:3, :3])])
+    nees, by_middle = np.mean(values, axis=0)
+    assert chi2.ppf(0.0005, 1200) / 400 < nees < chi2.ppf(0.9995, 1200) / 400
+    assert by_middle > 100.0
 
 
 def test_axes_of_the_middle_and_of_the_camera():
@@ -75,4 +128,6 @@ def test_a_wide_camera_that_is_told(fov_deg):
         focal_px = 512.0 / np.tan(0.5 * np.radians(fov_deg))
         for factor in (0.982, 1.0, 1.018):
             camera = Camera(1024, 768, factor * focal_px)
-            assert solve_image(night_sky.to_8_bit(shot.image), epoch=YEAR, camera=camera).status == "ok"
+            found = solve_image(night_sky.to_8_bit(shot.image), epoch=YEAR, camera=camera)
+            assert found.status == "ok"
+            assert (found.camera_covariance == found.covariance).all()  # its axes are the told ones

@@ -5,11 +5,13 @@ import json
 import night_sky
 import numpy as np
 import pytest
+import test_axis_off
 import test_picture
 from PIL import Image
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from shefex_nav import solve_image
+from shefex_nav import Camera, solve_image
 from shefex_nav.commands.app import app
 from shefex_nav.commands.solve import julian_year
 from shefex_nav.solve.overlay import describe, free_place
@@ -38,7 +40,8 @@ def test_json(sky):
     assert list(result) == [
         "version", "file", "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg",
         "matched", "false_probability", "wall_ms", "axis_ra_deg", "axis_dec_deg", "q_ic", "sigma_arcsec",
-        "covariance_rad2", "residual_px", "aberration_removed", "julian_year", "date_from", "fov_x_sigma_deg",
+        "covariance_rad2", "residual_px", "aberration_removed", "julian_year", "date_from", "camera",
+        "camera_q_ci", "camera_covariance_rad2", "fov_x_sigma_deg",
     ]  # fmt: skip
     assert (result["file"], result["date_from"]) == (str(path), "epoch")
     for name in ("ra_deg", "dec_deg"):  # to 0.004 arcsec: a narrow field keeps the axis in the middle
@@ -50,6 +53,39 @@ def test_json(sky):
     names = {match["hip"]: (match["name"], match["designation"]) for match in result["matched"]}
     assert names[27989] == ("Betelgeuse", "alpha Ori") and names[26207][1] == "lambda Ori"
     assert 0.0 < result["false_probability"] < 1e-7 and result["wall_ms"] > 0.0
+
+
+def test_json_has_the_camera_that_was_found(tmp_path):
+    """With its numbers alone, by the formula of OpenCV, stars are where they are in the picture."""
+    image, _, off_px = test_axis_off.cut(np.random.default_rng(32), 62.0, 5.0)
+    Image.fromarray(image).save(tmp_path / "wide.png")
+    result = json.loads(solve(tmp_path / "wide.png", "--json", "--epoch", int(night_sky.YEAR)).stdout)
+    camera = result["camera"]
+    assert list(camera) == ["width_px", "height_px", "focal_length_px", "principal_point_px", "distortion"]
+    assert (camera["width_px"], camera["height_px"]) == (1024, 768)
+    assert np.abs(np.array(camera["principal_point_px"]) - [511.5, 383.5] - off_px).max() < 3.0
+    assert camera["focal_length_px"] == pytest.approx(537.0 / np.tan(np.radians(31.0)), rel=0.01)
+    matched = result["matched"]
+    rows = [np.flatnonzero(night_sky.STARS.hip == one["hip"])[0] for one in matched]
+    w, x, y, z = result["camera_q_ci"]
+    turn = Rotation.from_quat([x, y, z, w])  # scalar last
+    X, Y, Z = turn.apply(night_sky.STARS.u_i[rows]).T
+    x, y = X / Z, Y / Z
+    k1, k2, p1, p2, k3 = camera["distortion"]
+    r2 = x * x + y * y
+    radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    bent = np.array(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ]
+    )
+    place_px = np.array(camera["principal_point_px"]) + camera["focal_length_px"] * bent.T
+    off = place_px - [[one["x_px"], one["y_px"]] for one in matched]
+    assert np.median(np.hypot(*off.T)) < 0.3
+    P = np.array(result["camera_covariance_rad2"])
+    assert (np.diag(P)[:2] > 25.0 * np.diag(result["covariance_rad2"])[:2]).all()
+    assert np.array(Camera(**camera).principal_point_px) == pytest.approx(camera["principal_point_px"])
 
 
 @pytest.mark.parametrize("fov", ["14 deg", "13", "0.25 rad", "15°"])

@@ -19,6 +19,7 @@ from shefex_nav.onboard.startracker.settings import Catalogue
 from shefex_nav.settings import declared
 
 SILICON_TO = 6.5  # magnitude in silicon: red stars to it that are fainter than V 8 are few
+ENDS = f"the table of stars ends at V 8, which is whole to {SILICON_TO:g} in silicon"
 KINDS, SYSTEMS = (get_args(declared(Catalogue)[name][0]) for name in ("kind", "system"))
 
 
@@ -125,16 +126,22 @@ def pool(settings, catalogue, inclusive=True):
         raise CatalogueError.of(
             "faintest", f"no star is as bright as {settings.system} {settings.faintest:g}"
         )
+    if settings.system == "silicon" and settings.faintest > SILICON_TO:
+        raise CatalogueError.of("faintest", ENDS)
     if settings.system == "silicon":
-        if settings.faintest > SILICON_TO:
-            words = f"the table of stars ends at V 8, which is whole to {SILICON_TO:g} in silicon"
-            raise CatalogueError.of("faintest", words)
         stars = photocentres(catalogue, own[within].max(), settings.merge_radius, own)
     else:
         stars = photocentres(catalogue, catalogue.vmag[within].max(), settings.merge_radius)
     stars = select(stars, np.isin(stars.hip, catalogue.hip[within]))
     stars = select(stars, np.argsort(magnitudes(stars, settings.system), kind="stable"))
     return stars, magnitudes(stars, settings.system)
+
+
+def check_deepest(settings):
+    """CatalogueError where stars are not whole to identification.deepest. settings : StarTracker"""
+    deepest = settings.identification.deepest
+    if settings.catalogue.system == "silicon" and deepest is not None and deepest > SILICON_TO:
+        raise CatalogueError(ENDS, ("star_tracker", "identification", "deepest"))
 
 
 def magnitudes(stars, system):

@@ -6,6 +6,7 @@ its gate. The gate is GATE_SIGMA wide, or narrower where the stars are so dense 
 it more often than FALSE_MATCH; an object with two stars in the gate stays without a name, and so does one
 whose star has another. A star also has to be as bright as its object, by a zero point from the stars named
 before.
+All magnitudes here, the limit among them, are in the band of the catalogue on board (`catalogue.system`).
 
 Many stars tell their own noise: where the median of their distances is larger than chance makes it, all
 covariances grow by that, before the gates and the test of single stars are applied again.
@@ -48,9 +49,14 @@ class DeepStars(NamedTuple):
 def build(settings, first, catalogue, julian_year):
     """DeepStars of the settings.StarTracker, the OnboardCatalogue of its identification and all stars.
 
-    catalogue : StarCatalogue, to V = 8
+    identification.deepest is in the band of `catalogue.system`, as the magnitudes of `first` are: the zero
+    point comes from those, and tells how bright the others look.
+
+    catalogue : StarCatalogue, to V = 8;  CatalogueError: where it is not whole to `deepest` in that band
     """
-    limit = {"kind": "magnitude_limited", "faintest": settings.identification.deepest, "system": "V"}
+    onboard_catalogue.check_deepest(settings)
+    # a shallower limit of the south is that of the identification
+    limit = {"kind": "magnitude_limited", "faintest": settings.identification.deepest, "faintest_south": None}
     more = onboard_catalogue.build(changed(settings.catalogue, limit), catalogue, julian_year)
     others = ~np.isin(more.hip, first.hip)
     stars = OnboardCatalogue(

@@ -145,7 +145,8 @@ class Identification(Settings):
     deepest: float | None = quantity(
         "mag",
         "7 mag",
-        "deep matching: once identified, fainter objects get their names too, to this V; left out: none",
+        "deep matching: once identified, fainter objects get their names too, to this magnitude of "
+        "catalogue.system; left out: none",
         None,
         at_most="8 mag",
     )
