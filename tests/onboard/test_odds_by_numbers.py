@@ -247,7 +247,7 @@ def task_of(score, min_stars=4, threshold=15.0, error_px=0.2):
     )
 
 
-def told(monkeypatch, score, badly=(False, 0.0), leans=False, image=False, **task):
+def told(monkeypatch, score, badly=(False, 0.0, 0.0), leans=False, image=False, **task):
     """Verdict with given answers of the doubts."""
     monkeypatch.setattr(bayes, "margin", lambda task: task.best.score[0] - max(task.best.score[1], 0.0))
     monkeypatch.setattr(bayes, "predict", lambda *a: 5)
@@ -255,7 +255,7 @@ def told(monkeypatch, score, badly=(False, 0.0), leans=False, image=False, **tas
     monkeypatch.setattr(bayes, "fits_badly", lambda *a: badly)
     monkeypatch.setattr(bayes, "leans_on_one_star", lambda *a: leans)
     monkeypatch.setattr(bayes, "has_second_image", lambda *a: image)
-    reason, denied = plain(bayes.verdict)(task_of(score, **task))
+    reason, denied, _ = plain(bayes.verdict)(task_of(score, **task))
     return Reason(reason).name if reason else "", denied
 
 
@@ -263,8 +263,8 @@ GOOD = [20.0, -3.0, 3.0, 0.5, F, 0.2]
 
 
 def test_an_attitude_is_given_out_only_without_a_doubt(monkeypatch):
-    assert told(monkeypatch, GOOD, badly=(False, 5.0)) == ("", 5.0)
-    assert told(monkeypatch, GOOD, badly=(True, 5.0)) == ("RESIDUALS", 5.0)
+    assert told(monkeypatch, GOOD, badly=(False, 5.0, 9.0)) == ("", 5.0)
+    assert told(monkeypatch, GOOD, badly=(True, 5.0, 9.0)) == ("RESIDUALS", 5.0)
     assert told(monkeypatch, GOOD, leans=True)[0] == told(monkeypatch, GOOD, image=True)[0] == "AMBIGUOUS"
     assert told(monkeypatch, [14.9, *GOOD[1:]])[0] == "NO_MATCH"
     assert told(monkeypatch, [15.0, *GOOD[1:]])[0] == ""
@@ -274,14 +274,14 @@ def test_an_attitude_is_given_out_only_without_a_doubt(monkeypatch):
     assert told(monkeypatch, [14.0, *GOOD[1:]], min_stars=8)[0] == "NO_MATCH"
 
 
-def concluded(monkeypatch, score, reason=0, denied=0.0, tracked=False, again=None):
+def concluded(monkeypatch, score, reason=0, denied=0.0, nu=9.0, tracked=False, again=None):
     """Solution, what was looked at, the task; again: score and reason with the noise that a frame shows."""
-    looked, verdicts = [], [(reason, denied)]
+    looked, verdicts = [], [(reason, denied, nu)]
     grown = task_of(again[0], error_px=1.0) if again else None
 
     def with_noise(task, growth):
         assert growth == pytest.approx(np.sqrt(denied)) and task.scene.centroid_error == 0.2
-        verdicts.append((again[1], 0.0))
+        verdicts.append((again[1], 0.0, 0.0))
         return grown
 
     monkeypatch.setattr(bayes, "margin", lambda task: task.best.score[0] - max(task.best.score[1], 0.0))
@@ -313,30 +313,61 @@ def test_what_is_given_out_has_the_covariance_of_its_information(monkeypatch):
     assert np.isnan(refused.q_ci).all() and refused.P_c.shape == (3, 3) and np.isnan(refused.P_c).all()
 
 
+def test_few_stars_that_deny_the_told_noise_have_that_of_their_neighbourhood(monkeypatch):
+    """Which five squares tell, by Student's distribution; however large it is, no other fit is tried."""
+    for denied in (30.0, 300.0):
+        got, _, task = concluded(monkeypatch, GOOD, denied=denied, nu=5.0)
+        information = (task.best.L @ task.best.L.T)[:3, :3]
+        variance = 0.04 * denied * stats.t(5).var()
+        np.testing.assert_allclose(got.P_c, variance * np.linalg.inv(information), rtol=1e-9)
+        refused, _, _ = concluded(monkeypatch, GOOD, int(Reason.RESIDUALS), denied, nu=5.0)
+        assert refused.reason == Reason.RESIDUALS
+
+
 @pytest.mark.parametrize("reason", [0, int(Reason.RESIDUALS)])
 def test_a_frame_that_denies_the_told_noise_is_judged_by_the_one_it_shows(monkeypatch, reason):
     weaker = [16.0, -3.0, 3.0, 0.5, F, 1.0]
     got, _, task = concluded(monkeypatch, GOOD, reason, 30.0, again=(weaker, 0))
     information = (task.best.L @ task.best.L.T)[:3, :3]
-    np.testing.assert_allclose(got.P_c, (4.0 + 0.5) / (4.0 + 7.0) * np.linalg.inv(information), rtol=1e-9)
+    variance = 0.5 / 7.0 * stats.t(7).var()  # of the residuals alone
+    np.testing.assert_allclose(got.P_c, variance * np.linalg.inv(information), rtol=1e-9)
     assert got.reason == 0 and got.log_odds == 16.0
     assert got.false_probability == pytest.approx(0.003 * np.exp(-16.0))
     for score, after in (([14.9, *weaker[1:]], 0), (weaker, int(Reason.RESIDUALS))):
         got, _, _ = concluded(monkeypatch, GOOD, reason, 30.0, again=(score, after))
         assert got.reason == Reason.RESIDUALS and np.isnan(got.q_ci).all()
     assert concluded(monkeypatch, GOOD, int(Reason.AMBIGUOUS), 30.0)[0].reason == Reason.AMBIGUOUS
-    assert concluded(monkeypatch, GOOD, reason, 144.0)[0].reason == reason  # it cannot be seen how much
+    assert concluded(monkeypatch, GOOD, reason, 144.0)[0].reason == Reason.RESIDUALS  # how much, is not seen
 
 
-@pytest.mark.parametrize("dof", [5, 7, 11, 25])
-def test_the_tail_of_an_attitude_whose_noise_the_residuals_tell(dof):
+@pytest.mark.parametrize("n_par, growth", [(3, 4.0), (4, 4.0), (3, 80.0)])
+def test_another_noise_is_that_of_all_that_is_looked_at_again(monkeypatch, n_par, growth):
+    """From the attitude and the focal length that were found, the focal length free if it was; the prior and
+    the rival stay."""
+    looked = []
+    monkeypatch.setattr(bayes, "look", lambda *a: looked.append(a))
+    fields = {name: object() for name in bayes.Task._fields}
+    score = np.array([20.0, 3.0, n_par, 0.5, 1.01 * F, 0.2])
+    told = bayes.Scene(*[object() for _ in bayes.Scene._fields])._replace(centroid_error=0.15)
+    task = bayes.Task(**fields)._replace(scene=told, best=best_of(score))
+    again = plain(bayes.with_noise)(task, growth)
+    (asked, focal_px, gate_px, lever, free) = looked[0]
+    assert asked is again and focal_px == 1.01 * F and free == (n_par == 4)
+    assert gate_px == pytest.approx(min(4.5 * 0.15 * growth, 10.0)) and lever.near2 == gate_px**2
+    assert again.scene == told._replace(centroid_error=0.15 * growth)
+    assert again._replace(scene=told, best=task.best) == task
+    np.testing.assert_array_equal(again.best.trial_C, task.best.C)
+    assert again.best.score.tolist() == [-np.inf, 3.0, 3.0, 0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("nu", [2.75, 4.25, 11.0, 25.0])
+def test_the_tail_of_an_attitude_whose_noise_the_residuals_tell(nu):
     """A bound of Student's tail, and not twice as large where it matters."""
-    nu = max(0.75 * dof - 1.0, 2.5)
     for sigma_deg in (0.01, 0.05, 0.1, 0.2):
         P_c = np.diag([1.0, 2.0, 7.0]) * np.radians(sigma_deg) ** 2 / 10.0
         x = 0.5 / sigma_deg * np.sqrt(nu / (nu - 2.0))
         tail = 2.0 * stats.t(nu).sf(x)
-        assert tail < plain(bayes.beyond)(P_c, dof) < 2.0 * tail
+        assert tail < plain(bayes.beyond)(P_c, nu) < 2.0 * tail
 
 
 def test_noise_of_another_size_needs_an_attitude_that_is_well_known(monkeypatch):
@@ -344,11 +375,14 @@ def test_noise_of_another_size_needs_an_attitude_that_is_well_known(monkeypatch)
     for chi2, beyond, reason in (
         (0.99, 2e-3, 0), (1.01, 2e-3, int(Reason.RESIDUALS)), (1.01, 0.9e-3, 0)
     ):  # fmt: skip
-        monkeypatch.setattr(bayes, "beyond", lambda P_c, dof, beyond=beyond: beyond)
+        monkeypatch.setattr(bayes, "beyond", lambda P_c, nu, beyond=beyond: beyond)
         score = [*GOOD[:3], chi2 * 7.0 * (5.0 * 0.2) ** 2, *GOOD[4:]]
-        got = concluded(monkeypatch, score)[0]
-        assert got.reason == reason and np.isnan(got.P_c).all() == np.isnan(got.q_ci).all() == (reason > 0)
-        assert (got.star >= 0).any() == (reason == 0)
+        for again in (None, (score, 0)):  # of the told error, also after another fit
+            got = concluded(monkeypatch, score, denied=30.0 if again else 0.0, again=again)[0]
+            assert got.reason == reason and np.isnan(got.P_c).all() == np.isnan(got.q_ci).all() == (
+                reason > 0
+            )
+            assert (got.star >= 0).any() == (reason == 0)
 
 
 def test_the_expected_number_of_chance_attitudes(monkeypatch):

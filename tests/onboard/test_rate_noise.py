@@ -9,7 +9,7 @@ from plain import plain
 from scipy import stats
 from unpacked import propagate, window
 
-from shefex_nav.onboard.navigation import fusion, momentary, rate_noise
+from shefex_nav.onboard.navigation import fusion, momentary, prediction, rate_noise
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.records import ImuBlock
 
@@ -93,6 +93,32 @@ def test_a_turn_is_followed_at_once_and_in_the_end_all_of_it():
     np.testing.assert_allclose(driven[200], 100.0 - rate_noise.BAND * 2.0)
     assert driven[-1] == pytest.approx(100.0, abs=0.01)
     assert np.abs(followed(1e3 * rates, 0.0) - 1e3 * rates).max() == 0.0
+
+
+def test_rounding_and_swinging_at_rest_widen_the_band():
+    """Of an angle with 3 mrad at either end of a tick."""
+    row, errors = SimpleNamespace(gyro_random_walk=0.0), np.zeros((2, 3))
+    for column in (momentary.ROUNDING, momentary.COAST):
+        errors[:] = 0.0
+        errors[momentary.ATTITUDE, column] = 3e-3**2
+        noise = plain(rate_noise.of_tick)(row, errors, 0.0, 0.0, 100.0, T)
+        assert noise == pytest.approx(rate_noise.BAND * np.sqrt(2.0) * 3e-3 / T)
+
+
+def test_a_tick_has_the_noise_of_its_own_axes_and_keeps_it():
+    """More noise of one gyro, as of one that is not read, and of the accelerometers, which is none of it."""
+    nav = fusion.start(NOISY, alignment(START), EARTH)
+    for k in range(1, 4):
+        rates = np.array([5.0, -7.0, 9.0]) if k == 3 else np.zeros(3)
+        place = nav.history.make_room(4)
+        nav.history.increments[place, 2:6] = np.tile(np.append(rates * DT, np.zeros(3)), (4, 1))
+        nav.history.extra[place] = [[0.0, 4.0 * T, 0.0], [9.0, 9.0, 9.0], [0.0, 0.0, 0.0]]
+        number, motors = nav.history.newest + 1, nav.params.motors
+        prediction.enter(nav.constants, nav.history.arrays, number, motors, k * T, DT, 4)
+        nav.history.extend([k * T])
+    band = rate_noise.BAND * WALK / np.sqrt(T)
+    within = -7.0 * (1.0 - T / rate_noise.FOLLOWS_S)  # of a band of 8 rad/s
+    np.testing.assert_allclose(nav.history.imu(-1).rate_noise, [band, within, band], rtol=1e-9)
 
 
 def test_noise_of_more_widens_the_band():

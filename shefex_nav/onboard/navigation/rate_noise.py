@@ -10,6 +10,7 @@ mean of the last `FOLLOWS_S`, but never further from what is measured than chanc
 white noise and rounding. A turn is followed at once; what is left out of it is at most `BAND` times the
 noise of a tick for the time `FOLLOWS_S`, times a scale factor.
 
+Not covered: while the rate changes by more than the band within `FOLLOWS_S`, w has the noise of each tick.
 A longer mean would be a bias that the filter does not know yet, and a rate of zero within the band would
 leave out all that a slow turn does. Both taught more falsehoods than they avoided.
 """
@@ -19,20 +20,20 @@ import numpy as np
 from shefex_nav.compiled import inner
 from shefex_nav.onboard.navigation import momentary
 
-FOLLOWS_S = 1.0  # [E] longer than stars need to find the angle of the noise, shorter than a manoeuvre
+FOLLOWS_S = 1.0  # [E] longer than ten star fixes a second need to find the angle of the noise
 BAND = 4.0  # sigma, which noise exceeds once in 16 000 ticks
 
 
 @inner(forceinline=True)
-def of_tick(noise, errors, extra, before, now, T):
+def of_tick(model, errors, extra, before, now, T):
     """The noise n of a tick, of one axis: rad/s.
 
-    noise : row of `error_model.record`;  errors : (2, 3) of `momentary`
+    model : row of `error_model.record`;  errors : (2, 3) of `momentary`
     extra : rad^2/s, white noise of more, as of an ImuWindow
     before : w of the tick before;  now : mean of what is measured in this one, T seconds
     """
     _, swing2 = momentary.variances(errors, 0.0)
-    band = BAND * np.sqrt((noise.gyro_random_walk**2 + extra) / T + 2.0 * swing2 / T**2)
+    band = BAND * np.sqrt((model.gyro_random_walk**2 + extra) / T + 2.0 * swing2 / T**2)
     follows = before + min(T / FOLLOWS_S, 1.0) * (now - before)
     return now - min(max(follows, now - band), now + band)
 

@@ -16,7 +16,6 @@ from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.doubts import (
-    KEPT,
     fits_badly,
     has_second_image,
     leans_on_one_star,
@@ -50,6 +49,7 @@ MIN_TRACKED = 3  # with a prediction ...
 NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wide one leaves room for chance
 BUDGET = 80_000  # stars looked at, before giving up
 PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
+MANY = 7.0  # [E] squares (seven stars) that tell a noise well enough to fit again with it
 MOST_NOISE = 12.0  # times the told centroid error: with more, stars leave the place where they are looked for
 OTHER_NOISE = 5.0  # [E] times the told centroid error: nothing that was told of it holds, and then ...
 WRONG, WRONG_LIMIT = np.radians(0.5), 1e-3  # ... no attitude that may be so far off, by this probability
@@ -223,19 +223,19 @@ def conclude(task, numbers, n, work, tracked):
         best.trial_C[:] = best.C  # is it the focal length?
         gate_px = WIDE_GATE * numbers.centroid_error
         look(task, numbers.focal_px, gate_px, no_lever(gate_px), True)
-    reason, denied = verdict(task)
-    if 0.0 < denied < MOST_NOISE**2 and (reason == 0 or reason == RESIDUALS):
+    reason, denied, nu = verdict(task)
+    refitted = denied > 0.0 and nu >= MANY and (reason == 0 or reason == RESIDUALS)
+    if refitted and denied < MOST_NOISE**2:
         task = with_noise(task, np.sqrt(denied))
         best, reason = task.best, verdict(task)[0]
-        if margin(task) < task.threshold:
-            reason = RESIDUALS
+    if refitted and (denied >= MOST_NOISE**2 or margin(task) < task.threshold):
+        reason = RESIDUALS
     odds, rival = best.score[0], best.score[1]
     wrong = (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0)
     wrong, P_c, q_ci = min(wrong, 1.0), np.full((3, 3), np.nan), np.full(4, np.nan)
     if reason == 0:
-        dof = covariance(task, P_c)
-        seen = best.score[3] / (dof * numbers.centroid_error**2)
-        if seen > OTHER_NOISE**2 and beyond(P_c, dof) > WRONG_LIMIT:
+        seen, nu = covariance(task, refitted, denied, nu, P_c)
+        if seen > (OTHER_NOISE * numbers.centroid_error) ** 2 and beyond(P_c, nu) > WRONG_LIMIT:
             reason, P_c[:] = RESIDUALS, np.nan
     if reason == 0:
         star[: len(best.star)], q_ci[:] = best.star, quat_from_dcm(best.C)
@@ -243,11 +243,23 @@ def conclude(task, numbers, n, work, tracked):
 
 
 @inner
-def covariance(task, P_c):
-    """Write the covariance (3, 3) [rad^2] of the best attitude, by the residuals. -> degrees of freedom"""
+def covariance(task, refitted, denied, nu, P_c):
+    """Write the covariance (3, 3) [rad^2] of the best attitude.
+
+    The noise is that of the residuals, with the told one for an observation of it. One that is denied is that
+    of the neighbourhood, `denied` times the told variance, known by nu squares; after another fit the
+    residuals tell it alone.
+
+    -> px^2, mean square of the residuals; squares of which a noise is known that is denied
+    """
     best, variance, n_par = task.best, task.scene.centroid_error**2, int(task.best.score[2])
-    dof = 2 * (best.star >= 0).sum() - n_par
-    variance *= variance_seen(best.score[3] / variance, dof)
+    dof = 2.0 * (best.star >= 0).sum() - n_par
+    seen = best.score[3] / dof
+    if refitted:
+        nu = dof
+        variance = seen * student(nu)
+    else:
+        variance *= max(variance_seen(dof * seen / variance, dof), denied * student(nu))
     column = np.empty(4)
     for c in range(3):
         column[:] = 0.0
@@ -255,18 +267,23 @@ def covariance(task, P_c):
         solve_cholesky(best.L, column, n_par)
         for a in range(3):
             P_c[a, c] = column[a]
-    return dof
+    return seen, nu
 
 
 @inner
-def beyond(P_c, dof):
-    """Bound of the probability that an attitude is WRONG whose noise is known by its residuals alone.
+def student(nu):
+    """Variance of an error over that of the noise, which nu squares tell: Student's distribution."""
+    return nu / (nu - 2.0)
+
+
+@inner
+def beyond(P_c, nu):
+    """Bound of the probability that an attitude is WRONG whose noise is known by nu squares alone.
 
     Its error over its sigma has Student's distribution, of which it is the tail beyond x, with the density
     c (1 + t^2/nu)^(-(nu + 1)/2), c < 0.4, times t/x > 1.
     """
-    nu = max(KEPT * dof - 1.0, 2.5)
-    x = WRONG * np.sqrt(nu / ((nu - 2.0) * (P_c[0, 0] + P_c[1, 1] + P_c[2, 2])))
+    x = WRONG * np.sqrt(student(nu) / (P_c[0, 0] + P_c[1, 1] + P_c[2, 2]))
     return 0.8 * nu / ((nu - 1.0) * x) * (1.0 + x * x / nu) ** (-0.5 * (nu - 1.0))
 
 
@@ -274,7 +291,8 @@ def beyond(P_c, dof):
 def with_noise(task, growth):
     """The task with the centroid error so many times the told one, and its best attitude fitted again.
 
-    Stars beyond the gate of the told noise were left out, though the noise had moved them there.
+    Stars beyond the gate of the told noise were left out, though the noise had moved them there. A rival
+    keeps the odds that it had.
     """
     best, told = task.best, task.scene
     scene = Scene(
@@ -300,26 +318,27 @@ def variance_seen(chi2, dof):
     normal one by nu / (nu - 2).
     """
     factor, nu = misfit_factor(chi2, dof, PRIOR_DOF), PRIOR_DOF + dof
-    return factor if factor <= 1.0 else 1.0 + (factor - 1.0) * nu / (nu - 2.0)
+    return factor if factor <= 1.0 else 1.0 + (factor - 1.0) * student(nu)
 
 
 @inner
 def verdict(task):
     """Why the best attitude must not be given out: a Reason, 0 when it may be; see `doubts`.
 
-    And the variance of the centroids over the told one if the neighbourhood of the stars denies that.
+    And the variance of the centroids over the told one if the neighbourhood of the stars denies that, else
+    0; and the squares of which it is known.
     """
     best = task.best
     if margin(task) < task.threshold:
         if best.score[0] >= task.threshold:
-            return AMBIGUOUS, 0.0
-        return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH, 0.0
+            return AMBIGUOUS, 0.0, 0.0
+        return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH, 0.0, 0.0
     n_par, focal_px, noise_px = int(best.score[2]), best.score[4], best.score[5]
     n = predict(task.stars, task.scene, best.C, focal_px, task.room)
-    badly, denied = fits_badly(task, n, n_par)
+    badly, denied, nu = fits_badly(task, n, n_par)
     if badly:
-        return RESIDUALS, denied
+        return RESIDUALS, denied, nu
     recall(task, n)
     if leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px):
-        return AMBIGUOUS, denied
-    return 0, denied
+        return AMBIGUOUS, denied, nu
+    return 0, denied, nu

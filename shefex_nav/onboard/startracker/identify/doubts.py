@@ -72,6 +72,7 @@ def fits_badly(task, n, n_par):
     bool : the squared residuals are beyond the largest noise that is thought possible; quantile of chi
         squared by Wilson and Hilferty (1931)
     float : variance of the centroids over the told one where that is DENIED, else 0
+    float : squares of which that is known
     """
     scene, view = task.scene, task.room
     widest_px = NOISE_SCALES[-1] * scene.centroid_error
@@ -89,8 +90,7 @@ def fits_badly(task, n, n_par):
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
     seen = best / (KEPT_MEAN * dof * scene.centroid_error**2)
     nu = max(KEPT * dof - 1.0, 2.5)  # squares of which it is known; one for the choice of those that fit
-    denied = seen * nu / (nu - 2.0) if seen > DENIED else 0.0
-    return best > KEPT_SHARE * limit * widest_px**2, denied
+    return best > KEPT_SHARE * limit * widest_px**2, seen if seen > DENIED else 0.0, nu
 
 
 @inner
