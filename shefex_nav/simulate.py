@@ -186,8 +186,7 @@ def _on_board(world, scenario, seed, step, schedule, telemetry):
 
     step : of pictures, if there are any
     """
-    params, year = world.computer, catalogue_year(scenario.mission.epoch)
-    tracker = star_tracker.init(params.tracker, world.catalogue, year)
+    params, tracker = world.computer, tracker_on_board(scenario, world)
     line, take = faults.StarLine(world.faults.star_tracker, noise.generator(seed, "faults")), camera.expose
     if is_statistical := statistical.is_wanted(scenario):
         sight = statistical.Statistical(scenario, world, tracker, seed, line)
@@ -311,6 +310,11 @@ def catalogue_year(epoch):
     return round(ephemeris.julian_year(epoch) * 365.25) / 365.25
 
 
+def tracker_on_board(scenario, world):
+    """star_tracker.Tracker of a mission; CatalogueError where the stars that it wants are not there."""
+    return star_tracker.init(world.computer.tracker, world.catalogue, catalogue_year(scenario.mission.epoch))
+
+
 def warm_up(scenario, world=None):
     """Compile or load every kernel of the route, so that a run is not measured with its compiler.
 
@@ -321,8 +325,7 @@ def warm_up(scenario, world=None):
     # software of a user's own flies once, not here
     for _ in route(world, software.with_built_in(scenario), 0, until_s=scenario.mission.start + 1.5):
         pass
-    year = catalogue_year(scenario.mission.epoch)
-    tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)
+    tracker = tracker_on_board(scenario, world)
     state, command = star_tracker.start(tracker, scenario.mission.start)
     trajectory = looking_up(world.flight.trajectory, world.camera)
     rng = noise.generator(0, "camera_noise")

@@ -158,6 +158,18 @@ def test_broken_scenario_is_one_message_and_exit_code_2(kind, verb, command, def
     assert not out.exists()
 
 
+@pytest.mark.parametrize("override", ["catalogue.faintest=7 mag", "identification.deepest=7 mag"])
+def test_a_star_tracker_without_a_catalogue_replaces_no_log(override, command, tmp_path):
+    """The table of stars is whole to 6.5 in silicon: said before the log of an earlier run is touched."""
+    log = tmp_path / "earlier.mcap"
+    log.write_bytes(b"an earlier run")
+    given = ("--set", "star_tracker.catalogue.system=silicon", "--set", f"star_tracker.{override}")
+    result = command("run", "night_sky", "--until", "2s", *given, "--out", log, "--force")
+    assert (result.code, result.out) == (2, "")
+    assert f"star_tracker.{override.split('=')[0]}: the table of stars ends at V 8" in result.err
+    assert log.read_bytes() == b"an earlier run"
+
+
 @pytest.mark.parametrize("verb", ["run", "check", "campaign", "compare", "replay"])
 def test_a_key_that_is_set_twice_is_refused(verb, command, default_scenario):
     """The last would be taken without a word; keys of one section are none of this."""

@@ -113,6 +113,7 @@ def fly(
     world = prepare.build_world(scenario, seed, room=room)
     told(_warned(scenario, world.flight))
     room.release()
+    simulate.tracker_on_board(scenario, world)  # one without a catalogue is refused before a log is replaced
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     if pace is not None or warmup.uses_are_noted():
         simulate.warm_up(scenario, world)  # in real time what takes longer the first time would be late

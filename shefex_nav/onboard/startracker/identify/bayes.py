@@ -225,11 +225,13 @@ def conclude(task, numbers, n, work, tracked):
         look(task, numbers.focal_px, gate_px, no_lever(gate_px), True)
     reason, denied, nu = verdict(task)
     refitted = denied > 0.0 and nu >= MANY and (reason == 0 or reason == RESIDUALS)
-    if refitted and denied < MOST_NOISE**2:
+    if refitted and denied >= MOST_NOISE**2:
+        reason = RESIDUALS
+    elif refitted:
         task = with_noise(task, np.sqrt(denied))
         best, reason = task.best, verdict(task)[0]
-    if refitted and (denied >= MOST_NOISE**2 or margin(task) < task.threshold):
-        reason = RESIDUALS
+        if margin(task) < task.threshold:
+            reason = RESIDUALS
     odds, rival = best.score[0], best.score[1]
     wrong = (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0)
     wrong, P_c, q_ci = min(wrong, 1.0), np.full((3, 3), np.nan), np.full(4, np.nan)
