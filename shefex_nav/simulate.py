@@ -302,17 +302,14 @@ class Schedule:
         return min(self.busy[k], self.ticks) if k < len(self.busy) else self.ticks
 
 
-def catalogue_year(epoch):
-    """Epoch of the catalogue on board: that of the day. No star moves by more than 0.02 arcsec within it.
-
-    So a launch that is held for minutes flies the same catalogue. As `ephemeris.julian_year`
-    """
-    return round(ephemeris.julian_year(epoch) * 365.25) / 365.25
-
-
 def tracker_on_board(scenario, world):
-    """star_tracker.Tracker of a mission; CatalogueError where the stars that it wants are not there."""
-    return star_tracker.init(world.computer.tracker, world.catalogue, catalogue_year(scenario.mission.epoch))
+    """star_tracker.Tracker of a mission; CatalogueError where the stars that it wants are not there.
+
+    Its stars are those of the day: none moves by more than 0.02 arcsec within it, so a launch that is held for
+    minutes flies the same catalogue.
+    """
+    year = round(ephemeris.julian_year(scenario.mission.epoch) * 365.25) / 365.25
+    return star_tracker.init(world.computer.tracker, world.catalogue, year)
 
 
 def warm_up(scenario, world=None):
