@@ -305,8 +305,8 @@ class Schedule:
 def tracker_on_board(scenario, world):
     """star_tracker.Tracker of a mission; CatalogueError where the stars that it wants are not there.
 
-    Its stars are those of the day: none moves by more than 0.02 arcsec within it, so a launch that is held for
-    minutes flies the same catalogue.
+    Its stars are those of the day, within which none moves by more than 0.02 arcsec: a launch that is held
+    for minutes flies the same catalogue.
     """
     year = round(ephemeris.julian_year(scenario.mission.epoch) * 365.25) / 365.25
     return star_tracker.init(world.computer.tracker, world.catalogue, year)
