@@ -242,7 +242,9 @@ class Link:
     def at(self, n):
         """As of Arrivals."""
         now_s = self.schedule.ends_s[n - 1]
-        self._pictures = [(self.line.picture(frame), truth) for frame, truth in self.shutter.arrived(now_s)]
+        self._pictures = self.shutter.arrived(now_s)
+        if self.line.faults:
+            self._pictures = [(self.line.picture(frame), truth) for frame, truth in self._pictures]
         return [*due(self.schedule.received, now_s), *(frame for frame, _ in self._pictures)]
 
     def search(self, *given):
@@ -250,7 +252,7 @@ class Link:
         begin = time.perf_counter()
         state, fix, command = self._step(*given)
         self._durations_s.append(time.perf_counter() - begin)
-        return state, self.line.fix(fix), command
+        return state, self.line.fix(fix) if self.line.faults else fix, command
 
     def records_of(self, arrived):
         """Records of what has arrived at the last tick, truth of the pictures first."""
@@ -274,7 +276,6 @@ class Schedule:
     ends_s : array of mission times at which the ticks end, from the first one on; its items are floats
     busy : ticks at which one of `received` has its turn
     ticks : int, how many are flown
-
     with_control : whether anybody wants the ControlSample
     stops : ticks that have a turn of their own in any case
     """
@@ -292,9 +293,8 @@ class Schedule:
 
     def skip(self, n):
         """What has come until tick n is not to come any more."""
-        if n:
-            for waiting in (self.events, self.steered, self.received):
-                due(waiting, self.ends_s[n - 1])
+        for waiting in (self.events, self.steered, self.received) if n else ():
+            due(waiting, self.ends_s[n - 1])
 
     def next_tick(self, n):
         """The first tick after n at which anything but a picture comes to the computer; or the last."""

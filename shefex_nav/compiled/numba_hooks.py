@@ -28,6 +28,7 @@ from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler_lock import global_compiler_lock, require_global_compiler_lock
 from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
+from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.extending import intrinsic, overload
 
@@ -168,8 +169,23 @@ def _uncounted(context, builder, kind, value):
     return value
 
 
+def _refuse_owners(kind):
+    """TypingError for a type whose memory is counted and which `_uncounted` does not know.
+
+    Of a value that may be None, for instance: its arrays would be freed once too often.
+    """
+    if isinstance(kind, types.BaseTuple):
+        for part in kind.types:
+            _refuse_owners(part)
+    elif isinstance(kind, types.Optional) or not isinstance(
+        kind, types.Array | types.Number | types.Boolean | types.NoneType | types.Record | types.Omitted
+    ):
+        raise TypingError(f"lent: arrays, numbers, None and tuples of these are lent, not {kind}")
+
+
 @intrinsic
 def _lent(typing_context, value):
+    _refuse_owners(value)
     return value(value), lambda context, builder, sig, args: _uncounted(
         context, builder, sig.args[0], args[0]
     )

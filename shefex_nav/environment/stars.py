@@ -75,7 +75,7 @@ def _numbers(text):
     whole, power_of_ten, digits, negative, has_point = 0, 1, 0, False, False
     for byte in text:
         if ZERO <= byte <= ZERO + 9:
-            whole, digits = 10 * whole + (byte - ZERO), digits + 1
+            whole, digits = 10 * whole + (int(byte) - ZERO), digits + 1
             power_of_ten = 10 * power_of_ten if has_point else power_of_ten
         elif byte == POINT and not has_point:
             has_point = True

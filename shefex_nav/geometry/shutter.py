@@ -17,6 +17,7 @@ class RowTimes(NamedTuple):
     middle_row: float  # (rows - 1) / 2
 
 
+@kernel
 def row_times(exposure_s, line_s, n_rows):
     """RowTimes of a detector with n_rows rows."""
     return RowTimes(float(exposure_s), float(line_s), 0.5 * (n_rows - 1))

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import place_at, seen_from_to, turn_jacobian, velocity
 
 STEADY = np.empty((0, 4))
@@ -124,14 +125,14 @@ def fit_offset_px(H, turns, way_px, sigma_px):
 
 
 @kernel
-def at_instant(camera, sigma_px, times, omega_c, table, xy_px):
+def at_instant(camera, sigma_px, exposed, omega_c, table, xy_px):
     """Where stars are at the frame's instant whose light a fit puts at xy_px.
 
     Parameters
     ----------
     camera : Pinhole
     sigma_px : of a spot, with the pixel's own; infinite where places are moments
-    times : RowTimes
+    exposed : exposure_s, line_s, n_rows of the frame, as `row_times` takes them
     omega_c : (3,) rad/s, mean rate of the exposure
     table : (m, 4)
     xy_px : (n, 2) as found
@@ -141,7 +142,7 @@ def at_instant(camera, sigma_px, times, omega_c, table, xy_px):
     places : (n, 2) px; NaN for a star that outruns the rows
     seen_s : (n,) s from the frame's instant, the middle of the time in which the light is collected
     """
-    places, seen_s = xy_px.copy(), np.empty(len(xy_px))
+    times, places, seen_s = row_times(*exposed), xy_px.copy(), np.empty(len(xy_px))
     before, turns = (np.nan, np.nan), turns_of(STEADY, 0.0, 0.0)
     for k in range(len(xy_px)):
         for _ in range(ROUNDS):

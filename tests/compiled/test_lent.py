@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba import config
+from numba.core.errors import TypingError
 
 from shefex_nav.compiled import entry, inner, kernel, lent
 
@@ -57,6 +59,21 @@ def test_the_owner_of_a_lent_array_keeps_its_count():
     for _ in range(20_000):
         assert with_own_arrays(x) == 3 * 12.0 + 3.0 + 6.0 + 0.0 + 1.0 + 2.0
     assert sys.getrefcount(x) == before
+
+
+@kernel
+def with_what_may_be_none(x, given):
+    room = None
+    if given:
+        room = x
+    return lent(room) is None
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="Python lends whatever there is")
+def test_what_may_be_none_is_not_lent():
+    """Nobody knows then whether there is an array whose count is left alone."""
+    with pytest.raises(TypingError, match="numbers, None and tuples of these are lent"):
+        with_what_may_be_none(np.ones(3), True)
 
 
 def test_a_kernel_for_known_types_is_that_kernel():

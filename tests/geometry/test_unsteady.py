@@ -79,9 +79,9 @@ def test_weights_of_a_fit_written_out(half_px):
 @pytest.mark.parametrize("line_s", [0.0, 4e-5])
 def test_each_star_is_brought_back_as_if_it_were_alone(line_s):
     """What stars share of an exposure is worked out once: to the last bit the same."""
-    omega, times = np.array([0.02, -0.03, 0.1]), row_times(T, line_s, CAMERA.height_px)
+    omega, exposed = np.array([0.02, -0.03, 0.1]), (T, line_s, CAMERA.height_px)
     seen_px = np.array([[100.0, 90.0], [500.0, 520.0], [520.0, 520.0], [950.0, 900.0]])
-    given = CAMERA, 1.0, times, omega, accelerated()
+    given = CAMERA, 1.0, exposed, omega, accelerated()
     places, seen_s = unsteady.at_instant(*given, seen_px)
     for k in range(len(seen_px)):
         place, at_s = unsteady.at_instant(*given, seen_px[k : k + 1])
@@ -93,8 +93,8 @@ def test_each_star_is_brought_back_as_if_it_were_alone(line_s):
 def test_places_come_back_to_the_instant(line_s):
     """Stars carried along the path, averaged over their exposures, and brought back."""
     omega = np.array([0.002, -0.003, 0.01])
-    times = row_times(T, line_s, CAMERA.height_px)
-    table = accelerated()
+    exposed = T, line_s, CAMERA.height_px
+    times, table = row_times(*exposed), accelerated()
     table[:, 0] *= 2.0  # the rows of a rolling shutter take longer than one exposure
     table[:, 1:] *= 4.0
     true_px = np.array([[100.0, 90.0], [500.0, 520.0], [950.0, 900.0]])
@@ -105,8 +105,8 @@ def test_places_come_back_to_the_instant(line_s):
         H = turn_jacobian(CAMERA, x, y)
         path = [place_at(CAMERA, omega, x, y, t) + H @ (0.5 * ALPHA * t**2) for t in at_s]
         seen_px[k] = np.mean(path, axis=0)
-    places, seen_s = unsteady.at_instant(CAMERA, 50.0, times, omega, table, seen_px)
+    places, seen_s = unsteady.at_instant(CAMERA, 50.0, exposed, omega, table, seen_px)
     np.testing.assert_allclose(places, true_px, atol=2e-3)
     np.testing.assert_allclose(seen_s, (true_px[:, 1] - times.middle_row) * line_s, atol=1e-4)
-    steady, _ = unsteady.at_instant(CAMERA, 50.0, times, omega, unsteady.STEADY, seen_px)
+    steady, _ = unsteady.at_instant(CAMERA, 50.0, exposed, omega, unsteady.STEADY, seen_px)
     assert np.abs(steady - true_px).max() > 0.1

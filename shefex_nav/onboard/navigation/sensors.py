@@ -76,14 +76,14 @@ def straightened(nav, arrival, index, fix):
     """
     if not fix.exposure_s > 0.0:
         return fix
-    history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
+    history, C_cb = nav.history, nav.params.C_bc.T
     now = history.moment(index, 0.0, fix.t_valid_s)
     bend_c = C_cb @ now.bend(fix.exposure_s)
-    _, attitude2 = momentary.variances(nav.constants.momentary, now.vibration)
-    noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + attitude2
-    if not bend_c @ bend_c > BEND_SEEN * noise:
+    walk2 = nav.params.imu.gyro_random_walk**2 * fix.exposure_s / 12.0
+    noise = walk2, nav.constants.momentary, now.vibration
+    is_seen, q_ic, P_c, P = _rotated_back(fix.q_ic, fix.P_c, bend_c, noise)
+    if not is_seen:
         return fix
-    q_ic, P_c, P = _rotated_back(fix.q_ic, fix.P_c, bend_c, noise)
     if fix.reason == Reason.NONE:
         fix = fix._replace(q_ic=q_ic, P_c=P_c)
     if _says_single_stars(arrival) and len(fix.stars.hip):
@@ -93,12 +93,19 @@ def straightened(nav, arrival, index, fix):
 
 @kernel
 def _rotated_back(q_ic, P_c, bend_c, noise):
-    """Attitude without a bend (3,) rad, its covariance with what the bend may be wrong by, and that alone."""
-    P = noise * np.eye(3)
+    """Attitude without a bend (3,) rad, its covariance with what the bend may be wrong by, and that alone.
+
+    noise : of the gyros in the bend, rad^2; errors of `momentary.of` and vibration, which add to it
+    -> whether more of the bend is seen than that noise; (4,), (3, 3), (3, 3) rad^2
+    """
+    walk2, errors, vibration = noise
+    noise2 = walk2 + momentary.variances(errors, vibration)[1]
+    P = noise2 * np.eye(3)
     for i in range(3):
         for j in range(3):
             P[i, j] += BEND_SHARE**2 * (bend_c[i] * bend_c[j])
-    return rotation.quat_multiply(q_ic, rotation.quat_from_rotvec(-bend_c)), P_c + P, P
+    is_seen = bend_c @ bend_c > BEND_SEEN * noise2
+    return is_seen, rotation.quat_multiply(q_ic, rotation.quat_from_rotvec(-bend_c)), P_c + P, P
 
 
 def _star_attitude(nav, now, fix):
@@ -111,8 +118,13 @@ def _star_vectors(nav, now, fix):
 
 def _shared_by_stars(nav, now):
     """What turns all stars of a fix against the predicted attitude of a Moment: rad, each axis."""
-    _, attitude2 = momentary.variances(nav.constants.momentary, now.vibration)
-    return math.sqrt(nav.params.star_fix_floor**2 + attitude2)
+    return _shared_kernel(nav.params.star_fix_floor, nav.constants.momentary, now.vibration)
+
+
+@kernel
+def _shared_kernel(floor, errors, vibration):
+    """`_shared_by_stars` of the least of it [rad], errors of `momentary.of` and the vibration."""
+    return math.sqrt(floor**2 + momentary.variances(errors, vibration)[1])
 
 
 def _gps_trial(nav, now, z, R, fix):

@@ -32,10 +32,26 @@ class Criteria(NamedTuple):
     spots: bool  # no streaks: only a misfit that is more than chance makes changes the covariance
 
 
+def directions(params, detections, rate=None):
+    """Direction of each object, (n, 3) in camera axes, and `centroid_covariance`."""
+    floor = params.settings.centroid_floor
+    u_c, P_px = _directions_kernel(params.camera.pinhole, detections.xy_px, detections.P_px, floor)
+    return u_c, with_rate(params, detections, P_px, rate)
+
+
+@kernel
+def _directions_kernel(camera, xy_px, P_px, floor):
+    """`directions` of places (n, 2) and their noise (n, 2, 2) px^2; floor : px, error of any centroid."""
+    P_px = P_px.copy()
+    for k in range(len(P_px)):
+        for i in range(2):
+            P_px[k, i, i] += floor**2
+    return unit_vectors(camera, xy_px), P_px
+
+
 def centroid_covariance(params, detections, rate=None):
     """Covariance of each centroid, (n, 2, 2) px^2: noise, what is wrong with every one, and `with_rate`."""
-    P_px = detections.P_px + params.settings.centroid_floor**2 * np.eye(2)
-    return with_rate(params, detections, P_px, rate)
+    return directions(params, detections, rate)[1]
 
 
 def focal_covariance(params, xy_px):

@@ -185,13 +185,13 @@ def at_frame_instant(camera, frame, context, detections, fits):
     fits : whether places are those of a fit, or moments
     """
     sigma_px = math.hypot(camera.psf_sigma, PIXEL_SIGMA_PX) if fits else math.inf
-    times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+    exposed = frame.exposure_s, frame.line_s, frame.image_dn.shape[0]
     unsteady_c = STEADY if context.unsteady_c is None else context.unsteady_c
 
     def move(xy_px):
-        return unsteady.at_instant(camera.pinhole, sigma_px, times, context.omega_c, unsteady_c, xy_px)
+        return unsteady.at_instant(camera.pinhole, sigma_px, exposed, context.omega_c, unsteady_c, xy_px)
 
-    xy_px, seen_s = at_instant_by_lens(camera, times, context.omega_c, detections.xy_px, move)
+    xy_px, seen_s = at_instant_by_lens(camera, frame.line_s, context.omega_c, detections.xy_px, move)
     good = np.isfinite(xy_px.sum(axis=1))
     if good.all():
         return detections._replace(xy_px=xy_px), seen_s
@@ -337,8 +337,8 @@ def on_detector(camera, xy_px, P_px):
     return distort(camera.pinhole, camera.distortion, xy_px), J @ P_px @ J.mT
 
 
-def at_instant_by_lens(camera, times, omega_c, xy_px, move):
-    """Places in the picture at the frame's instant. CameraModel, RowTimes, (3,) rad/s, (n, 2) as found.
+def at_instant_by_lens(camera, line_s, omega_c, xy_px, move):
+    """Places in the picture at the frame's instant. CameraModel, s a row, (3,) rad/s, (n, 2) as found.
 
     move : function of places behind the pinhole: those at the instant, and when each was seen (n,), s. It
         takes the row of the pinhole for the one that was exposed; what that makes is put right here.
@@ -349,7 +349,7 @@ def at_instant_by_lens(camera, times, omega_c, xy_px, move):
     hole, k = camera.pinhole, camera.distortion
     behind = undistort(hole, k, np.ascontiguousarray(xy_px, dtype=float))
     moved, seen_s = move(behind)
-    late_s = times.line_s * (xy_px[:, 1] - behind[:, 1])  # seen later than the row of the pinhole says
+    late_s = line_s * (xy_px[:, 1] - behind[:, 1])  # seen later than the row of the pinhole says
     moved = moved - late_s[:, None] * (turn_jacobians(hole, behind) @ omega_c)
     return distort(hole, k, moved), seen_s + late_s
 

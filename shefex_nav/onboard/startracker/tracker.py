@@ -21,7 +21,6 @@ import numpy as np
 
 from shefex_nav.fields import matrix, number, vector
 from shefex_nav.geometry.distortion import corner_angles
-from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
@@ -292,9 +291,8 @@ def attitude(tracker, detections, context, rate=None):
 def attitude_with_stars(tracker, detections, context, rate=None):
     """`attitude`, and the StarVectors of the stars that make it."""
     params = tracker.params
-    u_c = unit_vectors(params.camera.pinhole, detections.xy_px)
-    ellipses = best_attitude.centroid_covariance(params, detections, rate)
-    found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
+    u_c, P_px = best_attitude.directions(params, detections, rate)
+    found, least = _identify(tracker, u_c, detections.flux_dn, context, P_px)
     return identified(tracker, detections, context, found, least, rate)
 
 

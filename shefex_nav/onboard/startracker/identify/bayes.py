@@ -7,12 +7,12 @@ the catalogue as it is there. With a prediction, the few pairs near it are tried
 enough (`tracking`); if they do not convince, the search begins again from nothing.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, lent
-from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.doubts import (
@@ -21,7 +21,7 @@ from shefex_nav.onboard.startracker.identify.doubts import (
     leans_on_one_star,
     recall,
 )
-from shefex_nav.onboard.startracker.identify.ellipses import of_covariances
+from shefex_nav.onboard.startracker.identify.ellipses import are_covariances, checked, ellipses_of
 from shefex_nav.onboard.startracker.identify.evidence import (
     BORDER_PX,
     GATE,
@@ -139,17 +139,42 @@ def _identify(settings, camera, pairs, u_c, flux, prediction, P_px):
         max(int(settings.fewest_stars), MIN_STARS),
         BUDGET,
     )
-    magnitude = -2.5 * log10(flux)
-    frame = pixels(hole, u_c), magnitude, True
-    if P_px is None:
-        found = Solution(*solve_kernel(*pairs.quick, numbers, *frame, prediction))
-    else:
-        ellipses = of_covariances(P_px, len(u_c), numbers.centroid_error)
-        found = Solution(*solve_kernel(*pairs.quick, numbers, *frame, prediction, ellipses))
+    if P_px is not None:
+        P_px = np.ascontiguousarray(P_px, dtype=np.float64)
+    is_sound, *found = _directions_kernel(*pairs.quick, numbers, hole, u_c, flux, prediction, P_px)
+    if not is_sound:
+        checked(P_px, len(u_c))
+    found = Solution(*found)
     return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 
 
 NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
+
+
+@kernel
+def _directions_kernel(stars, pairs, numbers, hole, u_c, flux, prediction, P_px):
+    """Whether the covariances are some, and `solve_kernel` of directions (n, 3) and fluxes (n,).
+
+    P_px : (n, 2, 2) px^2, or None
+    """
+    n, xy_px = len(flux), pixels(hole, u_c)
+    magnitude = np.empty(n)
+    for k in range(n):
+        magnitude[k] = -2.5 * math.log10(flux[k])
+    frame = xy_px, magnitude, True
+    if P_px is None:
+        return True, *solve_kernel(stars, pairs, numbers, *frame, prediction, None)
+    if not are_covariances(P_px, n):
+        return False, *unsolved(n)
+    ellipses = ellipses_of(P_px, numbers.centroid_error)
+    return True, *solve_kernel(stars, pairs, numbers, *frame, prediction, ellipses)
+
+
+@inner
+def unsolved(n):
+    """Solution, as a plain tuple, of n detections that nobody has looked at."""
+    nothing = np.full(n, -1, dtype=np.int64), np.full(4, np.nan), np.full((3, 3), np.nan)
+    return NO_MATCH, *nothing, -np.inf, 1.0, 0, False
 
 
 @kernel

@@ -24,11 +24,6 @@ class Ellipses(NamedTuple):
     log_area: np.ndarray  # (n,) ln sqrt det of the spread
 
 
-def of_covariances(P_px, n, sigma_px):
-    """Ellipses of covariances, `checked` and taken by `ellipses_of`."""
-    return ellipses_of(checked(P_px, n), sigma_px)
-
-
 def checked(P_px, n, name="P_px"):
     """Covariances (n, 2, 2) px^2 as an array of our own layout, or a ValueError that says what is wrong."""
     P = np.ascontiguousarray(P_px, dtype=np.float64)
@@ -40,6 +35,15 @@ def checked(P_px, n, name="P_px"):
     if k >= 0:
         raise ValueError(f"{name}: expected positive definite matrices, got {P[k].tolist()} for centroid {k}")
     return P
+
+
+@inner
+def are_covariances(P, n):
+    """Whether an array of three dimensions holds n covariances."""
+    if P.shape != (n, 2, 2):
+        return False
+    finite, bad = _first_bad(P)
+    return finite and bad < 0
 
 
 @kernel
