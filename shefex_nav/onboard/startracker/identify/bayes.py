@@ -177,7 +177,7 @@ def unsolved(n):
     return NO_MATCH, *nothing, -np.inf, 1.0, 0, False
 
 
-@kernel
+@inner
 def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, ellipses=None):
     """Attitude of one frame; detections brightest first, if there is a flux.
 
