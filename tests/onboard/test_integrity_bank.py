@@ -5,7 +5,7 @@ import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.onboard.navigation import fusion, gate, integrity, integrity_watch
-from shefex_nav.onboard.navigation.grown import grown
+from shefex_nav.onboard.navigation.grown import Grown, grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
 from shefex_nav.onboard.navigation.sensor import Trial
@@ -284,35 +284,59 @@ def after_star_fix(P, sigma):
     return P - K @ H @ P
 
 
+TIED = np.block([[np.eye(3), -np.eye(3)], [-np.eye(3), np.eye(3)]]) * 1e-6 + 1e-14 * np.eye(6)
+
+
 def test_growing_tells_nothing_of_what_stars_cannot_tell_apart():
-    """Attitude and mounting, each known to 1 mrad, their sum to 1e-3 of it."""
-    tied = np.block([[np.eye(3), -np.eye(3)], [-np.eye(3), np.eye(3)]]) * 1e-6
+    """Attitude and mounting, each known to 1 mrad, their sum to 1e-4 of it."""
     P = np.zeros((12, 12))
-    P[6:, 6:] = tied + 1e-14 * np.eye(6)
-    factors = grown(P, 3.0, np.full(12, np.inf)).factors
-    larger = (P * np.outer(factors, factors))[6:, 6:]
+    P[6:, 6:] = TIED
+    larger = grown(P, 3.0, np.full(12, np.inf)).of(P)[6:, 6:]
+    np.testing.assert_allclose(larger, 9.0 * TIED)
     assert np.diag(after_star_fix(larger, 1e-6)).min() > 0.99 * 9.0 * 1e-6
-    one_alone = np.repeat([3.0, 1.0], 3)  # what was wrong: the attitude grew, the mounting did not
-    wrong = P[6:, 6:] * np.outer(one_alone, one_alone)
-    assert np.diag(after_star_fix(wrong, 1e-6)).max() < 1e-3 * 1e-6
 
 
-def test_an_attitude_grows_by_no_more_than_the_mounting_that_it_is_tied_to():
-    """A mounting may be 1.5 mrad on two axes: there both grow by 1.5, and stars tell neither.
+def test_an_attitude_grows_by_itself_beyond_the_mounting_that_it_is_tied_to():
+    """A mounting may be 1.5 mrad on two axes: stars tell neither from the other, by more than that.
 
-    With a factor of its own for each, the next star fix told both to 1e-3 of what they are known to.
+    With the correlation as it was, the next star fix told both to 1e-3 of what they are known to.
     """
-    P, most, mounting = np.zeros((12, 12)), np.full(12, np.inf), slice(9, 12)
-    P[6:, 6:] = np.block([[np.eye(3), -np.eye(3)], [-np.eye(3), np.eye(3)]]) * 1e-6 + 1e-14 * np.eye(6)
-    most[9:11] = 1.5e-3
-    factors = grown(P, 3.0, most, mounting).factors
-    np.testing.assert_allclose(factors, [1.0] * 6 + [1.5, 1.5, 3.0, 1.5, 1.5, 3.0], rtol=1e-6)
-    left = np.diag(after_star_fix((P * np.outer(factors, factors))[6:, 6:], 1e-6))
+    P, most = np.zeros((12, 12)), np.full(12, np.inf)
+    P[6:, 6:], most[9:11] = TIED, 1.5e-3
+    growth = grown(P, 3.0, most)
+    np.testing.assert_allclose(growth.factors, [1.0] * 6 + [3.0] * 3 + [1.5, 1.5, 3.0], rtol=1e-6)
+    larger = growth.of(P)[6:, 6:]
+    np.testing.assert_allclose(np.diag(larger), np.diag(TIED) * np.square(growth.factors[6:]))
+    left = np.diag(after_star_fix(larger, 1e-6))
     np.testing.assert_array_less(0.99e-6 * np.array([2.25, 2.25, 9.0, 2.25, 2.25, 9.0]), left)
-    apart = grown(P, 3.0, most).factors
-    assert np.diag(after_star_fix((P * np.outer(apart, apart))[6:, 6:], 1e-6))[0] < 1e-3 * 1e-6
-    P[6:9, 9:], P[9:, 6:9] = 0.5 * P[6:9, 9:], 0.5 * P[9:, 6:9]  # hardly tied: each by its own
-    assert grown(P, 3.0, most, mounting).factors[6:].tolist() == pytest.approx([3.0, 3.0, 3.0, 1.5, 1.5, 3.0])
+    wrong = P[6:, 6:] * np.outer(growth.factors[6:], growth.factors[6:])
+    assert np.diag(after_star_fix(wrong, 1e-6))[0] < 1e-3 * 1e-6
+
+
+def test_a_star_fix_tells_a_scale_factor_from_the_angle_that_it_has_made_alone():
+    """A spin has turned an error of 5 ppm into 0.1 mrad; the attitude is found wrong three times as far.
+
+    Then the fix says of the scale factor as much as before, per angle, and less of it for certain.
+    """
+    turned = 20.0  # rad
+    J = np.array([[1.0, turned], [0.0, 1.0]])
+    P = J @ np.diag([1e-5**2, 5e-6**2]) @ J.T
+    larger = Grown(np.array([3.0, 1.0])).of(P)
+    angle, scale = larger[:, 0] / larger[0, 0]
+    assert angle == 1.0 and scale == pytest.approx(P[1, 0] / P[0, 0] / 9.0)
+    assert larger[0, 1] / larger[1, 1] == pytest.approx(turned)  # what a scale factor has made of an angle
+    assert larger[1, 1] - larger[1, 0] ** 2 / larger[0, 0] > 0.88 * P[1, 1]
+    assert P[1, 1] - P[1, 0] ** 2 / P[0, 0] < 0.01 * P[1, 1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_has_grown_is_a_covariance_and_no_smaller(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((9, 4))
+    P, growth = A @ A.T, Grown(rng.uniform(1.0, 8.0, 9))
+    larger = growth.of(P)
+    np.testing.assert_allclose(np.diag(larger), np.diag(P) * np.square(growth.factors))
+    assert np.linalg.eigvalsh(larger - P).min() > -1e-12 * np.trace(larger)
 
 
 def test_angles_that_are_hardly_known_do_not_grow():

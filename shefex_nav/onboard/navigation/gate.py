@@ -295,7 +295,7 @@ def forgotten(nav, P, measurement, H):
     if isinstance(admitted, integrity_drift.Followed):
         P += np.outer(admitted.done, admitted.done)
     elif isinstance(admitted, Grown):
-        P *= np.outer(admitted.factors, admitted.factors)
+        P = admitted.of(P)
     elif admitted is not None:
         added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
         integrity_learnt.add(P, order, x, added)

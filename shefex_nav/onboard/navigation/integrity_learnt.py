@@ -148,7 +148,7 @@ def widened(nav, P, factor, learnt=MOST):
     for name in LEARNT:
         if nav.layout.places[name] is not None:
             most[nav.layout.places[name]] = learnt * np.sqrt(_at_start(nav.params, name))
-    return grown(P, factor, most, nav.layout.places["mounting"])
+    return grown(P, factor, most)
 
 
 def by_stars(nav, now, z, explained):
