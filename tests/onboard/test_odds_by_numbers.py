@@ -48,8 +48,18 @@ def test_a_prediction_is_a_normal_density_of_twice_its_covariance():
     for _ in range(6):
         phi = rng.multivariate_normal(np.zeros(3), P)
         got = plain(odds.attitude_odds)(Prior(True, C_CI, P), dcm_from_rotvec(phi) @ C_CI, L, noise_px)
-        wanted = stats.multivariate_normal(np.zeros(3), S).logpdf(phi)
-        assert got == pytest.approx(wanted, abs=0.01 * np.abs(wanted))
+        assert got == pytest.approx(stats.multivariate_normal(np.zeros(3), S).logpdf(phi), rel=1e-6)
+
+
+def test_a_prediction_half_a_turn_off_is_far_off():
+    """The sine of half a turn is none; the turn about z is pi, of a sigma of 20 deg."""
+    prior, known = Prior(True, C_CI, np.radians([1.0, 1.0, 20.0]) ** 2 * np.eye(3)), np.diag([1e6] * 4)
+    odds_at = [
+        plain(odds.attitude_odds)(prior, dcm_from_rotvec(np.array([0.0, 0.0, angle])) @ C_CI, known, 0.2)
+        for angle in (0.0, 0.5 * np.pi, np.pi - 1e-9)
+    ]
+    squares = np.array([0.0, 0.5, 1.0]) ** 2 * np.pi**2 / (2.0 * np.radians(20.0) ** 2)
+    np.testing.assert_allclose(odds_at[0] - np.array(odds_at), 0.5 * squares, atol=1e-6)
 
 
 def test_the_focal_length_has_a_prior_that_is_one_in_all():

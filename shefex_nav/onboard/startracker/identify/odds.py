@@ -14,6 +14,7 @@ from math import lgamma
 import numpy as np
 
 from shefex_nav.compiled import inner
+from shefex_nav.geometry.rotation import quat_from_dcm, rotvec_from_quat
 from shefex_nav.onboard.startracker.identify.completeness import add_logs, completeness_odds
 from shefex_nav.onboard.startracker.identify.ellipses import log_area
 from shefex_nav.onboard.startracker.identify.evidence import (
@@ -112,7 +113,7 @@ def attitude_odds(prior, C, L, noise_px):
         for b in range(3):
             for c in range(3):
                 R[a, b] += C[a, c] * prior.C_ci[b, c]
-    d = np.array([0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])])
+    d = rotvec_from_quat(quat_from_dcm(R))
     S = 2.0 * prior.P_c
     for a in range(3):
         S[a, a] += noise_px**2 / L[a, a] ** 2
