@@ -12,7 +12,9 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation import prediction
 from shefex_nav.onboard.navigation.fusion import UNUSED
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import History
+from shefex_nav.onboard.navigation.integrity_drift import Followed
 from shefex_nav.onboard.navigation.state import X_Q
 
 
@@ -95,14 +97,14 @@ class Nodes(NamedTuple):
     xs: np.ndarray  # (m + 1, X) packed values of the filter
 
 
-def nodes(nav, final, nominal):
+def nodes(nav, final, layout):
     """Nodes of a Final.
 
     Parameters
     ----------
     nav : fusion.Filter that was run
     final : Final
-    nominal : of the Layout of what is smoothed; other errors of sensors are nothing in `xs`
+    layout : of what is smoothed; other errors of sensors are nothing in `xs`
 
     Returns
     -------
@@ -124,7 +126,7 @@ def nodes(nav, final, nominal):
                 if at_s < length_s:
                     between[len(ticks)] = x
                 begin_s = at_s
-            seen.setdefault(len(ticks), []).append(UsedMeasurement(k, at_s, one, x))
+            seen.setdefault(len(ticks), []).append(UsedMeasurement(k, at_s, _admitted(one, nav, layout), x))
         if begin_s < length_s - SAME_S:
             ticks.append(k)
             parts.append((begin_s, length_s))
@@ -133,9 +135,16 @@ def nodes(nav, final, nominal):
     xs[ends] = final.xs
     for node, x in between.items():
         xs[node] = x
-    unknown = np.setdiff1d(np.arange(X_Q.stop, xs.shape[1]), nominal)
+    unknown = np.setdiff1d(np.arange(X_Q.stop, xs.shape[1]), layout.nominal)
     xs[:, unknown] = 0.0
     return Nodes(np.array(ticks), np.array(parts), np.array(ends), seen, xs)
+
+
+def _admitted(measurement, nav, layout):
+    """A sensors.Measurement for errors in the order of `layout`: what it lets grow has that of the filter."""
+    if not isinstance(measurement.admitted, Grown | Followed):
+        return measurement
+    return measurement._replace(admitted=measurement.admitted.into(nav.layout, layout))
 
 
 def _carried(nav, whole, k, x, begin_s, end_s):

@@ -208,7 +208,7 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     """
     nav = adaptation.replayed(rerun.start(recording), flown.noise.schedule)
     start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
-    nodes = final_pass.nodes(flown, final, nav.layout.nominal)
+    nodes = final_pass.nodes(flown, final, nav.layout)
     intervals = relinear.room(len(nodes.ticks), nav.layout.n)
     one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)
     xs = nodes.xs

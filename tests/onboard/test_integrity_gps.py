@@ -63,15 +63,19 @@ def test_a_velocity_that_stays_may_be_said_again():
 
 
 def test_a_coarse_receiver_at_rest_may_repeat_itself():
-    """It is used, but a hundred times the same says less than six times something new: sum of 1/k."""
-    memory, information = integrity_gps.memory(), 0.0
+    """It is used, but a hundred times the same says less than six times something new: sum of 1/k.
+
+    A receiver that has frozen on the pad does so, too: its velocity is no news each time either.
+    """
+    memory, information, of_velocity = integrity_gps.memory(), 0.0, 0.0
     for k in range(100):
         place = np.array([0.001 * k, 0.0, 0.0])  # the filter wanders
         there = here(float(k), place, place)
         reasons, one = integrity_gps.repeated(memory, fix(float(k), [1, 2, 3], [0, 0, 0]), there)
         assert reasons == {}
         information += 1.0 / one.R_r_e[0, 0]
-    assert information == pytest.approx(np.sum(1.0 / np.arange(1, 101)))
+        of_velocity += 1.0 / one.R_v_e[0, 0]
+    assert information == of_velocity == pytest.approx(np.sum(1.0 / np.arange(1, 101)))
     again, _ = integrity_gps.repeated(memory, fix(99.0, [1, 2, 3], [0, 0, 0]), there)
     assert set(again) == BOTH  # the last one once more, its time as well
     moved = here(100.0, np.array([1.9, 0.0, 0.0]), place)  # of sqrt(3) m
@@ -80,6 +84,14 @@ def test_a_coarse_receiver_at_rest_may_repeat_itself():
     fast = here(100.0, place, np.array([0.0, 1.8, 0.0]))
     gone, _ = integrity_gps.repeated(memory, fix(100.0, [1, 2, 3], [0, 0, 0]), fast)
     assert set(gone) == BOTH and gone["gps_position"].startswith("frozen")
+
+
+def test_another_velocity_at_the_same_place_counts_in_full():
+    memory, nothing = integrity_gps.memory(), np.zeros(3)
+    for k, times in enumerate([1, 1, 3, 1]):
+        said = fix(float(k), [1, 2, 3], [0, 0, 0.1 if k in (1, 2) else 0.0])
+        reasons, one = integrity_gps.repeated(memory, said, here(float(k), nothing, nothing))
+        assert reasons == {} and one.R_v_e[0, 0] == times and one.R_r_e[0, 0] == k + 1
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,10 @@ from scipy.stats import chi2
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import adaptation, integrity_readings
 from shefex_nav.onboard.navigation.blocks import Block
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.integrity_drift import Followed
 from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
 from shefex_nav.records import Phase
 from shefex_nav.replay import final_pass, relinear, rerun, smooth, smoothed_table, smoother
@@ -38,7 +40,27 @@ def prepared(recording):
     after = smooth.after_the_flight(recording)
     nav = rerun.start(after)
     whole = final_pass.Whole(final, nav.history.P)
-    return after, nav, final, final_pass.nodes(flown, final, nav.layout.nominal), whole
+    return after, nav, final, final_pass.nodes(flown, final, nav.layout), whole
+
+
+@pytest.mark.parametrize("kind", [Grown, Followed])
+def test_what_has_grown_on_board_grows_in_the_order_of_the_smoother(recording, kind):
+    """A fix before which the covariance grew, where the smoother has states that the filter had not."""
+    _, flown, final = smooth.forward(recording)
+    after = smooth.after_the_flight(recording)
+    assert rerun.start(after).layout.n > flown.layout.n
+    grows = kind(np.linspace(1.0, 4.0, flown.layout.n))
+    k = next(k for k in range(100, len(final.measurements)) if final.measurements[k])
+    first, *others = final.measurements[k]
+    final.measurements[k] = (first._replace(fate=Fate.RESET, admitted=grows), *others)
+    solution, covariance = smooth.backward(after, flown, final, True)
+    assert np.isfinite(solution.r_i).all() and np.isfinite(covariance.P).all()
+    given = grows.into(flown.layout, rerun.start(after).layout)[0]
+    for name, place in rerun.start(after).layout.places.items():
+        if place is not None:
+            own = flown.layout.places[name]
+            wanted = (1.0 if kind is Grown else 0.0) if own is None else grows[0][own]
+            np.testing.assert_array_equal(given[place], wanted)
 
 
 def slow_steps(recording, nav, final, nodes, xs):

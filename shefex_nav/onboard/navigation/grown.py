@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation.state import ATT
+from shefex_nav.onboard.navigation.state import ATT, rearranged
 
 MOST = 16.0  # largest factor of a standard deviation that was told
 WIDEST = 1.0  # rad, most that the sigma of an angle grows to
@@ -25,6 +25,10 @@ class Grown(NamedTuple):
         """
         square = self.factors**2
         return P * np.minimum.outer(square, square)
+
+    def into(self, own, other):
+        """The same for the errors of another Layout; those that it has alone do not grow."""
+        return Grown(rearranged(self.factors, own, other, 1.0))
 
 
 def grown(P, factor, most):

@@ -48,7 +48,7 @@ from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import calibration, protected
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, chi_square_limit
 from shefex_nav.onboard.navigation.quantity import POSITION, about
-from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R, X_V
+from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R, X_V, rearranged
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
 MOVED = 3.0  # sigmas that a refused reading may move from the first, and still be that of a new bias
@@ -60,6 +60,10 @@ class Followed(NamedTuple):
     """What a drift that was noticed may have done to the errors."""
 
     done: np.ndarray  # (n,)
+
+    def into(self, own, other):
+        """The same for the errors of another Layout; nothing was done to those that it has alone."""
+        return Followed(rearranged(self.done, own, other, 0.0))
 
 
 class Refused(NamedTuple):

@@ -143,7 +143,8 @@ def repeated(earlier, fix, here):
     -------
     reasons : {sensor: reason} for those of its sensors that are not to be used
     fix : the same, but that of a receiver that rightly says the same again: nothing new, so the k-th of them
-        counts with k times the variance of position, and all of them as ln(k) fixes
+        counts with k times the variance of position, and all of them as ln(k) fixes; likewise its velocity,
+        if that is the same again
     """
     where, how_fast, what = SAYS[type(fix)]
     # as lists, which compare in a tenth of the time of arrays; a NaN is equal to none
@@ -158,7 +159,8 @@ def repeated(earlier, fix, here):
         if kept.place == place:
             if _rests(fix, kept, here):
                 earlier[k] = kept._replace(fix=fix, velocity=velocity, times=kept.times + 1)
-                return {}, fix._replace(R_r_e=(kept.times + 2) * fix.R_r_e)
+                again, same = kept.times + 2, kept.velocity == velocity
+                return {}, fix._replace(R_r_e=again * fix.R_r_e, R_v_e=(again if same else 1) * fix.R_v_e)
             words = f"frozen: {what} of T{old.t_valid_s:+.1f} s"
             return {where[0]: words, how_fast[0]: words}, fix
         if any(velocity) and kept.velocity == velocity:

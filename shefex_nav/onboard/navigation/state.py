@@ -98,6 +98,18 @@ def layout(names=DEFAULT_STATES, blocks=()):
     return Layout(ordered, n, places, at, nominal, values)
 
 
+def rearranged(values, own, other, alone):
+    """A number of each error of a Layout, (own.n,), in the order of another one: (other.n,).
+
+    alone : of the errors that the other one has and this one has not
+    """
+    found = np.full(other.n, alone)
+    for name, place in other.places.items():
+        if place is not None and own.places.get(name) is not None:
+            found[place] = values[own.places[name]]
+    return found
+
+
 NavState = namedtuple(
     "NavState",
     ("t_s", *NOMINAL, "others"),
