@@ -99,10 +99,10 @@ class Corrected(NamedTuple):
     G: np.ndarray  # (3, 3) by which the attitude error was turned into the new body axes
 
 
-def update(kalman, order, state, P, z, H, R):
+def update(kalman, order, state, P, z, H, R, turns=True):
     """`eskf.update_packed`. -> Corrected"""
     x, P_after = pack(state), np.empty(P.shape)
-    dx, G = eskf.update_packed(kalman, order, P, (z, H, R), x, P_after)
+    dx, G = eskf.update_packed(kalman, order, P, (z, H, R), x, P_after, turns=turns)
     return Corrected(unpack(state.t_s, x), P_after, dx, G)
 
 

@@ -13,7 +13,6 @@ from shefex_nav.late_packages import late
 from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
 FEW = 3  # numbers of an innovation, up to which one compiled call is faster than those of NumPy
-LARGE2 = 0.05**2  # [E] rad^2, square of a correction of the attitude that is no small angle
 
 
 def engine(layout):
@@ -123,11 +122,16 @@ def take_all(dx, P, updated):
     return updated
 
 
-def update_packed(kalman, layout, P, measured, x, P_after, share=take_all):
+def update_packed(kalman, layout, P, measured, x, P_after, share=take_all, turns=True):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
     exp(new) = exp(-dtheta) exp(dtheta + e), so P <- G P G^T with G = Jr(dtheta) for the attitude.
+
+    Not after a fix of the attitude. Stars say exp(z) = exp(e) exp(m), e the attitude's error, m the camera's.
+    Linear at e = 0 that is e = z - m, whose turned error is -G m; but what is left after the correction is
+    exp(-z) exp(e) = exp(-m). With G, the next fixes would seem to tell e from m by the angle of G, which they
+    cannot.
 
     Parameters
     ----------
@@ -138,6 +142,7 @@ def update_packed(kalman, layout, P, measured, x, P_after, share=take_all):
     x : (X,) packed nominal values, changed in place
     P_after : (n, n) is written
     share : (dx, P, updated) -> covariance after a share of dx, which it changes in place, is taken
+    turns : False after a fix of the attitude: G is the identity
 
     Returns
     -------
@@ -149,7 +154,7 @@ def update_packed(kalman, layout, P, measured, x, P_after, share=take_all):
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
     dx = kalman.x[:, 0]
-    return dx, take_in(x, dx, layout.nominal, share(dx, P, kalman.P), P_after)
+    return dx, take_in(x, dx, layout.nominal, share(dx, P, kalman.P), P_after, turns)
 
 
 @inner
@@ -171,39 +176,26 @@ def partly(dx, P, updated, share):
     return out
 
 
-def take_in(x, dx, nominal, updated, P_after):
+def take_in(x, dx, nominal, updated, P_after, turns=True):
     """The rest of `update_packed`, once the estimated error and the updated covariance are there. -> G"""
-    G = np.empty((3, 3))
-    _take_in(x, dx, nominal, updated, P_after, G)
+    G = np.eye(3)
+    _take_in(x, dx, nominal, updated, P_after, G, turns)
     return G
 
 
 @kernel
-def _take_in(x, dx, nominal, updated, P, G):
+def _take_in(x, dx, nominal, updated, P, G, turns):
     """Estimated error into the nominal state; P from the updated covariance, symmetric, in new body axes."""
     x[:] = corrected(x, dx, nominal)
-    G[:] = right_jacobian(dx[ATT])
     P[:] = updated
     _symmetrise(P)
+    if not turns:
+        return
+    G[:] = right_jacobian(dx[ATT])
     turned = G @ P[ATT]
     P[ATT] = turned
     P[:, ATT] = turned.T
     P[ATT, ATT] = np.ascontiguousarray(turned[:, ATT]) @ G.T
-
-
-def without_reset_jacobian(P, G):
-    """Covariance after an update of the attitude alone, by a large angle or a reset: without its G.
-
-    A star fix says exp(z) = exp(e) exp(m), e the attitude's error, m the camera's. Linear at e = 0 that is
-    e = z - m, whose turned error is -G m; but what is left after the correction is exp(-z) exp(e) = exp(-m).
-    With G, the next fix would seem to tell e from m by the angle of G, which it cannot.
-    """
-    P, inverse = P.copy(), np.linalg.inv(G)
-    turned = inverse @ P[ATT]
-    P[ATT] = turned
-    P[:, ATT] = turned.T
-    P[ATT, ATT] = turned[:, ATT] @ inverse.T
-    return P
 
 
 def forget(P, block, covariance):

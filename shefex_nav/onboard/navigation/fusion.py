@@ -333,14 +333,11 @@ def _apply(nav, now, measurement, results, recorder):
             history.x[: ATT.start] += beyond[: ATT.start]
         whole = beyond is not None or about(measurement.sensor) is ATTITUDE
         share = eskf.take_all if whole else unknown_attitude.take_share
-        given = prior, (z, H, R), history.x, history.P, share
+        given = prior, (z, H, R), history.x, history.P, share, fix_of(measurement.sensor) is not ATTITUDE
         if measurement.teaches:
             dx, G = eskf.update_packed(nav.kalman, nav.layout, *given)
         else:
             dx, G = integrity_learnt.update_without(nav.layout, *given)
-    attitude_alone = fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2 or not measurement.teaches
-    if fix_of(measurement.sensor) is ATTITUDE and attitude_alone:
-        history.P[:], G = eskf.without_reset_jacobian(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))

@@ -218,10 +218,10 @@ def places(layout):
     return learnt
 
 
-def update_without(layout, P, measured, x, P_after, share=eskf.take_all):
+def update_without(layout, P, measured, x, P_after, share=eskf.take_all, turns=True):
     """`eskf.update_packed` by which nothing is learnt: zero gain of the errors of `places`."""
     dx, updated = _consider(P, *measured, places(layout))
-    return dx, eskf.take_in(x, dx, layout.nominal, share(dx, P, updated), P_after)
+    return dx, eskf.take_in(x, dx, layout.nominal, share(dx, P, updated), P_after, turns)
 
 
 @kernel
