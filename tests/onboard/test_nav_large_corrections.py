@@ -11,7 +11,7 @@ from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import eskf, fusion, gate
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensor import Measurement
-from shefex_nav.onboard.navigation.state import ATT, POS, NavState, initial_covariance, layout
+from shefex_nav.onboard.navigation.state import ATT, POS, X_MOUNTING, NavState, initial_covariance, layout
 from shefex_nav.records import GpsFix, StarFix
 
 LAYOUT = layout(("mounting",))
@@ -82,6 +82,12 @@ def test_which_blocks_a_reset_cuts():
     assert not forgotten[ATT, mounting].any() and forgotten[0, 0] == P[0, 0]
     assert np.array_equal(forgotten[ATT, ATT], np.pi**2 * np.eye(3))  # nothing is known of an attitude
     assert np.array_equal(forgotten[mounting, mounting], initial_covariance(PARAMS, "mounting"))
+    nav.history.x[X_MOUNTING] = learnt = np.array(
+        [1e-3, -2e-3, 0.0]
+    )  # it stays, and is known no better for it
+    again, _ = gate.forgotten(nav, P, one, H)
+    gained = again[mounting, mounting] - initial_covariance(PARAMS, "mounting")
+    np.testing.assert_allclose(gained, np.diag(learnt**2), atol=1e-18)
     found = {"gyro_bias": np.array([0.0, 1e-3, 0.0])}
     _, cut = gate.forgotten(nav, P, one._replace(admitted=found), H)
     assert cut == ()

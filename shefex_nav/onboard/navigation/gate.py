@@ -304,7 +304,9 @@ def forgotten(nav, P, measurement, H):
         P[places[sensor.block], places[sensor.block]] += sensor.forgotten**2 * (level.T @ level)
     elif measurement.fate != Fate.USED:
         for name in named:
-            known = sensor.forgotten**2 if name == sensor.block else initial_covariance(nav.params, name)
+            known = sensor.forgotten**2
+            if name != sensor.block:  # as at the start, about the estimate of the start: zero
+                known = initial_covariance(nav.params, name) + np.diag(x[order.values[name]] ** 2)
             P = eskf.forget(P, places[name], known)
         cut = tuple(places[name] for name in named)
     integrity_learnt.add(P, order, x, measurement.doubts or {})
