@@ -257,7 +257,7 @@ def task_of(score, min_stars=4, threshold=15.0, error_px=0.2):
     )
 
 
-def told(monkeypatch, score, badly=(False, 0.0, 0.0), leans=False, image=False, **task):
+def told(monkeypatch, score, badly=(False, 0.0, 0.0), leans=False, image=False, neighbour=False, **task):
     """Verdict with given answers of the doubts."""
     monkeypatch.setattr(bayes, "margin", lambda task: task.best.score[0] - max(task.best.score[1], 0.0))
     monkeypatch.setattr(bayes, "predict", lambda *a: 5)
@@ -265,6 +265,7 @@ def told(monkeypatch, score, badly=(False, 0.0, 0.0), leans=False, image=False, 
     monkeypatch.setattr(bayes, "fits_badly", lambda *a: badly)
     monkeypatch.setattr(bayes, "leans_on_one_star", lambda *a: leans)
     monkeypatch.setattr(bayes, "has_second_image", lambda *a: image)
+    monkeypatch.setattr(bayes, "is_named_for_a_neighbour", lambda *a: neighbour)
     reason, denied, _ = plain(bayes.verdict)(task_of(score, **task))
     return Reason(reason).name if reason else "", denied
 
@@ -276,6 +277,7 @@ def test_an_attitude_is_given_out_only_without_a_doubt(monkeypatch):
     assert told(monkeypatch, GOOD, badly=(False, 5.0, 9.0)) == ("", 5.0)
     assert told(monkeypatch, GOOD, badly=(True, 5.0, 9.0)) == ("RESIDUALS", 5.0)
     assert told(monkeypatch, GOOD, leans=True)[0] == told(monkeypatch, GOOD, image=True)[0] == "AMBIGUOUS"
+    assert told(monkeypatch, GOOD, neighbour=True)[0] == "AMBIGUOUS"
     assert told(monkeypatch, [14.9, *GOOD[1:]])[0] == "NO_MATCH"
     assert told(monkeypatch, [15.0, *GOOD[1:]])[0] == ""
     assert told(monkeypatch, [20.0, 5.1, *GOOD[2:]])[0] == "AMBIGUOUS"  # a rival that is hardly worse

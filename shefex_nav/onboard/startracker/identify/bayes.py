@@ -33,8 +33,9 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, no_lever
+from shefex_nav.onboard.startracker.identify.neighbours import is_named_for_a_neighbour
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
-from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
+from shefex_nav.onboard.startracker.identify.search import Task, look, lost_in_space, margin, new_best
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.onboard.startracker.likelihood import misfit_factor
@@ -229,13 +230,6 @@ def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, 
 
 
 @inner
-def new_best(n):
-    """Nothing found yet in n detections."""
-    score = np.array([-np.inf, -np.inf, 3.0, 0.0, 1.0, 1.0])
-    return Best(np.zeros((3, 3)), np.full(n, -1, dtype=np.int64), np.eye(3), np.zeros((4, 4)), score)
-
-
-@inner
 def conclude(task, numbers, n, work, tracked):
     """Reason, and the attitude if it is certain."""
     task = lent(task)
@@ -367,5 +361,7 @@ def verdict(task):
         return RESIDUALS, denied, nu
     recall(task, n)
     if leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px):
+        return AMBIGUOUS, denied, nu
+    if is_named_for_a_neighbour(task, n):
         return AMBIGUOUS, denied, nu
     return 0, denied, nu

@@ -98,6 +98,13 @@ class Task(NamedTuple):
 
 
 @inner
+def new_best(n):
+    """Nothing found yet in n detections."""
+    score = np.array([-np.inf, -np.inf, 3.0, 0.0, 1.0, 1.0])
+    return Best(np.zeros((3, 3)), np.full(n, -1, dtype=np.int64), np.eye(3), np.zeros((4, 4)), score)
+
+
+@inner
 def position(pairs, value):
     """Number of pairs whose cosine is below the value, by the k-vector."""
     n = pairs.cosine.shape[0]

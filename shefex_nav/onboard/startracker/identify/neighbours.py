@@ -1,0 +1,71 @@
+"""Whether a star has the name of its neighbour.
+
+A search ends with the first attitude that is certain, and none within 0.6 deg of it is a rival. But where a
+star has a neighbour a few pixels off and sets the turn, both names make an attitude: one is turned by the
+neighbour's distance over the star's lever, and all others follow. Each such star is given the other name
+here, and the attitude of it and of the star that is furthest from it is fitted and weighed like any other.
+"""
+
+import numpy as np
+
+from shefex_nav.compiled import inner
+from shefex_nav.onboard.startracker.identify.evidence import new_view
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX, lever_of, widest_gate
+from shefex_nav.onboard.startracker.identify.screen import directions, join, put, triad
+from shefex_nav.onboard.startracker.identify.search import MAGNITUDE_GATE, WIDER, Task, look, new_best
+
+APART = 1.0 + 2.0 * np.cos(np.radians(0.1))  # trace of the rotation between two attitudes that differ
+
+
+@inner
+def is_named_for_a_neighbour(task, n):
+    """Whether the best attitude has a rival in which one of its stars is its neighbour.
+
+    n : stars predicted in the room, with the detections that the attitude has found for them
+    """
+    scene, view, stars = task.scene, task.room, task.stars
+    width = WIDER * MAGNITUDE_GATE * scene.magnitude_error if scene.has_flux else np.inf
+    for s in range(n):
+        if view.det[s] < 0:
+            continue
+        for t in range(n):
+            dx, dy = view.xy_px[t, 0] - view.xy_px[s, 0], view.xy_px[t, 1] - view.xy_px[s, 1]
+            if view.det[t] >= 0 or not dx * dx + dy * dy < REACH_PX * REACH_PX:
+                continue
+            if abs(stars.vmag[view.row[t]] - stars.vmag[view.row[s]]) > width:
+                continue
+            if _rivals(task, n, s, view.row[t]):
+                return True
+    return False
+
+
+@inner
+def _rivals(task, n, s, row):
+    """Whether the attitude is as likely, and another, if the predicted star s is the star of `row`."""
+    scene, view, stars, best = task.scene, task.room, task.stars, task.best
+    k, partner, furthest = view.det[s], -1, 0.0
+    for p in range(n):
+        j = view.det[p]
+        if j >= 0 and p != s:
+            dx, dy = scene.xy_px[j, 0] - scene.xy_px[k, 0], scene.xy_px[j, 1] - scene.xy_px[k, 1]
+            if dx * dx + dy * dy > furthest:
+                partner, furthest = p, dx * dx + dy * dy
+    if partner < 0:
+        return False
+    j, focal_px = view.det[partner], best.score[4]
+    u_c, a, b = directions(scene, focal_px), stars.u_i[row], stars.u_i[view.row[partner]]
+    T = triad(u_c[k, 0], u_c[k, 1], u_c[k, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
+    other = Task(
+        stars, scene, task.prior, task.seen, new_best(len(best.star)), new_view(), task.min_stars,
+        task.threshold, task.strict,
+    )  # fmt: skip
+    put(other.best.trial_C, join(T, triad(a[0], a[1], a[2], b[0], b[1], b[2])))
+    lever = lever_of(scene, scene.ellipses, k, j, scene.centroid_error)
+    look(other, focal_px, widest_gate(scene, scene.ellipses, lever), lever, best.score[2] == 4.0)
+    if other.best.score[0] < best.score[0] - task.threshold:
+        return False
+    same = 0.0
+    for i in range(3):
+        for m in range(3):
+            same += other.best.C[i, m] * best.C[i, m]
+    return same < APART
