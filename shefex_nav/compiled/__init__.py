@@ -9,7 +9,8 @@
     signature        types of arguments as JSON
     store            the files of compiled kernels
     ahead            compiles what is missing in several processes
-    numba_hooks      all that touches the inside of numba, with the next
+    numba_hooks      all that touches the inside of numba, with the next two
+    numba_lending    how `lent` is compiled
     machine_code     a compiled kernel as bytes, and back
 
 This file imports numba when the first kernel is marked, not before: `target` has to choose first.

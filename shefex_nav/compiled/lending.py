@@ -1,4 +1,4 @@
-"""Arrays without a count of their references. The compiler's half is in `numba_hooks`."""
+"""Arrays without a count of their references. The compiler's half is in `numba_lending`."""
 
 
 def lent(value):

@@ -1,11 +1,11 @@
-"""All that this project uses of numba's inside, with `machine_code`.
+"""All that this project uses of numba's inside, with `machine_code` and `numba_lending`.
 
 numba compiles, optimises and emits every function on its own, and again inside each function that calls it:
 a kernel at the end of five calls goes through the optimiser five times. Here a function that another kernel
 calls is translated to LLVM's language only; what Python calls is linked with everything it needs, optimised
 and emitted once. The result is kept in a file named by the digest of the whole, see `store`.
 
-Private interfaces of numba are used in these two files and in no other; pyproject.toml pins numba for their
+Private interfaces of numba are used in these three files and in no other; pyproject.toml pins numba for their
 sake.
 """
 
@@ -22,18 +22,16 @@ from functools import cached_property
 import llvmlite
 import numba
 import numpy as np
-from numba.core import cgutils, config, types
+from numba.core import config, types
 from numba.core.caching import NullCache, _cache_log
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler_lock import global_compiler_lock, require_global_compiler_lock
 from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
-from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher, cpu_target
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
-from shefex_nav.compiled import digest, machine_code, signature
-from shefex_nav.compiled.lending import lent
+from shefex_nav.compiled import digest, machine_code, numba_lending, signature
 from shefex_nav.compiled.store import Store
 
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
@@ -154,46 +152,6 @@ def _raise_another_shape(shape, into):
         raise ValueError("cannot put an array into a slice of another shape")
 
     return implementation
-
-
-def _uncounted(context, builder, kind, value):
-    """LLVM's value of a type without the owners of its arrays."""
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        array.meminfo = cgutils.get_null_value(array.meminfo.type)
-        return array._getvalue()
-    if isinstance(kind, types.BaseTuple):
-        parts = cgutils.unpack_tuple(builder, value, len(kind))
-        inside = [_uncounted(context, builder, *one) for one in zip(kind.types, parts, strict=True)]
-        return context.make_tuple(builder, kind, inside)
-    return value
-
-
-def _refuse_owners(kind):
-    """TypingError for a type whose memory is counted and which `_uncounted` does not know.
-
-    Of a value that may be None, for instance: its arrays would be freed once too often.
-    """
-    if isinstance(kind, types.BaseTuple):
-        for part in kind.types:
-            _refuse_owners(part)
-    elif isinstance(kind, types.Optional) or not isinstance(
-        kind, types.Array | types.Number | types.Boolean | types.NoneType | types.Record | types.Omitted
-    ):
-        raise TypingError(f"lent: arrays, numbers, None and tuples of these are lent, not {kind}")
-
-
-@intrinsic
-def _lent(typing_context, value):
-    _refuse_owners(value)
-    return value(value), lambda context, builder, sig, args: _uncounted(
-        context, builder, sig.args[0], args[0]
-    )
-
-
-@overload(lent)
-def _lend(value):
-    return lambda value: _lent(value)
 
 
 @contextmanager
@@ -395,7 +353,7 @@ _AT_FIRST = _settings()  # some are used when the compiler is set up, too
 def _kind():
     """Name of all that code depends on besides the kernels: versions, processor, settings of the compiler."""
     triple, processor, features = cpu_target.target_context.codegen().magic_tuple()
-    makers = sys.modules[__name__], machine_code, digest, signature
+    makers = sys.modules[__name__], numba_lending, machine_code, digest, signature
     made_by = [_text(one) for one in makers]
     rest = f"{triple} {features} {_AT_FIRST} {made_by}"
     numpy = ".".join(np.__version__.split(".")[:2])
