@@ -89,8 +89,7 @@ def fly(
     ----------
     scenario : Scenario, path of its YAML file, or name of a shipped one (as of `Scenario.load`)
     seed : int
-    until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same, and the
-        log says that it was not seen. None: look to the end
+    until_s : mission time [s] at which to stop looking, which the log says. None: look to the end
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     pace : mission time over real time, 1.0 in real time, 0.001 at least; None: as fast as it goes

@@ -332,3 +332,5 @@ def test_what_is_no_covariance_is_refused(bad):
         bayes.identify_near(PARAMS, MODEL, pairs, unit_vectors(CAMERA, xy), flux, (q_ic, np.eye(3)), P)
     with pytest.raises(ValueError, match="shape"):
         bayes.identify(PARAMS, MODEL, pairs, unit_vectors(CAMERA, xy), flux, P[:-1])
+    with pytest.raises(ValueError, match="shape"):
+        bayes.identify(PARAMS, MODEL, pairs, unit_vectors(CAMERA, xy), flux, P[:, 0])

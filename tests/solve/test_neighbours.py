@@ -39,9 +39,9 @@ def field(sky, rng):
 
 
 def test_no_attitude_has_the_neighbours_name(sky):
-    """4000 fields. Without a look at the neighbours some ten were turned by 0.25 deg, 6 of their sigmas."""
+    """Without a look at the neighbours one field in 1000 is turned by 0.25 to 0.5 deg, 7 to 12 sigma."""
     rng, solved, fields, far = np.random.default_rng(77), 0, 0, []
-    while fields < 4000:
+    while fields < 12_000:
         if (drawn := field(sky, rng)) is None:
             continue
         q_ic, xy_px, flux = drawn
@@ -53,7 +53,5 @@ def test_no_attitude_has_the_neighbours_name(sky):
             solved += 1
             error = rotvec_between(quat_conjugate(given.q_ci), q_ic)
             far.append(error @ np.linalg.solve(given.covariance, error))
-    assert solved > 0.97 * fields
-    assert (
-        np.sum(np.array(far) > 40.0) <= 1
-    )  # by chance: some 1e-6 each, as five stars hardly tell their noise
+    assert solved > 0.95 * fields
+    assert np.sum(np.array(far) > 40.0) <= 1  # 6.3 sigma; five stars hardly tell their noise

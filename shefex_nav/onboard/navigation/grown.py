@@ -19,9 +19,9 @@ class Grown(NamedTuple):
         """The covariance (n, n) that has grown.
 
         Errors that grow alike keep their correlation. Of two that do not, both grow together as far as the
-        lesser, and the rest of the other is an error of its own: P_ij min(f_i, f_j)^2. With P_ij f_i f_j, an
-        attitude that grows three times and a scale factor that does not would be so much the surer of each
-        other: the first star fix would tell a scale factor from an angle that it has not made.
+        lesser, and the rest of the other is an error of its own: P_ij min(f_i, f_j)^2. If the correlation
+        stayed, an attitude that grew three times would look like the work of a scale factor that did not
+        grow, and the first star fix would correct that.
         """
         square = self.factors**2
         return P * np.minimum.outer(square, square)
@@ -34,7 +34,7 @@ class Grown(NamedTuple):
 def grown(P, factor, most):
     """Grown by one factor, but for errors that are as large as may be, and for those without ties to others.
 
-    Without stars nothing is told of a mounting.
+    A mounting before the first star has no ties: nothing was learnt of it.
 
     P : (n, n);  most : (n,) sigma to which an error grows at most; of an angle `WIDEST`
     """

@@ -142,6 +142,8 @@ def _identify(settings, camera, pairs, u_c, flux, prediction, P_px):
     )
     if P_px is not None:
         P_px = np.ascontiguousarray(P_px, dtype=np.float64)
+        if P_px.ndim != 3:
+            checked(P_px, len(u_c))
     is_sound, *found = _directions_kernel(*pairs.quick, numbers, hole, u_c, flux, prediction, P_px)
     if not is_sound:
         checked(P_px, len(u_c))
@@ -154,7 +156,7 @@ NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
 
 @kernel
 def _directions_kernel(stars, pairs, numbers, hole, u_c, flux, prediction, P_px):
-    """Whether the covariances are some, and `solve_kernel` of directions (n, 3) and fluxes (n,).
+    """Whether P_px holds covariances, and `solve_kernel` of directions (n, 3) and fluxes (n,).
 
     P_px : (n, 2, 2) px^2, or None
     """

@@ -14,7 +14,7 @@ from shefex_nav.onboard.startracker.identify.lever import REACH_PX, lever_of, wi
 from shefex_nav.onboard.startracker.identify.screen import directions, join, put, triad
 from shefex_nav.onboard.startracker.identify.search import MAGNITUDE_GATE, WIDER, Task, look, new_best
 
-APART = 1.0 + 2.0 * np.cos(np.radians(0.1))  # trace of the rotation between two attitudes that differ
+APART = 1.0 + 2.0 * np.cos(np.radians(0.1))  # [E] trace of the rotation between attitudes that differ
 
 
 @inner
@@ -41,7 +41,7 @@ def is_named_for_a_neighbour(task, n):
 
 @inner
 def _rivals(task, n, s, row):
-    """Whether the attitude is as likely, and another, if the predicted star s is the star of `row`."""
+    """Whether the detection of star s makes another attitude, about as likely, as the star of `row`."""
     scene, view, stars, best = task.scene, task.room, task.stars, task.best
     k, partner, furthest = view.det[s], -1, 0.0
     for p in range(n):
