@@ -276,10 +276,10 @@ def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, 
 
 
 def test_what_is_taken_in_and_what_ends_it():
-    """GPS fixes judge, used or not, unless they wait or the IMU is blind; a reset ends it."""
+    """GPS fixes judge, used or not, unless they wait or the IMU is blind; after a reset all begins anew."""
     one = told.Constants()
     assert take(one, z=2.0)
-    assert (one.count, one.seen_s, one.closed) == (1, 1.0, False) and one.beyond == pytest.approx(6.0 - 3.0)
+    assert (one.count, one.seen_s) == (1, 1.0) and one.beyond == pytest.approx(6.0 - 3.0)
     take(one, fate=Fate.REJECTED, t_s=2.0)
     take(one, "gps_velocity", t_s=3.0)
     assert one.count == 3 and one.seen_s == 3.0 and one.beyond == pytest.approx(3.0 - 3.0 - 3.0)
@@ -288,9 +288,13 @@ def test_what_is_taken_in_and_what_ends_it():
     assert one.count == 3 and one.seen_s == 4.0
     before = one.B.copy()
     take(one, fate=Fate.RESET, t_s=5.0)
-    assert one.closed and one.count == 4
-    take(one, t_s=6.0)
-    assert one.seen_s == 5.0 and one.count == 4
+    assert one.count == one.beyond == 0 and not one.sums.J.any() and not one.sums.y.any()
+    assert not take(one, t_s=5.0 + told.QUIET_S - 0.1) and one.count == 0 and not one.sums.J.any()
+    assert one.seen_s == 5.0 + told.QUIET_S - 0.1  # the response goes on meanwhile
+    assert take(one, t_s=5.0 + told.QUIET_S) and one.count == 1 and one.sums.J.any()
+    one.found = "lever arm wrong: by about 2 m"
+    take(one, "star_tracker", fate=Fate.RESET, t_s=50.0)
+    assert not take(one, t_s=500.0) and one.found  # what was found by then stays
     learns = told.Constants()
     take(learns, fate=Fate.REJECTED)
     assert not learns.B.any()

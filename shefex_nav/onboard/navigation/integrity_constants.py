@@ -24,8 +24,9 @@ correlate, and a time shows only in a vehicle that moves. Where the memory does 
 period is longer than `LONGEST_S`, velocities show nothing. B is followed through position, velocity and
 attitude only; that makes h less sharp, not the chance of a false alarm larger. Whoever else is at fault
 leaves innovations of another form: a constant is found only where it explains most of what is more than
-chance in all innovations since the start. Constants are wrong from the start: once a sensor was believed
-against the filter, something else may be, and no more is taken in.
+chance in all innovations since the start. Where a sensor was believed against the filter, something else may
+be wrong, and what was gathered says nothing any more: `QUIET_S` after the last such time the sums begin anew.
+What was found by then stays.
 """
 
 from typing import NamedTuple
@@ -44,6 +45,7 @@ FEWEST = 5  # [E] innovations of GPS
 LEAST = 2e-3, 0.2  # [E] s, m: an error below is no matter
 EXPLAINED = 0.7  # [E] share of the squares beyond chance
 OVER = 0.25  # of the limit, below which a constant is right after all
+QUIET_S = 30.0  # s [E], since a sensor was last believed against the filter
 LONGEST_S = 1.0  # [E] period of vibration, beyond which readings tell too little of the motion
 SPAN_S = 0.1  # s [E], of the readings that are taken
 MOVES = 10.0  # [E] sigma of the velocity, over ground
@@ -90,19 +92,18 @@ class Constants:
         self.sums = Sums(*(np.zeros(shape) for shape in ((4, 4), 4, 3, (3, 3))))
         self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
-        self.closed = False  # whether something else may have been wrong since
+        self.begins_s = -np.inf  # when what innovations show counts again
 
     def take(self, nav, now, name, z, H, S, fate):
         """Take a measurement in, before it corrects the state.
 
         nav : Filter;  now : Moment;  z, H, S : (m,), (m, n), (m, m);  fate : what becomes of it
         """
-        if self.closed:
-            return
         if self.B is None:
             self.B, self.omega_ie_i = np.zeros((H.shape[1], 4)), frames.omega_ie_i(nav.earth)
         what = SHOWS.get(name, NOTHING)
-        judges = what != NOTHING and fate != Fate.HELD and not nav.watch.imu_blind
+        begun = now.t_s >= self.begins_s and not nav.watch.imu_blind
+        judges = what != NOTHING and fate != Fate.HELD and begun
         motion = UNREAD
         if what == VELOCITY and nav.params.vibration_period_s <= LONGEST_S:
             ticks = nav.history.oldest, nav.history.number(now.k)
@@ -116,7 +117,13 @@ class Constants:
             self.count += 1
             self._judge(found)
             nav.watch.report(nav.history.ends_s[-1], "gps_constants", self.found)
-        self.closed = fate == Fate.RESET
+        if fate == Fate.RESET:
+            self._begin_anew(now.t_s + QUIET_S if not self.found else np.inf)
+
+    def _begin_anew(self, t_s):
+        """Forget what the innovations have shown; from t_s [s] on they count again."""
+        self.sums.J[:], self.sums.y[:] = 0.0, 0.0
+        self.beyond, self.count, self.begins_s = 0.0, 0, t_s
 
     def _judge(self, found):
         """Whether a constant is wrong; one that was stays so while anything speaks for it.

@@ -21,7 +21,7 @@ import numpy as np
 
 from shefex_nav.fields import matrix, number, vector
 from shefex_nav.geometry.distortion import corner_angles
-from shefex_nav.onboard.startracker import best_attitude, objects, single
+from shefex_nav.onboard.startracker import best_attitude, objects, own_rate, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -85,6 +85,7 @@ class TrackerState(NamedTuple):
     exposure_s: float  # as commanded last
     memory: Any = None  # objects.Found.memory of the frame before
     misfits: float = 0.0  # share of late frames that were refused for their residuals, `denied`
+    attitude: own_rate.Seen = own_rate.NOTHING  # the last one, given out or not
 
 
 def init(params, catalogue, julian_year):
@@ -207,7 +208,11 @@ def concluded(tracker, state, frame, context, seen, result):
     as `step`
     """
     settings, detections, mean_dn = tracker.params.settings, seen.detections, seen.statistics.mean_dn
-    (found, reason, solution, stars), misfits = _given(tracker, state.misfits, frame, context, seen, result)
+    now = own_rate.Seen(frame.t_valid_s, result[2][0])
+    is_fast = own_rate.is_fast(context.rate, settings.highest_rate, state.attitude, now)
+    (found, reason, solution, stars), misfits = _given(
+        tracker, state.misfits, frame, context, seen, is_fast, result
+    )
     flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.stars.hip[found.star], 0)
@@ -234,16 +239,17 @@ def concluded(tracker, state, frame, context, seen, result):
     )
     exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
-    return TrackerState(exposure_s, seen.memory, misfits), fix, command
+    last = state.attitude if result[1] != Reason.NONE else now
+    return TrackerState(exposure_s, seen.memory, misfits, last), fix, command
 
 
-def _given(tracker, misfits, frame, context, seen, result):
+def _given(tracker, misfits, frame, context, seen, is_fast, result):
     """The result without what must not be given out, and the misfits after this frame.
 
-    misfits : of the TrackerState before it;  the others : as of `concluded`
+    misfits : of the TrackerState before it;  is_fast : bool, the frame was taken too fast
+    the others : as of `concluded`
     """
     params, (found, reason, solution, stars) = tracker.params, result
-    is_fast = context.rate > params.settings.highest_rate  # an unknown rate is NaN, not too high
     if is_fast or not seen.at_instant:
         stars = NO_STARS
         if reason == Reason.NONE:

@@ -124,8 +124,9 @@ def _alarm(read, healthy, name, noticed, window, named, doubts):
     """Whether a quantity that a fault made wrong was withdrawn in time, and by the right words: dict.
 
     The fault is to blame where the error is beyond its level and that of the twin is not. Of several faults
-    all that have begun by then have to be detectable. The right words are the device that failed; or a level
-    that is too high, where that of the twin is as well: the fault is not what the quantity is withdrawn for.
+    all that have begun by then have to be detectable. The right words are the device that failed; or any,
+    where the twin is withdrawn as well and the fault is not what for: both levels are too high, or the error
+    of the twin would be beyond the level of the flight.
 
     noticed : (begin, instant from which on it can be noticed or None) of each fault
     """
@@ -135,7 +136,9 @@ def _alarm(read, healthy, name, noticed, window, named, doubts):
     blamed = np.zeros(n, dtype=bool)
     for begin_s, end_s in named:
         blamed |= (t_s[:n] >= begin_s - STEP_S) & (t_s[:n] <= end_s)
-    anyway = (one.doubt[:n] == Doubt.LEVEL) & ~other.usable[:n] & (other.doubt[:n] == Doubt.LEVEL)
+    high = (one.doubt[:n] == Doubt.LEVEL) & (other.doubt[:n] == Doubt.LEVEL)
+    alike = (np.minimum(one.error[:n], other.error[:n]) > one.level[:n]).any(axis=1)
+    anyway = ~other.usable[:n] & (high | alike)
     told = ~one.usable[:n] & (blamed | anyway | np.isin(one.doubt[:n], list(doubts)))
     found = {"beyond_s": 0.0, "late_s": 0.0, "undetected_s": 0.0, "wrong_words": 0, "after_s": None}
     for pair in levels.stretches(beyond):

@@ -1,0 +1,72 @@
+"""A frame that the gyros call too fast is given where the stars themselves have turned far less."""
+
+import numpy as np
+import pytest
+from star_fields import TRACKER, all_stars, tracker_with
+
+from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
+from shefex_nav.onboard.startracker import objects, own_rate, tracker
+from shefex_nav.onboard.startracker.background import FrameStatistics
+from shefex_nav.onboard.startracker.identify.verify import Identification
+from shefex_nav.records import NO_STARS, Detections, Frame, Reason
+
+HIGHEST = np.radians(2.5)
+START = np.array([0.8, 0.0, 0.6, 0.0])
+NOTHING = Detections(
+    np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2))
+)
+
+
+def turned(deg, axis=(0.0, 0.6, 0.8)):
+    return quat_multiply(START, quat_from_rotvec(np.radians(deg) * np.array(axis)))
+
+
+def is_fast(rate_deg_s, turned_deg, since_s=0.1, q_ic=None):
+    before = own_rate.Seen(7.0, START)
+    now = own_rate.Seen(7.0 + since_s, turned(turned_deg) if q_ic is None else q_ic)
+    return own_rate.is_fast(np.radians(rate_deg_s), HIGHEST, before, now)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])  # q and -q are one attitude
+def test_stars_that_turn_far_less_than_the_gyros_say_are_believed(sign):
+    assert not is_fast(15.0, 0.0, q_ic=sign * START)
+    assert not is_fast(15.0, 0.0, q_ic=sign * turned(0.24))  # 2.4 deg/s
+    assert is_fast(15.0, 0.0, q_ic=sign * turned(0.26))  # faster than the tracker is made for
+    assert is_fast(15.0, 0.0, q_ic=sign * turned(1.5))  # as the gyros say
+    assert is_fast(15.0, 0.0, q_ic=sign * turned(-1.5))
+
+
+def test_stars_that_turn_nearly_as_the_gyros_say_are_not():
+    """Just above the highest rate the gyros are believed, unless the stars say less than half of it."""
+    assert not is_fast(2.6, 0.12)
+    assert is_fast(2.6, 0.14)
+
+
+def test_up_to_the_highest_rate_and_where_it_is_not_known_no_frame_is_too_fast():
+    assert not is_fast(2.4, 90.0)
+    assert not is_fast(np.nan, 90.0)
+
+
+def test_one_attitude_alone_says_nothing_of_a_rate():
+    assert is_fast(15.0, 0.0, since_s=0.6)  # too long ago: it may have turned all the way round
+    assert is_fast(15.0, 0.0, since_s=0.0)
+    assert is_fast(15.0, 0.0, q_ic=np.full(4, np.nan))
+    assert own_rate.is_fast(0.3, HIGHEST, own_rate.NOTHING, own_rate.Seen(7.0, START))
+
+
+def test_the_chain_goes_on_where_a_gyro_jumps_and_the_camera_rests():
+    """Still camera, rate of 15 deg/s from the third frame on; then the camera turns as well."""
+    ready = tracker.init(tracker_with(TRACKER), all_stars(), 2012.47)
+    rates = [0.0, 0.0, 15.0, 15.0, 15.0, 15.0]
+    attitudes = [turned(deg) for deg in (0.0, 0.0, 0.0, 0.01, 1.5, 3.0)]
+    state, reasons = tracker.TrackerState(0.04), []
+    for number, (rate, q_ic) in enumerate(zip(rates, attitudes, strict=True)):
+        t_s = 0.1 * number
+        frame = Frame(number, t_s, t_s + 0.02, t_s + 0.05, 0.04, 0.0, np.zeros((4, 4), np.uint8), 0.0)
+        found = Identification(np.zeros(0, np.int64), int(Reason.NONE), 30.0)
+        result = found, Reason.NONE, (q_ic, 1e-10 * np.eye(3), 0.1), NO_STARS
+        seen = objects.Found(NOTHING, FrameStatistics(20.0, 2.0, 20.0), 0, True)
+        context = tracker.NO_CONTEXT._replace(rate=np.radians(rate))
+        state, fix, _ = tracker.concluded(ready, state, frame, context, seen, result)
+        reasons.append(fix.reason)
+    assert reasons == [Reason.NONE] * 4 + [Reason.SMEARED] * 2
