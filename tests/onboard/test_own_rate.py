@@ -21,10 +21,11 @@ def turned(deg, axis=(0.0, 0.6, 0.8)):
     return quat_multiply(START, quat_from_rotvec(np.radians(deg) * np.array(axis)))
 
 
-def is_fast(rate_deg_s, turned_deg, since_s=0.1, q_ic=None):
-    before = own_rate.Seen(7.0, START)
-    now = own_rate.Seen(7.0 + since_s, turned(turned_deg) if q_ic is None else q_ic)
-    return own_rate.is_fast(np.radians(rate_deg_s), HIGHEST, before, now)
+def is_fast(rate_deg_s, turned_deg, since_s=0.1, q_ic=None, before_deg_s=None):
+    before_deg_s = rate_deg_s if before_deg_s is None else before_deg_s
+    before = own_rate.Seen(7.0, np.radians(before_deg_s), START)
+    q_ic = turned(turned_deg) if q_ic is None else q_ic
+    return own_rate.is_fast(HIGHEST, before, own_rate.Seen(7.0 + since_s, np.radians(rate_deg_s), q_ic))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])  # q and -q are one attitude
@@ -34,12 +35,20 @@ def test_stars_that_turn_far_less_than_the_gyros_say_are_believed(sign):
     assert is_fast(15.0, 0.0, q_ic=sign * turned(0.26))  # faster than the tracker is made for
     assert is_fast(15.0, 0.0, q_ic=sign * turned(1.5))  # as the gyros say
     assert is_fast(15.0, 0.0, q_ic=sign * turned(-1.5))
+    assert not is_fast(15.0, 2.4, since_s=1.0)  # a frame a second
 
 
 def test_stars_that_turn_nearly_as_the_gyros_say_are_not():
     """Just above the highest rate the gyros are believed, unless the stars say less than half of it."""
     assert not is_fast(2.6, 0.12)
     assert is_fast(2.6, 0.14)
+    assert is_fast(9.0, 0.14, before_deg_s=2.6)
+
+
+def test_a_camera_that_has_just_begun_to_turn_has_not_turned_much():
+    """100 deg/s^2 from rest for 70 ms: 7 deg/s, and 0.245 deg on the way."""
+    for before in (0.0, 2.4, np.nan):
+        assert is_fast(7.0, 0.245, before_deg_s=before)
 
 
 def test_up_to_the_highest_rate_and_where_it_is_not_known_no_frame_is_too_fast():
@@ -48,14 +57,14 @@ def test_up_to_the_highest_rate_and_where_it_is_not_known_no_frame_is_too_fast()
 
 
 def test_one_attitude_alone_says_nothing_of_a_rate():
-    assert is_fast(15.0, 0.0, since_s=0.6)  # too long ago: it may have turned all the way round
+    assert is_fast(15.0, 0.0, since_s=1.6)  # too long ago
     assert is_fast(15.0, 0.0, since_s=0.0)
     assert is_fast(15.0, 0.0, q_ic=np.full(4, np.nan))
-    assert own_rate.is_fast(0.3, HIGHEST, own_rate.NOTHING, own_rate.Seen(7.0, START))
+    assert own_rate.is_fast(HIGHEST, own_rate.NOTHING, own_rate.Seen(7.0, 0.3, START))
 
 
 def test_the_chain_goes_on_where_a_gyro_jumps_and_the_camera_rests():
-    """Still camera, rate of 15 deg/s from the third frame on; then the camera turns as well."""
+    """Still camera, 15 deg/s from the third frame on, which is lost; from the fifth on it turns as well."""
     ready = tracker.init(tracker_with(TRACKER), all_stars(), 2012.47)
     rates = [0.0, 0.0, 15.0, 15.0, 15.0, 15.0]
     attitudes = [turned(deg) for deg in (0.0, 0.0, 0.0, 0.01, 1.5, 3.0)]
@@ -69,4 +78,5 @@ def test_the_chain_goes_on_where_a_gyro_jumps_and_the_camera_rests():
         context = tracker.NO_CONTEXT._replace(rate=np.radians(rate))
         state, fix, _ = tracker.concluded(ready, state, frame, context, seen, result)
         reasons.append(fix.reason)
-    assert reasons == [Reason.NONE] * 4 + [Reason.SMEARED] * 2
+    given, fast = Reason.NONE, Reason.SMEARED
+    assert reasons == [given, given, fast, given, fast, fast]

@@ -208,8 +208,8 @@ def concluded(tracker, state, frame, context, seen, result):
     as `step`
     """
     settings, detections, mean_dn = tracker.params.settings, seen.detections, seen.statistics.mean_dn
-    now = own_rate.Seen(frame.t_valid_s, result[2][0])
-    is_fast = own_rate.is_fast(context.rate, settings.highest_rate, state.attitude, now)
+    now = own_rate.Seen(frame.t_valid_s, context.rate, result[2][0])
+    is_fast = own_rate.is_fast(settings.highest_rate, state.attitude, now)
     (found, reason, solution, stars), misfits = _given(
         tracker, state.misfits, frame, context, seen, is_fast, result
     )
