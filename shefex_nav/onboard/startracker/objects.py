@@ -59,6 +59,7 @@ class Found(NamedTuple):
     rate: Any = None
     # rad^2 on each axis, of what a rate that changes has moved all places by; None: that was not looked at
     variance: float | None = None
+    guess: bool = False  # of no account if it shows no attitude
 
 
 def detect(settings, camera, image_dn, centres=None):
@@ -156,10 +157,24 @@ def as_spots(params, stars, memory, frame, context):
     kind = int(SPOTS.get(spots.scan, Scan.OTHER))
     if not can_be_brought(params.camera.pinhole, frame, context):
         return [Found(detections, statistics, kind, frame.line_s == 0.0)]
-    fits = spots.centroid == "fit"
-    detections, seen_s = at_frame_instant(params.camera, frame, context, detections, fits)
-    rate = None if frame.line_s == 0.0 else (seen_s, context.P_omega_c)
-    return [Found(detections, statistics, kind, True, rate=rate, variance=variance_of(context))]
+    fits, found = spots.centroid == "fit", []
+    for one in turning(params.settings.highest_rate, frame, context):
+        brought, seen_s = at_frame_instant(params.camera, frame, one, detections, fits)
+        rate = None if frame.line_s == 0.0 else (seen_s, one.P_omega_c)
+        known = {"rate": rate, "variance": variance_of(one), "guess": one is not context}
+        found.append(Found(brought, statistics, kind, True, **known))
+    return found
+
+
+def turning(highest_rate, frame, context):
+    """How the camera may be turning: as the context says; of a rolling shutter, if that is too fast for any
+    attitude, hardly as well, for it may be a gyro that is wrong (`own_rate`). -> list of Context
+    """
+    if frame.line_s == 0.0 or not context.rate > highest_rate:
+        return [context]
+    P_omega_c = (0.5 * highest_rate) ** 2 * np.eye(3)
+    still = {"omega_c": np.zeros(3), "P_omega_c": P_omega_c, "unsteady_c": None, "unsteady_variance": 0.0}
+    return [context, context._replace(**still)]
 
 
 def can_be_brought(camera, frame, context):

@@ -164,13 +164,16 @@ def step(tracker, state, frame, context):
     """
     params = tracker.params
     search = objects.SEARCHES.get(params.settings.detection.scan, objects.as_spots)
+    kept = None
     for seen in search(params, tracker.pairs.stars, state.memory, frame, context):
-        exposed = of_frame(tracker, frame, seen)
         ideal = objects.ideal(params.camera, seen.detections)
-        found, reason, solution, stars = attitude_with_stars(exposed, ideal, context, seen.rate)
-        if reason == Reason.NONE:
+        result = attitude_with_stars(of_frame(tracker, frame, seen), ideal, context, seen.rate)
+        solved = result[1] == Reason.NONE
+        if solved or not seen.guess:
+            kept = seen, result
+        if solved:
             break
-    return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
+    return concluded(tracker, state, frame, context, *kept)
 
 
 def of_frame(tracker, frame, seen):
