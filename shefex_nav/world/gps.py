@@ -9,9 +9,10 @@ scatter has the covariance which the receiver reports::
     R_r_e = A (range_noise^2 I + Sigma) A^T,   A = (H^T H)^-1 H^T,   H = [-u_e^T, 1],   likewise R_v_e
 
 (Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed., section 9.4.3).
-Sigma are the variances of the errors that last (`gps_errors`); unless they are asked for, ionosphere,
-troposphere and orbits are in range_noise, which is white in time. The pseudoranges and range rates
-(`gps_channels`) have the very same errors.
+Sigma is the covariance of the errors that last (`gps_errors`), those that all satellites share included: in
+the layer of the ionosphere they go into the receiver's clock, above it into the height as well. Unless errors
+that last are asked for, ionosphere, troposphere and orbits are in range_noise, which is white in time. The
+pseudoranges and range rates (`gps_channels`) have the very same errors.
 """
 
 from typing import NamedTuple
@@ -160,7 +161,7 @@ def _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons):
     error, R = sigmas[..., None] * per_sigma, sigmas[..., None, None] ** 2 * cofactor
     if lasting is not None:
         error = error + solve(u_e, tracked, lasting.error)[2]
-        R = R + spread(u_e, tracked, lasting.variance)
+        R = R + spread(u_e, tracked, lasting.variance, lasting.shared)
     r_ea_e, v_ea_e = antenna.r_ea_e + error[0], antenna.v_ea_e + error[1]
     return [
         _sent(settings, GpsFix(t, t + settings.latency, True, r, v, R_r, R_v, int(n), float(dop), reason))
@@ -240,15 +241,19 @@ def _normal_equations(u_e, tracked):
     return H, information, unsolvable
 
 
-def spread(u_e, tracked, variances):
+def spread(u_e, tracked, variances, shared):
     """Covariance of the least-squares position for ranges with variances of their own.
 
-    u_e : (m, n, 3); tracked : (m, n) bool; variances : (a, m, n) -> (a, m, 3, 3), NaN without a solution
+    u_e : (m, n, 3); tracked : (m, n) bool; variances : (a, m, n)
+    shared : (k, a, m, n), what k errors that all satellites share do to each, one sigma; in the variances
+    -> (a, m, 3, 3), NaN without a solution
     """
     H, information, unsolvable = _normal_equations(u_e, tracked)
-    A = np.linalg.solve(information, np.swapaxes(H, 1, 2))
+    A = np.linalg.solve(information, np.swapaxes(H, 1, 2))[:, :3]
     A[unsolvable] = np.nan
-    return np.einsum("min,amn,mjn->amij", A[:, :3], variances, A[:, :3])
+    moved = np.einsum("min,kamn->kami", A, shared)
+    own = np.einsum("min,amn,mjn->amij", A, variances - (shared**2).sum(axis=0), A)
+    return own + np.einsum("kami,kamj->amij", moved, moved)
 
 
 def as_kind(fixes, kind):

@@ -26,13 +26,14 @@ COMMON_SHARE = 0.5  # [E] of the variance left by the ionosphere's model: an err
 
 
 class RangeErrors(NamedTuple):
-    """Errors of n satellites at m epochs, and their variance as a receiver would give it.
+    """Errors of n satellites at m epochs, and what a receiver knows of their sizes.
 
     The first row is of the range (m, m^2), the second of the range rate (m/s, m^2/s^2).
     """
 
     error: np.ndarray  # (2, m, n)
     variance: np.ndarray  # (2, m, n)
+    shared: np.ndarray  # (k, 2, m, n) what each of k errors that all satellites share does to them, one sigma
 
 
 def range_errors(settings, gps_start_s, t_s, r_ea_e, u_e, rng):
@@ -64,25 +65,27 @@ def range_errors(settings, gps_start_s, t_s, r_ea_e, u_e, rng):
     variance = np.broadcast_to(constant**2 + (change * elapsed_s) ** 2, (m, n)).copy()
     rate_variance = np.full((m, n), change**2)
 
-    delays = []  # what is left of each, its factor, and its sign in the range rate
+    delays = []  # what is left of each, its factor, its share that is of all alike, its sign in the rate
     if settings.ionosphere:
         left = np.sqrt(COMMON_SHARE) * common + np.sqrt(1.0 - COMMON_SHARE) * own
         delay = ionospheric_delay(settings.ionosphere, gps_start_s + t_s, r_ea_e, u_e)
-        delays.append((settings.ionosphere.residual * delay, left, -1.0))
+        delays.append((settings.ionosphere.residual * delay, left, COMMON_SHARE, -1.0))
     if settings.troposphere:
         delay = settings.troposphere.residual * tropospheric_delay(r_ea_e, u_e)
-        delays.append((delay, of_air, 1.0))
-    for D, factor, sign in delays:
-        D_rate = np.gradient(D, t_s, axis=0) if m > 1 else np.zeros_like(D)
-        error, rate = error + D * factor, rate + sign * D_rate * factor
+        delays.append((delay, of_air, 1.0, 1.0))
+    shared = np.zeros((len(delays), 2, m, n))
+    for k, (D, factor, share, sign) in enumerate(delays):
+        D_rate = sign * np.gradient(D, t_s, axis=0) if m > 1 else np.zeros_like(D)
+        error, rate = error + D * factor, rate + D_rate * factor
         variance, rate_variance = variance + D**2, rate_variance + D_rate**2
+        shared[k] = math.sqrt(share) * np.stack([D, D_rate])
 
     if settings.multipath:
         step_s = t_s[1] - t_s[0] if m > 1 else 1.0
         correlation = math.exp(-step_s / settings.multipath.time)
         error = error + settings.multipath.range * noise.gauss_markov(correlation, white)
         variance = variance + settings.multipath.range**2
-    return RangeErrors(np.stack([error, rate]), np.stack([variance, rate_variance]))
+    return RangeErrors(np.stack([error, rate]), np.stack([variance, rate_variance]), shared)
 
 
 def ionospheric_delay(settings, gps_s, r_ea_e, u_e):

@@ -17,7 +17,7 @@ from test_gps_ranges import CONSTELLATION, ERRORS, GPS_START_S, NO_ERRORS, oscil
 from shefex_nav.environment import gnss
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import wgs84
-from shefex_nav.world import gps_errors, gps_settings
+from shefex_nav.world import gps, gps_errors, gps_settings
 
 T_S = 700.0 + 4.0 * np.arange(3)  # s; errors count from the first
 ELAPSED_S = T_S - T_S[0]
@@ -107,6 +107,29 @@ def test_errors_have_the_covariance_of_their_physics(given_delays, case):
     assert_covariance(np.array([one.error.ravel() for one in draws]), expected)
     for one in draws[:2]:  # what is reported is the diagonal, draw by draw
         np.testing.assert_allclose(one.variance.ravel(), np.diag(expected), rtol=1e-9, atol=1e-15)
+    shape = 2, len(T_S), SATELLITES, 2, len(T_S), SATELLITES
+    between = np.einsum("amnamp->amnp", expected.reshape(shape))[..., 0, 1]  # two satellites, one epoch
+    shared = np.einsum("kamn,kamp->amnp", draws[0].shared, draws[0].shared)[..., 0, 1]
+    np.testing.assert_allclose(shared, between, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("height", [0.0, 300e3, 500e3])
+def test_fixes_scatter_as_their_covariance_says(height):
+    """From low orbit rays lead down through the whole layer: what all satellites share moves the height."""
+    settings = replace(CASES["ionosphere"], troposphere=ERRORS.troposphere)
+    t_s, rng = T_S[:2], np.random.default_rng(8)
+    r_e = np.tile(wgs84.ecef_from_geodetic(0.5, 0.3, height), (2, 1))
+    u_e = gnss.lines_of_sight_e(r_e, gnss.positions_e(CONSTELLATION, t_s))
+    tracked = gnss.elevation(r_e, u_e) > (np.radians(5.0) if height == 0.0 else np.radians(-12.0))
+    given = settings, GPS_START_S, t_s, r_e, u_e, rng
+    draws = [gps_errors.range_errors(*given) for _ in range(DRAWS)]
+    errors = np.array([gps.solve(u_e, tracked, one.error)[2][0, 0] for one in draws])
+    R = gps.spread(u_e, tracked, draws[0].variance, draws[0].shared)[0, 0]
+    assert_covariance(errors, R)
+    alone = gps.spread(u_e, tracked, draws[0].variance, 0.0 * draws[0].shared)[0, 0]
+    up = wgs84.dcm_en(0.5, 0.3)[:, 2]
+    ratio = math.sqrt((up @ R @ up) / (up @ alone @ up))
+    assert (ratio > 1.2) == (height > 0.0), ratio
 
 
 def test_at_two_epochs_delays_change_by_their_difference(monkeypatch):
