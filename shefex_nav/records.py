@@ -138,6 +138,9 @@ class GpsFix(NamedTuple):
     horizontal: flag("latitude and longitude alone: the height of r_ea_e means nothing") = False
 
 
+NONE = np.empty(0)
+
+
 class GpsRanges(NamedTuple):
     """What the receiver's channels measure at one instant; n satellites are tracked, and there may be none.
 
@@ -156,6 +159,11 @@ class GpsRanges(NamedTuple):
     sigma_range: number("m", "noise of the pseudorange as reported, standard deviation; white in time", (-1,))
     sigma_range_rate: number("m/s", "noise of the range rate", (-1,))
     reason: text("why no satellite is tracked") = ""
+    # empty of a receiver that does not say it
+    sigma_lasting: number("m", "errors of the pseudorange that last, the satellite's own, 1 sigma", (-1,)) = (
+        NONE
+    )
+    sigma_shared: number("m", "the same of what one error of all satellites does to each", (-1,)) = NONE
 
 
 class CameraCommand(NamedTuple):

@@ -126,9 +126,12 @@ def _gps_told(scenario):
     from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 
     true, told = scenario.gps, scenario.navigation.told.gps
+    lasting = _lasting_sigma(scenario)
+    known = {"lasting_factor": _range_bias(scenario) / lasting if lasting else 1.0}
     if told is None:
-        return NOTHING_TOLD
+        return NOTHING_TOLD if known["lasting_factor"] == 1.0 else GpsTold(**known)
     return GpsTold(
+        **known,
         position_factor=_given(told.range_noise, true.range_noise) / true.range_noise,
         velocity_factor=_given(told.range_rate_noise, true.range_rate_noise) / true.range_rate_noise,
         clock_offset_s=_given(told.clock_offset, 0.0),
@@ -155,7 +158,12 @@ def _beforehand(scenario):
 
 
 def _range_bias(scenario):
-    """Sigma of range errors that last, m: satellites, multipath, what the models of the air leave."""
+    """Sigma of range errors that last, m, as the filter is told."""
+    return _given(scenario.navigation.sensors.range_bias, _lasting_sigma(scenario))
+
+
+def _lasting_sigma(scenario):
+    """The same of the receiver: satellites, multipath, what the models of the air leave."""
     errors = scenario.gps.errors
     sigmas = [
         errors.satellite.range if errors.satellite else 0.0,
@@ -163,7 +171,7 @@ def _range_bias(scenario):
         errors.troposphere.residual * SLANT_TROPOSPHERE if errors.troposphere else 0.0,
         errors.multipath.range if errors.multipath else 0.0,
     ]
-    return _given(scenario.navigation.sensors.range_bias, float(np.linalg.norm(sigmas)))
+    return float(np.linalg.norm(sigmas))
 
 
 def _lasting_share(scenario):

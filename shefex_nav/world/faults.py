@@ -35,7 +35,8 @@ from shefex_nav.world.fault_settings import (
 )
 
 OF_CHANNELS = (
-    "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate"
+    "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate",
+    "sigma_lasting", "sigma_shared",
 )  # fmt: skip
 
 

@@ -136,7 +136,8 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors, absent=()):
     ranges = []
     if seen.geometry is not None:
         reception = gps_channels.Reception(t_s, prn, tracked & told, reasons)
-        ranges = gps_channels.ranges(seen.geometry, clock, errors, sigmas, reception, settings.latency)
+        given = seen.geometry, clock, errors, sigmas, reception, settings.latency
+        ranges = gps_channels.ranges(*given, lasting and lasting.sigmas)
     return GpsData(fixes, ranges, antenna)
 
 

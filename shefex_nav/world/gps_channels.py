@@ -25,6 +25,9 @@ LIGHT_TIME_PASSES = (
 )
 
 
+LASTING = "sigma_lasting", "sigma_shared"  # fields of GpsRanges
+
+
 class Reception(NamedTuple):
     """Which of n satellites are received at m epochs."""
 
@@ -79,7 +82,7 @@ def _rotated_with_earth(x_e, tau):
     return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
 
 
-def ranges(geometry, clock, errors, sigmas, reception, latency_s):
+def ranges(geometry, clock, errors, sigmas, reception, latency_s, lasting=None):
     """GpsRanges of every epoch.
 
     Parameters
@@ -90,6 +93,7 @@ def ranges(geometry, clock, errors, sigmas, reception, latency_s):
     sigmas : (2, m) m, m/s, noise of a channel as the receiver reports it
     reception : Reception
     latency_s : s
+    lasting : (2, m, n) m, of `RangeErrors.sigmas`; None: there are none
 
     Returns
     -------
@@ -114,6 +118,7 @@ def ranges(geometry, clock, errors, sigmas, reception, latency_s):
                 sigma_range=np.full(n, sigmas[0][k]),
                 sigma_range_rate=np.full(n, sigmas[1][k]),
                 reason=reason,
+                **({} if lasting is None else dict(zip(LASTING, lasting[:, k, seen], strict=True))),
             )
         )
     return result

@@ -35,6 +35,12 @@ class RangeErrors(NamedTuple):
     variance: np.ndarray  # (2, m, n)
     shared: np.ndarray  # (k, 2, m, n) what each of k errors that all satellites share does to them, one sigma
 
+    @property
+    def sigmas(self):
+        """Of the range, the satellite's own and of what all share: (2, m, n) m."""
+        shared = (self.shared[:, 0] ** 2).sum(axis=0)
+        return np.sqrt(np.stack([np.maximum(self.variance[0] - shared, 0.0), shared]))
+
 
 def range_errors(settings, gps_start_s, t_s, r_ea_e, u_e, rng):
     """Errors that last, of every satellite at every epoch.

@@ -142,7 +142,7 @@ def test_jacobian_is_the_derivative_of_the_innovation(model):
         dx[j] = STEP[j]
         slope = -(innovation(dx) - innovation(-dx)) / (2.0 * STEP[j])
         # rounding of 2.6e7 m (4e-9 m) by the step; of rates 4e-13 of 1e4 m/s
-        rounding = (1e-8 if model is ranges_of else 1e-11) / STEP[j]
+        rounding = (1e-11 if model is rates_of else 1e-8) / STEP[j]
         assert np.abs(slope - H[:, j]).max() <= 1e-6 * np.abs(H[:, j]).max() + rounding, j
 
 
@@ -176,6 +176,36 @@ def test_without_its_state_an_error_that_lasts_is_noise():
     assert H[:, LAYOUT.places["range_bias"]].sum() == 4.0
 
 
+OWN, SHARED = np.array([0.8, 3.0, 0.5, 1.5, 6.0]), np.array([0.6, 5.0, 0.1, 2.0, 4.0])  # m
+
+
+def told(message):
+    return message._replace(sigma_lasting=OWN, sigma_shared=SHARED)
+
+
+def test_a_receiver_says_how_large_the_errors_that_last_are():
+    """Each satellite's own, and what all share: of states of 2 m or of noise, the same variance."""
+    state, plain = state_of(), layout(("gyro_roll_column", "mounting", "clock"))
+    message = told(measured(state))
+    z, H, R = measure_ranges.pseudoranges(LAYOUT, state, message, antenna_of(LAYOUT, state), 2.0)
+    block = H[:, LAYOUT.places["range_bias"]]
+    expected = np.diag(OWN**2) + np.outer(SHARED, SHARED)
+    np.testing.assert_allclose(2.0**2 * block @ block.T, expected, atol=1e-12)
+    np.testing.assert_allclose(R, 1.5**2 * np.eye(5))
+    moved = state.range_bias[PRN - 1] * (OWN / 2.0 - 1.0) + state.range_bias[-1] * SHARED / 2.0
+    untold = measure_ranges.pseudoranges(LAYOUT, state, measured(state), antenna_of(LAYOUT, state), 2.0)
+    np.testing.assert_allclose(z, untold[0] - moved, atol=1e-7)
+    _, _, R = measure_ranges.pseudoranges(plain, state, message, antenna_of(plain, state), 2.0)
+    np.testing.assert_allclose(R, 1.5**2 * np.eye(5) + np.diag(np.diag(expected)))
+
+
+def test_jacobian_with_what_the_receiver_says():
+    def model(state, message):
+        return measure_ranges.pseudoranges(LAYOUT, state, told(message), antenna_of(LAYOUT, state), 2.0)
+
+    test_jacobian_is_the_derivative_of_the_innovation(model)
+
+
 def prior(tight):
     """Covariance of a filter that knows 100 m and 1 m/s, and nothing of the clock."""
     sigma = np.repeat([100.0, 1.0, 1e-3, 1e-6, 1e-3, 1e-5, 1e-4], 3)
@@ -186,7 +216,7 @@ def test_five_ranges_are_worth_the_fix_that_is_made_of_them():
     """Tight with an unknown clock = loose with the least-squares fix and its covariance."""
     rng = np.random.default_rng(5)
     plain, with_clock = layout(), layout(("gyro_roll_column", "mounting", "clock"))
-    truth = state_of()._replace(range_bias=np.zeros(32), lever_arm=np.zeros(3))
+    truth = state_of()._replace(range_bias=np.zeros(OPTIONAL["range_bias"]), lever_arm=np.zeros(3))
     message = measured(truth)
     noise = 1.5 * rng.standard_normal(5)
     message = message._replace(pseudorange=message.pseudorange + noise)
@@ -215,7 +245,7 @@ def test_five_ranges_are_worth_the_fix_that_is_made_of_them():
 def test_two_satellites_say_their_difference_whatever_the_clock():
     """Along u1 - u2 the error falls to the noise of the difference; across it nothing is learned."""
     order = layout(("gyro_roll_column", "mounting", "clock"))
-    state = state_of()._replace(range_bias=np.zeros(32), lever_arm=np.zeros(3))
+    state = state_of()._replace(range_bias=np.zeros(OPTIONAL["range_bias"]), lever_arm=np.zeros(3))
     message = measured(state)
     two = GpsRanges(*(field[:2] if isinstance(field, np.ndarray) else field for field in message))
     z, H, R = measure_ranges.pseudoranges(order, state, two, antenna_of(order, state))
@@ -249,7 +279,7 @@ def test_gate_of_a_row_is_that_of_one_degree_of_freedom():
     rng = np.random.default_rng(9)
     state = state_of()
     _, H, R = ranges_of(state, measured(state))
-    P = np.diag(np.concatenate([STEP[:24] ** 2, [25.0, 1.0], np.ones(32)]))
+    P = np.diag(np.concatenate([STEP[:24] ** 2, [25.0, 1.0], np.ones(OPTIONAL["range_bias"])]))
     S = H @ P @ H.T + R
     z = np.linalg.cholesky(S) @ rng.standard_normal((5, 4000))
     share = np.mean(z**2 / np.diag(S)[:, None] > chi2.isf(0.01, 1))

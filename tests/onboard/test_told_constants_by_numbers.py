@@ -260,17 +260,26 @@ def test_the_one_that_explains_more_is_named_and_stays_while_anything_speaks_for
     assert judged((0.0, 0.0), (1.0, 0.26 * LIMITS[3]), before=told.ARM)[1] == told.ARM
 
 
-def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, period_s=0.05, **memory):
+LASTS_S = 300.0
+
+
+def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, **memory):
+    """lasts : share of the variance that lasts, of a filter that knows its place to 3 % of a fix"""
+    lasts, period_s = memory.pop("lasts", None), memory.pop("period_s", 0.05)
     reported, memory = [], remembered(**memory)
     memory.numbers[:, 0] += t_s - 0.4
     nav = SimpleNamespace(
         watch=SimpleNamespace(imu_blind=blind, report=lambda *given: reported.append(given)),
-        earth=EARTH, params=SimpleNamespace(l_ba_b=ARM_B, vibration_period_s=period_s),
+        earth=EARTH,
+        params=SimpleNamespace(
+            l_ba_b=ARM_B, vibration_period_s=period_s, lasting_share=lasts or 0.0, range_bias_time_s=LASTS_S
+        ),
         history=SimpleNamespace(ends_s=[t_s], oldest=0, number=lambda k: k, arrays=memory),
     )  # fmt: skip
-    now = SimpleNamespace(x=packed(), P=np.eye(N), k=40, t_s=t_s)
+    known = 1.0 if lasts is None else 1e-3
+    now = SimpleNamespace(x=packed(), P=known * np.eye(N), k=40, t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
-    one.take(nav, now, name, np.full(3, z), H, 2.0 * np.eye(3), fate)
+    one.take(nav, now, name, np.full(3, z), H, (1.0 + known) * np.eye(3), fate)
     assert reported in ([], [(t_s, "gps_constants", one.found)])
     return reported
 
@@ -330,3 +339,26 @@ def test_a_time_shows_in_the_turn_of_the_antenna_too():
     take(one, "gps_velocity")
     assert one.sums.J[0, 0] == pytest.approx(moves[:, 0] @ moves[:, 0] / 2.0, rel=1e-9)
     assert np.linalg.norm(np.cross(OMEGA_B, np.cross(OMEGA_B, ARM_B))) > 5.0
+
+
+def lasting_positions(rng, n):
+    """Innovations (n, 3) of positions with R = I, 0.9 of which lasts for `LASTS_S`."""
+    r = np.exp(-1.0 / LASTS_S)
+    last, all_of_it = rng.standard_normal(3), []
+    for _ in range(n):
+        all_of_it.append(np.sqrt(0.9) * last + np.sqrt(0.1) * rng.standard_normal(3))
+        last = r * last + np.sqrt(1.0 - r**2) * rng.standard_normal(3)
+    return np.array(all_of_it)
+
+
+def test_errors_that_last_are_not_taken_for_a_constant():
+    """Ten receivers for 200 s: taken for white, most of them have an arm that is wrong."""
+    rng, found = np.random.default_rng(4), {0.0: 0, 0.9: 0}
+    for _ in range(10):
+        z = lasting_positions(rng, 200)
+        for share in found:
+            one = told.Constants()
+            for k in range(len(z)):
+                take(one, z=z[k], t_s=1.0 + k, lasts=share)
+            found[share] += bool(one.found)
+    assert found[0.9] == 0 and found[0.0] >= 5, found

@@ -12,7 +12,10 @@ from shefex_nav.world import faults, gps
 from shefex_nav.world.fault_settings import Faults
 
 RATE_HZ = 400.0
-CHANNELS = ("prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate")
+CHANNELS = (
+    "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate",
+    "sigma_lasting", "sigma_shared",
+)  # fmt: skip
 
 
 def readings(count=41):

@@ -69,6 +69,7 @@ def _off_diagonal(triad, first):
     return tuple(Drive(triad, first + j, i) for i, j in OFF_DIAGONAL)
 
 
+SATELLITES = 32  # that have an error of their own
 STATES = (
     State(
         "gyro_roll_column", 3, "", "error of the gyros on x, y, z per unit of roll rate",
@@ -143,8 +144,9 @@ STATES = (
         of_data=True,
     ),
     State(
-        "range_bias", 32, "m", "range errors that last, of satellites 1 to 32, Gauss-Markov",
-        known=lambda told: (told.range_bias,) * 32,
+        "range_bias", SATELLITES + 1, "m",
+        "range errors that last, of satellites 1 to 32 and one of all, Gauss-Markov",
+        known=lambda told: (told.range_bias,) * (SATELLITES + 1),
         learnt=False,
     ),
 )  # fmt: skip

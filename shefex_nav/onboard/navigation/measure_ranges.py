@@ -10,18 +10,20 @@ with velocities against axes that do not turn (Groves, 2nd ed., sections 8.5 and
 something about the line of sight as far as the clock is known, and two about their difference whatever it is.
 
 Errors that last. Clock and orbit of a satellite, what the models of ionosphere and troposphere leave, and
-multipath wander over minutes. The block `range_bias` has a state for each satellite, first-order
-Gauss-Markov with one sigma and one correlation time for all causes together; then innovations are as white
-and as large as their covariance says. Without the block the same variance is added to R: each innovation is
-then as large as R says, but not independent of the one before, and the filter is too sure of what it gathers
-in minutes.
+multipath wander over minutes. The block `range_bias` has a state for each satellite and one for what all of
+them share, first-order Gauss-Markov with one sigma and one correlation time for all causes together; then
+innovations are as white and as large as their covariance says. A receiver says how large these errors are
+(`GpsRanges.sigma_lasting`, `sigma_shared`), and each state counts for as much more or less in the range: a
+ray that leads down from orbit crosses the ionosphere twice. Without the block the same variance is added to
+R: each innovation is then as large as R says, but not independent of the one before, and the filter is too
+sure of what it gathers in minutes.
 """
 
 import numpy as np
 
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import wgs84
-from shefex_nav.onboard.navigation.blocks import OPTIONAL
+from shefex_nav.onboard.navigation.blocks import SATELLITES
 
 FEWEST_TO_AGREE = 4  # satellites by which two sets of ranges are compared
 LONGEST_PAIR_S = 3.0  # [E] sets further apart than this are not compared
@@ -37,7 +39,7 @@ def pseudoranges(layout, state, ranges, a, sigma_bias=0.0):
     state : NavState at the instant of the ranges
     ranges : GpsRanges
     a : measurements.Antenna at that instant
-    sigma_bias : m, of range errors that last, where no state has them
+    sigma_bias : m, of the states `range_bias`, and of errors that last of which the receiver says nothing
 
     Returns
     -------
@@ -47,16 +49,27 @@ def pseudoranges(layout, state, ranges, a, sigma_bias=0.0):
     H = -u @ a.J_r
     H[:, layout.places["clock"].start] = 1.0
     z = ranges.pseudorange - rho - state.clock[0]
+    own, shared = _lasting(ranges, sigma_bias)
     variance = ranges.sigma_range**2
-    place, has_state = layout.places["range_bias"], ranges.prn <= OPTIONAL["range_bias"]
+    place, has_state = layout.places["range_bias"], ranges.prn <= SATELLITES
     if place is not None:
         rows, slots = np.flatnonzero(has_state), ranges.prn[has_state] - 1
-        z[rows] -= state.range_bias[slots]
-        H[rows, place.start + slots] = 1.0
-        variance = variance + np.where(has_state, 0.0, sigma_bias**2)
+        z[rows] -= own[rows] * state.range_bias[slots]
+        z -= shared * state.range_bias[SATELLITES]
+        H[rows, place.start + slots] = own[rows]
+        H[:, place.start + SATELLITES] = shared
+        variance = variance + np.where(has_state, 0.0, own * sigma_bias) ** 2
     else:
-        variance = variance + sigma_bias**2
+        variance = variance + (own * sigma_bias) ** 2 + (shared * sigma_bias) ** 2
     return z, H, np.diag(variance)
+
+
+def _lasting(ranges, sigma_bias):
+    """What states of the size sigma_bias [m] count for in ranges: own one, that of all. -> (n,), (n,)"""
+    n = len(ranges.prn)
+    if sigma_bias > 0.0 and len(ranges.sigma_lasting) == len(ranges.sigma_shared) == n:
+        return ranges.sigma_lasting / sigma_bias, ranges.sigma_shared / sigma_bias
+    return np.ones(n), np.zeros(n)
 
 
 def range_rates(layout, state, ranges, a):

@@ -265,6 +265,8 @@ def understood(told, message):
         sigmas = {
             "sigma_range": near * message.sigma_range,
             "sigma_range_rate": fast * message.sigma_range_rate,
+            "sigma_lasting": told.lasting_factor * message.sigma_lasting,
+            "sigma_shared": told.lasting_factor * message.sigma_shared,
         }
         return message._replace(t_valid_s=t_valid_s, **sigmas)
     return message._replace(t_valid_s=t_valid_s, R_r_e=near**2 * message.R_r_e, R_v_e=fast**2 * message.R_v_e)
