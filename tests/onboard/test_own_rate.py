@@ -80,3 +80,39 @@ def test_the_chain_goes_on_where_a_gyro_jumps_and_the_camera_rests():
         reasons.append(fix.reason)
     given, fast = Reason.NONE, Reason.SMEARED
     assert reasons == [given, given, fast, given, fast, fast]
+
+
+def test_rows_that_the_gyros_bring_too_far_are_looked_at_as_they_are_as_well():
+    omega_c, P_omega_c = np.array([0.0, 0.3, 0.0]), 1e-8 * np.eye(3)
+    context = tracker.NO_CONTEXT._replace(rate=0.3, omega_c=omega_c, P_omega_c=P_omega_c)
+    frame = Frame(1, 0.0, 0.02, 0.05, 0.04, 0.0, np.zeros((4, 4), np.uint8), 0.0)
+    rolling = frame._replace(line_s=2e-5)
+    assert objects.turning(HIGHEST, frame, context) == [context]
+    assert objects.turning(HIGHEST, rolling, context._replace(rate=0.01)) == [context._replace(rate=0.01)]
+    first, second = objects.turning(HIGHEST, rolling, context)
+    assert first is context and not second.omega_c.any()
+    np.testing.assert_allclose(second.P_omega_c, (0.5 * HIGHEST) ** 2 * np.eye(3))
+
+
+@pytest.mark.parametrize("solved, kept", [((), 1), ((2,), 2), ((1, 2), 1)])
+def test_a_guess_counts_only_if_it_shows_an_attitude(monkeypatch, solved, kept):
+    """Of two searches, the second a guess: what is said of the frame is the solved one, or the first."""
+    ready = tracker.init(tracker_with(TRACKER), all_stars(), 2012.47)
+    found = [
+        objects.Found(NOTHING, FrameStatistics(10.0 * k, 2.0, 20.0), 0, True, guess=k == 2) for k in (1, 2)
+    ]
+    monkeypatch.setattr(objects, "as_spots", lambda *given: found)
+
+    def result_of(_, detections, context, rate):
+        looked.append(len(looked) + 1)
+        reason = Reason.NONE if looked[-1] in solved else Reason.NO_MATCH
+        solution = (START, 1e-10 * np.eye(3), 0.1) if reason == Reason.NONE else tracker.NO_SOLUTION
+        return Identification(np.zeros(0, np.int64), int(reason), 30.0), reason, solution, NO_STARS
+
+    looked = []
+    monkeypatch.setattr(tracker, "attitude_with_stars", result_of)
+    frame = Frame(1, 0.0, 0.02, 0.05, 0.04, 0.0, np.zeros((4, 4), np.uint8), 0.0)
+    _, fix, _ = tracker.step(ready, tracker.TrackerState(0.04), frame, tracker.NO_CONTEXT)
+    assert fix.background_dn == 10.0 * kept
+    assert len(looked) == (1 if solved == (1, 2) else 2)
+    assert (fix.reason == Reason.NONE) == bool(solved)
