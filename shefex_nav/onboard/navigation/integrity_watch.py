@@ -32,6 +32,7 @@ ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
 BACK = 0.3  # [E] share of a step, to within which one back ends it
 OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
+ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
 MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
 
 
@@ -311,11 +312,11 @@ def contradicts(name, record):
     """Whether a sensor insists on contradicting the solution. str, Health -> bool
 
     Its rejected fixes agree with each other, or one of them is far off: at a fix a second the next one comes
-    too late, and in a motion that gyros make up the camera is given no stars any more. Those of the star
-    tracker need not agree: where gyros are wrong, star fixes that are right do not. Nor need readings of an
-    instrument, which are not compared with each other unless they may be believed against the filter.
+    too late. Those of the star tracker need not: where gyros are wrong, star fixes that are right do not
+    agree through them. Nor need readings of an instrument, which are not compared with each other unless they
+    may be believed against the filter.
     """
-    if record.far and fix_of(name) is not None:
+    if record.far and fix_of(name) in ALONE:
         return True
     each_counts = about(name) is None or fix_of(name) is ATTITUDE
     return (record.in_a_row if each_counts else record.rejected) >= CONTRADICTIONS
