@@ -148,6 +148,31 @@ def test_a_block_sent_again_is_not_believed():
     assert densities[100:120, :2].all() and "again" in health[0].reason
 
 
+@pytest.mark.parametrize("lost", [3, 5, 12])
+@pytest.mark.parametrize("again", [False, True])
+def test_what_a_despin_takes_off_the_rate_meanwhile_shows_at_the_end(lost, again):
+    """2000 deg/s^2: the mean that is held lags by 200 deg/s; the turn is off by more than `change` says."""
+    samples = readings(3.0, np.random.default_rng(7))
+    t_s = DT * np.arange(1, len(samples) + 1)
+    rate = np.radians(np.interp(t_s, [0.9, 1.4], [900.0, -100.0]))
+    samples[:, 0] += rate * DT
+    true = samples[:, 0].copy()
+    first = N * 115
+    if again:
+        samples[first : first + N * lost] = np.tile(samples[first - N : first], (lost, 1))
+    gone = () if again else range(115, 115 + lost)
+    out, densities, states, _ = run(samples, lost=gone)
+    assert states[115:, 0].tolist() == [REPEATED if again else SILENT] * lost + [GOOD] * (
+        len(states) - 115 - lost
+    )
+    error = sum(block[:, 0].sum() for block in out) - true.sum()
+    sigma = np.sqrt(densities[:, 0, 0].sum() * N * DT)
+    assert 0.5 < abs(error) / sigma < 1.0 and abs(error) > np.radians(3.0)
+    others = densities[:, 0, 1:].sum(axis=0) * N * DT  # of axes that have gone on as they were
+    age = lost * N * DT
+    assert np.allclose(others, (RULES.change[0] * (integrity_readings.MEAN_S + 0.5 * age) * age) ** 2)
+
+
 def test_an_axis_at_the_end_of_its_range_is_told_from_the_others():
     samples = readings(6.0, np.random.default_rng(5))
     samples[800:1200, 0] = RULES.range[0] * DT

@@ -16,9 +16,11 @@ An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
 
 and a held reading, from which the truth runs away at the rate c, to (c (tau + t/2) t)^2 before that: what is
-held is a mean that is tau = `MEAN_S` old. A fault is seen later than it begins; the variance of the time
-before is made up for at once. Once a fix has said where the integral was at an instant, the error counts from
-there, V(t) <= s^2 t^2 with t since the fix: less than noise that knows of no bound on the rate would add.
+held is a mean that is tau = `MEAN_S` old. When the axis is read again, it shows how far the truth has run
+away, which may be more: a despin takes 2000 deg/s^2 off the roll rate. A fault is seen later than it begins;
+the variance of the time before is made up for at once. Once a fix has said where the integral was at an
+instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: less than noise that knows of no
+bound on the rate would add.
 
 An axis that is wrong but looks alive is seen by stars and GPS alone, which then contradict the strapdown.
 """
@@ -223,6 +225,7 @@ def screen_packed(watch, block, readings, densities):
         age_s = max(watch.alike[0], 1.0) * n * dt_s
         # if the unit does not say which axis is at the end of its range, it may be any
         at_end = at_range(readings, k, end) or (block.saturated and not anywhere)
+        kept = _kept(axis)
         if whole == GOOD:
             limit = limit_of_run(rules[0, k // 3], axes, k // 3)
             code, age_s = read_axis(readings, last[n - 1, k], axis, k, limit, END * end, dt_s)
@@ -234,8 +237,9 @@ def screen_packed(watch, block, readings, densities):
         if code == GOOD:
             if k >= 3 and axis.state != GOOD:
                 u2 += integrity_force.paid(watch.forces[k - 3])
+            owed = _ran_away(axis, kept, last[:, k], readings[:, k], dt_s, t_end_s)
+            densities[k // 3, k % 3] = owed / (n * dt_s)
             _found(axis)
-            densities[k // 3, k % 3] = 0.0
             continue
         unseen, unread_s = _turns_bad(watch, k, code, readings[n - 1, k] / dt_s, age_s, t_end_s, n * dt_s)
         if code != SATURATED or at_end:
@@ -297,6 +301,24 @@ def _lost(axis, code, rate, age_s, t_end_s):
 
 
 @inner(forceinline=True)
+def _ran_away(axis, kept, last, now, dt_s, t_end_s):
+    """What an axis that is read again turns out to owe, rad^2 or m^2/s^2 beyond what is charged.
+
+    The truth went from the last reading to the present one: what was held is off by the larger of their
+    differences from it at most, for as long as no fix has said otherwise.
+
+    kept : what was held;  last, now : (n,) increments of the block before the fault and of the present one
+    """
+    if axis.state == GOOD or axis.state == SATURATED or not np.isfinite(kept):
+        return 0.0
+    block_s = now.shape[0] * dt_s
+    off = max(abs(last.sum() / block_s - kept), abs(now.sum() / block_s - kept))
+    since_s = max(axis.since_s, axis.fixed_s) if np.isfinite(axis.fixed_s) else axis.since_s
+    added = (off * max(t_end_s - block_s - since_s, 0.0)) ** 2 - axis.charged
+    return max(added, 0.0) if np.isfinite(added) else 0.0
+
+
+@inner(forceinline=True)
 def _found(axis):
     """An axis is read again; changed in place."""
     axis.since_s, axis.charged, axis.fixed_s, axis.at_end_s, axis.state = np.nan, 0.0, np.nan, 0.0, GOOD
@@ -324,11 +346,17 @@ def _charge_at_end(missed, axis, duration_s):
 
 
 @inner(forceinline=True)
+def _kept(axis):
+    """What an axis that is not read is taken to read, rad/s or m/s^2."""
+    return axis.before if axis.state == STUCK else axis.mean_rate
+
+
+@inner(forceinline=True)
 def _hold(readings, axes, dt_s):
     """Give the axes that are silent or stuck the mean that they had."""
     for k in range(6):
         code = axes[k].state
         if code != GOOD and code != SATURATED:
-            kept = axes[k].before if code == STUCK else axes[k].mean_rate
+            kept = _kept(axes[k])
             for m in range(readings.shape[0]):
                 readings[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
