@@ -189,9 +189,10 @@ class FrameTruth(NamedTuple):
     rate: number("rad/s", "largest body rate during the exposure")
     sun_angle: number("rad", "boresight to the Sun")
     limb_angle: number("rad", "boresight to the Earth's limb, positive above")
-    exclusion_met: flag("both angles outside their exclusion")
+    exclusion_met: flag("both angles outside their exclusion; a hidden Sun does not count")
     hip: integer("Hipparcos numbers of the brightest stars on the detector", (-1,))
     xy_px: number("px", "where they are at t_valid_s, x and y in turn", (-1, 2))
+    sun_hidden: flag("the Earth hides the Sun") = False
 
 
 class Reason(IntEnum):
