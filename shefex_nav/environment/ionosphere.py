@@ -72,10 +72,12 @@ def slant_share(height, elevation):
 def electrons(height, elevation):
     """The layer added up along straight rays from a height, m and rad; 1 from the ground to the zenith.
 
-    A ray from far above is added up from `REACH` before its lowest point on.
+    A ray from far above is added up from `REACH` before its lowest point on; one that the Earth blocks from
+    where that of the horizon is, so that the sum is continuous there.
     """
     radius, sine = EARTH_RADIUS + np.asarray(height, dtype=float), np.sin(elevation)
-    lowest = -radius * sine  # m along the ray
+    horizon = np.sqrt(np.maximum(radius**2 - EARTH_RADIUS**2, 0.0))
+    lowest = np.minimum(-radius * sine, horizon)  # m along the ray
     start = np.maximum(lowest - REACH, 0.0)
     total = 0.0
     for gone in np.arange(0.0, 2.0 * REACH, STEP):
