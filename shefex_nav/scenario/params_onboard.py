@@ -56,12 +56,13 @@ def electrons_per_dn(scenario):
 
 def computer_params(scenario, bodies, bad_pixels):
     """ComputerParams of a scenario, with the SkyBodies of the epoch; `bad_pixels` as in `camera_model`."""
+    from shefex_nav.environment.ephemeris import apparent_sun
     from shefex_nav.onboard.computer import ComputerParams
 
     return ComputerParams(
         nav=nav_params(scenario),
         tracker=tracker_params(scenario, bodies.earth_v_i, bad_pixels),
-        sun_i=bodies.sun_u_i,
+        sun_i=apparent_sun(bodies),
     )
 
 
