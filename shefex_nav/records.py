@@ -1,8 +1,7 @@
 """The data that flows: what passes between world, on-board computer, log and report.
 
-Every record is an immutable tuple in SI units and radians; the last letter of a vector names the frame
-of its components (frames and rotations: package docstring). A measurement carries `t_valid_s`, the
-instant that it measures, and `t_available_s`, the instant at which the on-board computer has it.
+Records are immutable tuples in SI units and radians; the last letter of a vector names its frame. What is
+measured has `t_valid_s`, the instant that it measures, and `t_available_s`, when the computer has it.
 """
 
 from enum import IntEnum
