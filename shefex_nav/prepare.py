@@ -232,7 +232,7 @@ def measured_by_instruments(scenario, seed, trajectory, earth, wrong):
 
 def truth(scenario, trajectory, earth):
     """What instruments may look at. -> instrument.Truth"""
-    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
+    sun_i = ephemeris.apparent_sun(ephemeris.sky_bodies(scenario.mission.epoch))
     at = None
     if scenario.trajectory is not None:
         from shefex_nav.trajectory import flight as given_flight

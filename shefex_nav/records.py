@@ -1,8 +1,7 @@
 """The data that flows: what passes between world, on-board computer, log and report.
 
-Every record is an immutable tuple in SI units and radians; the last letter of a vector names the frame
-of its components (frames and rotations: package docstring). A measurement carries `t_valid_s`, the
-instant that it measures, and `t_available_s`, the instant at which the on-board computer has it.
+Records are immutable tuples in SI units and radians; the last letter of a vector names its frame. What is
+measured has `t_valid_s`, the instant that it measures, and `t_available_s`, when the computer has it.
 """
 
 from enum import IntEnum
@@ -138,9 +137,6 @@ class GpsFix(NamedTuple):
     horizontal: flag("latitude and longitude alone: the height of r_ea_e means nothing") = False
 
 
-NONE = np.empty(0)
-
-
 class GpsRanges(NamedTuple):
     """What the receiver's channels measure at one instant; n satellites are tracked, and there may be none.
 
@@ -159,11 +155,8 @@ class GpsRanges(NamedTuple):
     sigma_range: number("m", "noise of the pseudorange as reported, standard deviation; white in time", (-1,))
     sigma_range_rate: number("m/s", "noise of the range rate", (-1,))
     reason: text("why no satellite is tracked") = ""
-    # empty of a receiver that does not say it
-    sigma_lasting: number("m", "errors of the pseudorange that last, the satellite's own, 1 sigma", (-1,)) = (
-        NONE
-    )
-    sigma_shared: number("m", "the same of what one error of all satellites does to each", (-1,)) = NONE
+    sigma_lasting: number("m", "1 sigma of errors that last, its own; empty: not told", (-1,)) = np.empty(0)
+    sigma_shared: number("m", "likewise, of what one error of all does to each", (-1,)) = np.empty(0)
 
 
 class CameraCommand(NamedTuple):
@@ -197,9 +190,10 @@ class FrameTruth(NamedTuple):
     rate: number("rad/s", "largest body rate during the exposure")
     sun_angle: number("rad", "boresight to the Sun")
     limb_angle: number("rad", "boresight to the Earth's limb, positive above")
-    exclusion_met: flag("both angles outside their exclusion")
+    exclusion_met: flag("both angles outside their exclusion; a hidden Sun does not count")
     hip: integer("Hipparcos numbers of the brightest stars on the detector", (-1,))
     xy_px: number("px", "where they are at t_valid_s, x and y in turn", (-1, 2))
+    sun_hidden: flag("the Earth hides the Sun") = False
 
 
 class Reason(IntEnum):
@@ -372,10 +366,7 @@ def protected(solution, quantity):
 
 
 class NavCovariance(NamedTuple):
-    """Covariance of position, velocity (inertial) and attitude error (body), and the calibration states.
-
-    Of a block that is not estimated the sigma is NaN.
-    """
+    """Covariance of position, velocity (inertial) and attitude error (body), and the calibration states."""
 
     t_s: T_S
     P: matrix("", "position i [m], velocity i [m/s], attitude b [rad]", 9)

@@ -130,6 +130,16 @@ def sky_bodies(epoch_utc):
     )
 
 
+def apparent_sun(bodies):
+    """Direction in which the Sun is seen, of SkyBodies: (3,) unit vector, what a Sun sensor measures.
+
+    Aberrated by the velocity of the Earth, 20 arcsec; that of a vehicle in a low orbit would add 5 at most.
+    Stray light, limb and phase of the Moon go without.
+    """
+    v = bodies.earth_v_i / SPEED_OF_LIGHT
+    return erfa.ab(bodies.sun_u_i, v, 1.0, math.sqrt(1.0 - v @ v))
+
+
 def planet_magnitude(name, heliocentric_au, geocentric_au):
     """Apparent V of a planet from its position with respect to the Sun and to the observer, in au.
 

@@ -10,7 +10,8 @@ alpha-Chapman layer (Rishbeth & Garriott, Introduction to Ionospheric Physics, s
 To the zenith that is the part of the layer above the vehicle, erf(exp(-z/2)/sqrt(2)). A slanting ray that
 starts inside the layer stays longer in what is left of it than one from the ground, which is steeper by the
 time it gets there: low rays meet more, at 300 km towards the horizon twice what the ground does. Rays that
-lead down pass the layer twice. Little is below 150 km and nothing to speak of above 900 km.
+lead down pass the layer twice, also from orbits far above it, where rays that lead up meet nothing. Little is
+below 150 km and nothing to speak of above 900 km.
 """
 
 import numpy as np
@@ -24,6 +25,7 @@ FLOOR_S = 5e-9  # zenith delay at night
 LOWEST_ELEVATION = 0.0  # rad; the broadcast model is not made for rays that lead downwards
 EARTH_RADIUS = 6371e3  # m; a sphere will do here
 STEP, FURTHEST = 20e3, 6000e3  # m along a ray; the step is a third of the scale height
+REACH = 3400e3  # m on both sides of the lowest point; from the ground it is 850 km up, from the peak 1160
 
 
 def klobuchar(alpha, beta, latitude, longitude, elevation, azimuth, gps_s):
@@ -68,11 +70,20 @@ def slant_share(height, elevation):
 
 
 def electrons(height, elevation):
-    """The layer added up along straight rays from a height, m and rad; 1 from the ground to the zenith."""
+    """The layer added up along straight rays from a height, m and rad; 1 from the ground to the zenith.
+
+    A ray from far above is added up from `REACH` before its lowest point on; one that the Earth blocks from
+    where that of the horizon is, so that the sum is continuous there.
+    """
     radius, sine = EARTH_RADIUS + np.asarray(height, dtype=float), np.sin(elevation)
+    horizon = np.sqrt(np.maximum(radius**2 - EARTH_RADIUS**2, 0.0))
+    lowest = np.minimum(-radius * sine, horizon)  # m along the ray
+    start = np.maximum(lowest - REACH, 0.0)
     total = 0.0
-    for s in np.arange(0.0, FURTHEST, STEP):
+    for gone in np.arange(0.0, 2.0 * REACH, STEP):
+        s = start + gone
         h = np.sqrt(radius**2 + s**2 + 2.0 * radius * s * sine) - EARTH_RADIUS
         z = np.maximum((h - PEAK_HEIGHT) / SCALE_HEIGHT, -10.0)
-        total = total + (0.5 if s == 0.0 else 1.0) * exp(0.5 * (1.0 - z - exp(-z)))
+        N = (0.5 if gone == 0.0 else 1.0) * exp(0.5 * (1.0 - z - exp(-z)))
+        total = total + np.where((gone < FURTHEST) | (s < lowest + REACH), N, 0.0)
     return total * STEP / (SCALE_HEIGHT * np.sqrt(2.0 * np.pi * np.e))

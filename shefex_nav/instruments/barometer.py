@@ -125,7 +125,8 @@ def equation(settings, truth):
 
     drawn = tuple(Drawn(*one) for one in barometer.drawn(settings))
     R = np.array([[settings.noise**2 + settings.quantum**2 / 12.0]])
-    read = partial(barometer.sensed_pressure, settings, truth, barometer.modes_of_warmth(settings.day))
+    modes = barometer.modes_of_warmth(settings.day, truth.air)
+    read = partial(barometer.sensed_pressure, settings, truth, modes)
     return Equation(drawn, read, R, lambda reading: not reading.at_limit)
 
 

@@ -23,7 +23,7 @@ class Truth(NamedTuple):
     trajectory: Any  # records.Trajectory
     earth: Any  # frames.EarthRotation
     year: float  # decimal, of the mission
-    sun_i: np.ndarray  # (3,) unit vector from the Earth to the Sun
+    sun_i: np.ndarray  # (3,) unit vector to where the Sun is seen, with the aberration of the Earth
     air: np.ndarray  # (n, 4) air over the height as `environment.msis.table`; n = 0: US76
 
 
@@ -31,7 +31,7 @@ class Known(NamedTuple):
     """What the computer on board knows of the mission beforehand."""
 
     year: float  # decimal
-    sun_i: np.ndarray  # (3,) unit vector from the Earth to the Sun
+    sun_i: np.ndarray  # (3,) unit vector to where the Sun is seen, with the aberration of the Earth
 
 
 class Measured(NamedTuple):

@@ -88,7 +88,9 @@ class Mission(NamedTuple):
     launch_height: number("m", "likewise, above the ellipsoid")  # where it stands; 0 below an orbit
     camera: Pinhole  # as the on-board computer knows it
     C_bc: matrix("", "nominal mounting, camera to body axes")
-    sun_i: vector("", "direction of the Sun from the Earth at t = 0, inertial axes") = np.full(3, np.nan)
+    sun_i: vector("", "direction of the Sun from the Earth at t = 0 without aberration, inertial axes") = (
+        np.full(3, np.nan)
+    )
     sun_exclusion: number("rad", "that the camera must keep from the Sun") = math.nan
     limb_exclusion: number("rad", "that it must keep from the Earth's limb") = math.nan
     plugins: tuple = ()  # of (file or name of a package, SHA-256 of its source)

@@ -55,7 +55,7 @@ def mission_data(scenario, alignment, earth, own_settings):
         epoch_utc=scenario.mission.epoch,
         start_s=alignment.t_valid_s,
         earth=earth,
-        sun_i=bodies.sun_u_i,
+        sun_i=ephemeris.apparent_sun(bodies),
         earth_velocity_i=bodies.earth_v_i,
         camera=NO_CAMERA,
         C_bc=np.eye(3),

@@ -155,7 +155,8 @@ def _outside(data, window, limits):
             else:
                 of_limb = frame.limb_angle < limits.limb_exclusion_rad
                 of_sun = "sun_and_earth_limb" if of_limb else "sun"
-                reasons[of_sun if frame.sun_angle < sun_limit else "earth_limb"] += 1
+                near_sun = frame.sun_angle < sun_limit and not frame.sun_hidden
+                reasons[of_sun if near_sun else "earth_limb"] += 1
     return dict(sorted(reasons.items()))
 
 

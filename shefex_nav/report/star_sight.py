@@ -34,11 +34,15 @@ def sight(t_s, q_ib, r_i):
 
 
 def angles(seen, C_bc, sun_i, earth):
-    """Angles of the boresight to the Sun and to the Earth's limb, (N,) rad each."""
+    """Angles of the boresight to the Sun and to the Earth's limb, (N,) rad each; to a hidden Sun pi."""
+    from shefex_nav.world.camera.optics import SUN_RADIUS
+
     found = []
     for t_s, q_ib, r_i in zip(*seen, strict=True):
         boresight_i, C_ei = rotation.dcm_from_quat(q_ib) @ C_bc[:, 2], frames.dcm_ie(earth, t_s).T
         sun_angle = np.arccos(np.clip(boresight_i @ sun_i, -1.0, 1.0))
+        if wgs84.limb_angle(C_ei @ r_i, C_ei @ sun_i) <= -SUN_RADIUS:
+            sun_angle = np.pi
         found.append((sun_angle, wgs84.limb_angle(C_ei @ r_i, C_ei @ boresight_i)))
     return np.array(found).reshape(-1, 2).T
 

@@ -179,7 +179,8 @@ def aids(scenario):
         return ()
     from shefex_nav.environment import ephemeris
 
-    known = Known(year(scenario), ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i)
+    bodies = ephemeris.sky_bodies(scenario.mission.epoch)
+    known = Known(year(scenario), ephemeris.apparent_sun(bodies))
     return tuple(one.aid(given, use, known) for one, given, use in found)
 
 

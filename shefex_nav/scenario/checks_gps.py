@@ -115,4 +115,12 @@ def _rate(scenario):
         yield ("gps", "rate"), words
 
 
-PARTS = (_rate, _outages, _almanac, _spans, _clock, _reacquisition)
+def _satellite_errors(scenario):
+    """A rate within bounds."""
+    drawn = scenario.gps.errors.satellite
+    if drawn is not None and drawn.rate > 0.0 and not drawn.range > 0.0:
+        words = "errors swing with this rate within range, which is 0 m; give gps.errors.satellite.range"
+        yield ("gps", "errors", "satellite", "rate"), words
+
+
+PARTS = (_rate, _outages, _almanac, _spans, _clock, _reacquisition, _satellite_errors)

@@ -15,6 +15,7 @@ from shefex_nav.scenario.lens import distortion_of, pinhole_of
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
+from shefex_nav.world import vibration as spectrum
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
 SLANT_TROPOSPHERE = 5.0  # m
@@ -55,12 +56,13 @@ def electrons_per_dn(scenario):
 
 def computer_params(scenario, bodies, bad_pixels):
     """ComputerParams of a scenario, with the SkyBodies of the epoch; `bad_pixels` as in `camera_model`."""
+    from shefex_nav.environment.ephemeris import apparent_sun
     from shefex_nav.onboard.computer import ComputerParams
 
     return ComputerParams(
         nav=nav_params(scenario),
         tracker=tracker_params(scenario, bodies.earth_v_i, bad_pixels),
-        sun_i=bodies.sun_u_i,
+        sun_i=apparent_sun(bodies),
     )
 
 
@@ -239,21 +241,24 @@ def _shake_threshold(vibration):
     """Noise of velocity increments that tells a burning motor from coasting, m/s rms.
 
     Half way, as levels go, between the weakest motor and coasting, of which at least a hundredth of the motor
-    is assumed. Acceleration of flat density S has the variance S dt/2 in the increment of dt.
+    is assumed.
     """
     weakest = min((level for level in vibration.boost if level > 0.0), default=np.inf)
     level2 = weakest * max(vibration.coast, 0.01 * weakest)
-    width = vibration.highest_frequency - vibration.lowest_frequency
-    return float(np.sqrt(0.5 * level2 / width / IMU_HZ))
+    return float(np.sqrt(_in_increments(vibration, level2)))
+
+
+def _in_increments(vibration, level2):
+    """Variance of velocity increments by a vibration of some mean square, m^2/s^4: m^2/s^2.
+
+    Acceleration of flat density S has the variance S dt/2 in the increment of dt, and the share of its band.
+    """
+    return 0.5 * level2 / spectrum.bandwidth(vibration) / IMU_HZ * spectrum.share(vibration, 1.0 / IMU_HZ)
 
 
 def _shaken(vibration):
-    """What vibration without a motor does to a sample of gyros and accelerometers: rad, m/s rms.
-
-    Acceleration of flat density S has the variance S dt/2 in the increment of dt.
-    """
-    width = vibration.highest_frequency - vibration.lowest_frequency
-    velocity = float(np.sqrt(0.5 * vibration.coast**2 / width / IMU_HZ))
+    """What vibration without a motor does to a sample of gyros and accelerometers: rad, m/s rms."""
+    velocity = float(np.sqrt(_in_increments(vibration, vibration.coast**2)))
     return vibration.angular * velocity, velocity
 
 

@@ -15,7 +15,7 @@ class MissionData(NamedTuple):
     epoch_utc: text("ISO 8601, mission time 0")
     start_s: number("s", "mission time at which it is switched on")
     earth: EarthRotation  # for `geometry.frames`
-    sun_i: vector("", "unit vector to the Sun, inertial axes")
+    sun_i: vector("", "unit vector to the apparent Sun (aberrated by the Earth), inertial axes")
     earth_velocity_i: vector("m/s", "of the Earth relative to the solar-system barycentre")
     camera: Pinhole  # as calibrated
     C_bc: matrix("", "nominal mounting, camera to body axes")

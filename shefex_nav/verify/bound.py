@@ -31,6 +31,7 @@ from shefex_nav.verify import bound_model, linear
 from shefex_nav.verify.bound_model import N_NAV, POS, PSI, VEL
 from shefex_nav.verify.field import beyond
 from shefex_nav.world import imu as world_imu
+from shefex_nav.world import vibration
 
 OUTPUT_S = 0.5  # between the times at which the bound is given
 KEPT = 256  # steps that are at hand
@@ -95,20 +96,25 @@ def swing(params, rms, dt_s):
     The world's own filter (`world.imu`), summed over its response. settings.Imu, level of what the increments
     integrate (m/s^2 or rad/s rms), s -> m/s or rad
     """
-    response = np.zeros((SWING_LENGTH, 1))
+    m = vibration.pieces(params.vibration, dt_s)
+    response = np.zeros((SWING_LENGTH, m))
     level = np.full(SWING_LENGTH, float(rms))
 
     class One:
-        """Draws a single pulse."""
+        """Draws a single pulse, of each piece of a sample in a column of its own."""
 
         @staticmethod
         def standard_normal(shape):
             pulse = np.zeros(shape)
-            pulse[1] = 1.0
+            pulse[m : 2 * m] = np.eye(m)
             return pulse
 
+        @classmethod
+        def spawn(cls, _):
+            return [cls]
+
     world_imu.add_vibration(response, params, level, dt_s, One)
-    return float(np.sqrt((np.cumsum(response) ** 2).sum()))
+    return float(np.sqrt((np.cumsum(response, axis=0) ** 2).sum()))
 
 
 def follow(flight, layout, *, every_s=OUTPUT_S):
@@ -360,11 +366,12 @@ def _antenna_noise(flight, rms, dt_s):
     """Variance between strapdown and antenna, m^2/s^2, each axis.
 
     The velocity's of the moment, and the mean rate of two samples (dt each) times the arm: by vibration,
-    variance S/(4 dt) of a flat density S, and by the counts at both of its ends.
+    variance S/(4 dt) of a flat density S and the share of its band, and by the counts at both of its ends.
     """
     params = flight.imu
-    density = (params.vibration.angular * rms) ** 2 / world_imu.bandwidth(params)
-    rate2 = 0.25 * density / dt_s + params.gyro.quantum**2 / 24.0 / dt_s**2
+    density = (params.vibration.angular * rms) ** 2 / vibration.bandwidth(params.vibration)
+    of_band = vibration.share(params.vibration, 2.0 * dt_s)
+    rate2 = 0.25 * density / dt_s * of_band + params.gyro.quantum**2 / 24.0 / dt_s**2
     return momentary(params, rms, dt_s)[0] ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
 
 

@@ -5,8 +5,9 @@ height H lies at
 
     h(H) = H + e_0 + integral from 0 to H of s(H') dH',    s = dT/T,
 
-e_0 from the day's pressure at sea level, s from its temperature, first-order Gauss-Markov in height. Only the
-barometer senses the day; the forces of the air are those of the model. At the port a part of the
+e_0 from the day's pressure at sea level, s from its temperature: T that of the model at H', dT first-order
+Gauss-Markov in height, of the same sigma everywhere. Only the barometer senses the day; the forces of the air
+are those of the model. At the port a part of the
 dynamic pressure q adds to the static one,
 
     p = p_air + c(M) (1 + d) q,
@@ -30,7 +31,7 @@ from shefex_nav.world.noise import gauss_markov
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
 MODES = 60  # of the warmth of a day, where it is told by modes
 SURFACE_DENSITY = 1.225  # kg/m^3, of the Standard at sea level
-SURFACE_TEMPERATURE = 288.15  # K
+STANDARD = np.zeros((0, 4))  # as table of the air: US76
 
 
 class Errors(NamedTuple):
@@ -64,7 +65,7 @@ def measure(settings, truth, k, rng):
     Pressures
     """
     trajectory = truth.trajectory
-    errors, dt_s = draw_errors(settings, rng), 1.0 / IMU_HZ
+    errors, dt_s = draw_errors(settings, rng, truth.air), 1.0 / IMU_HZ
     heights = _heights(trajectory.t_s, trajectory.r_i, *truth.earth)
     port = _pressures(of_the_day(errors, heights), truth.air)
     if settings.port is not None:
@@ -77,18 +78,26 @@ def measure(settings, truth, k, rng):
     return Pressures(sensed[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1], errors)
 
 
-def draw_errors(settings, rng):
-    """What is constant in a run. -> Errors"""
+def draw_errors(settings, rng, air=STANDARD):
+    """What is constant in a run. air : as of `measure` -> Errors"""
     bias, port, level = rng.standard_normal(3)
     white, day = rng.standard_normal((round(DAY_TOP / DAY_STEP), 1)), settings.day
     warmth = gauss_markov(exp(-DAY_STEP / day.depth), white)[:, 0]
-    metres, share = _scatter(day)
-    return Errors(settings.bias * bias, _of_port(settings) * port, metres * level, share * warmth)
+    share = _scatter_of_warmth(day, air)
+    return Errors(
+        settings.bias * bias, _of_port(settings) * port, _scatter_of_level(day) * level, share * warmth
+    )
 
 
-def _scatter(day):
-    """Of the level of the day, m, and of its warmth."""
-    return day.pressure / (SURFACE_DENSITY * atmosphere.G_0), day.temperature / SURFACE_TEMPERATURE
+def _scatter_of_level(day):
+    """Of the level of the day at sea level, m."""
+    return day.pressure / (SURFACE_DENSITY * atmosphere.G_0)
+
+
+def _scatter_of_warmth(day, air):
+    """Of s, in the middle of each step of the table. air : as of `measure` -> (m,)"""
+    heights = DAY_STEP * (np.arange(round(DAY_TOP / DAY_STEP)) + 0.5)
+    return day.temperature / _temperatures(heights, air)
 
 
 def _of_port(settings):
@@ -103,20 +112,21 @@ def drawn(settings):
         ("bias", settings.bias * one, np.inf),
         ("drift", settings.drift * one, settings.drift_time),
         ("port", _of_port(settings) * one, np.inf),
-        ("level", _scatter(settings.day)[0] * one, np.inf),
+        ("level", _scatter_of_level(settings.day) * one, np.inf),
         ("warmth", np.ones(MODES), np.inf),
     )
 
 
-def modes_of_warmth(day):
+def modes_of_warmth(day, air=STANDARD):
     """The warmth of a day as a sum of modes, the weights of which are independent and of unit variance.
 
     They are the strongest of what the warmth makes of heights, the integral of it: `MODES` of them.
-    settings Day -> (MODES, m), m as of `Errors.warmth`
+    settings Day, air as of `measure` -> (MODES, m), m as of `Errors.warmth`
     """
     m = round(DAY_TOP / DAY_STEP)
     apart = np.abs(np.arange(m)[:, None] - np.arange(m))
-    covariance = _scatter(day)[1] ** 2 * exp(-apart * DAY_STEP / day.depth)
+    share = _scatter_of_warmth(day, air)
+    covariance = np.outer(share, share) * exp(-apart * DAY_STEP / day.depth)
     summed = np.cumsum(np.cumsum(covariance, axis=0), axis=1)
     values, vectors = np.linalg.eigh(summed)
     strongest = vectors[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(values[: -MODES - 1 : -1], 0.0))
@@ -197,6 +207,14 @@ def _pressures(heights, air):
     if not len(air):
         return _standard(heights)
     return np.where(heights > air[-1, 0], 0.0, exp(np.interp(heights, air[:, 0], air[:, 2])))
+
+
+def _temperatures(heights, air):
+    """Temperature of the model of the air, K; above a table that of its last row. As `_pressures`"""
+    if not len(air):
+        return np.array([atmosphere.us76(height)[2] for height in heights.tolist()])
+    ratio = exp(np.interp(heights, air[:, 0], air[:, 2]) - np.interp(heights, air[:, 0], air[:, 1]))
+    return ratio * atmosphere.M_0 / atmosphere.R_STAR
 
 
 @kernel

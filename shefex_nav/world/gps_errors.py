@@ -2,8 +2,17 @@
 
 What is left after the receiver has taken out what it knows: it corrects with the same models of ionosphere
 and troposphere that give the mean of the truth here, so that a share of each remains. All errors are drawn
-per satellite of the constellation, tracked or not. The ionosphere delays the code and advances the carrier,
-from which the range rate comes, by as much (Groves, 2nd ed., section 9.3.2).
+per satellite of the constellation, tracked or not.
+
+Clock and orbit of a satellite against its message swing slowly, with a and b drawn for each::
+
+    e = sigma (a cos w t + b sin w t),   w = sigma_rate/sigma
+
+so that error and rate have their sigmas at any time, as the errors of messages have that are renewed every
+two hours; a rate for ever would leave them behind within one. 0.8 m and 0.5 mm/s make a period of 2.8 h.
+
+The ionosphere delays the code and advances the carrier, from which the range rate comes, by as much (Groves,
+2nd ed., section 9.3.2).
 
 The clock has two states, driven by white noise of frequency and by its random walk::
 
@@ -62,14 +71,10 @@ def range_errors(settings, gps_start_s, t_s, r_ea_e, u_e, rng):
     of_air, common, own = rng.standard_normal(), rng.standard_normal(), rng.standard_normal(n)
     white = rng.standard_normal((m, n))
 
-    elapsed_s = (t_s - t_s[0])[:, None]
     drawn = settings.satellite
-    constant, change = (drawn.range, drawn.rate) if drawn else (0.0, 0.0)
-    drift = change * satellite[1]
-    error = constant * satellite[0] + drift * elapsed_s
-    rate = np.broadcast_to(drift, (m, n)).copy()
-    variance = np.broadcast_to(constant**2 + (change * elapsed_s) ** 2, (m, n)).copy()
-    rate_variance = np.full((m, n), change**2)
+    of_range, of_rate = (drawn.range, drawn.rate) if drawn else (0.0, 0.0)
+    error, rate = _of_satellites(of_range, of_rate, satellite, (t_s - t_s[0])[:, None])
+    variance, rate_variance = np.full((m, n), of_range**2), np.full((m, n), of_rate**2)
 
     delays = []  # what is left of each, its factor, its share that is of all alike, its sign in the rate
     if settings.ionosphere:
@@ -92,6 +97,16 @@ def range_errors(settings, gps_start_s, t_s, r_ea_e, u_e, rng):
         error = error + settings.multipath.range * noise.gauss_markov(correlation, white)
         variance = variance + settings.multipath.range**2
     return RangeErrors(np.stack([error, rate]), np.stack([variance, rate_variance]), shared)
+
+
+def _of_satellites(of_range, of_rate, drawn, elapsed_s):
+    """Errors of clock and orbit, and their rates: (m, n) m, m/s.
+
+    of_range, of_rate : sigmas, m, m/s;  drawn : (2, n) standard normal;  elapsed_s : (m, 1)
+    """
+    angle = of_rate / of_range * elapsed_s if of_rate else 0.0 * elapsed_s
+    c, s = np.cos(angle), np.sin(angle)
+    return of_range * (c * drawn[0] + s * drawn[1]), of_rate * (c * drawn[1] - s * drawn[0])
 
 
 def ionospheric_delay(settings, gps_s, r_ea_e, u_e):

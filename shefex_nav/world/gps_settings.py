@@ -81,8 +81,8 @@ class Clock(Settings):
 class SatelliteErrors(Settings):
     """Clock and orbit of each satellite against what it broadcasts."""
 
-    range: float = quantity("m", "1 m", "constant, 1 sigma", "0 m", non_negative=True, at_most="10000 km")
-    rate: float = quantity("m/s", "1 mm/s", "change of that, 1 sigma", "0 m/s", non_negative=True)
+    range: float = quantity("m", "1 m", "at any time, 1 sigma", "0 m", non_negative=True, at_most="10000 km")
+    rate: float = quantity("m/s", "1 mm/s", "change of that, 1 sigma: it swings", "0 m/s", non_negative=True)
 
 
 class Ionosphere(Settings):

@@ -16,10 +16,12 @@ one-sided density S = a_rms^2/(f_high - f_low) between two frequencies and none 
 mount). The instrument does measure that motion, and the truth, the motion of the vehicle as a rigid body,
 does not contain it. Integrated over dt, flat acceleration gives increments of variance S dt/2 without
 correlation, what lies above half the sampling rate being folded into the band below; what lies below f_low
-is taken out by a fourth-order high-pass filter. It matters: 7 g rms make increments of 0.05 m/s, which would
-add up to a random walk of 8 m/s within 56 s; without the part below f_low the sum stays within 0.06 m/s
-(1 sigma), and spin does not turn it into a walk either. What a burn does leave behind is the rectification,
-a bias. Angular vibration is treated alike, as a flat spectrum of rate in proportion to the linear one.
+is taken out by a fourth-order high-pass filter. A band that ends below 2 kHz, or begins above 50 Hz, is made
+at a rate that holds it, and then summed to samples (`vibration`). It matters: 7 g rms make increments of
+0.05 m/s, which would add up to a random walk of 8 m/s within 56 s; without the part below f_low the sum stays
+within 0.06 m/s (1 sigma), and spin does not turn it into a walk either. What a burn does leave behind is
+the rectification, a bias. Angular vibration is treated alike, as a flat spectrum of rate in proportion to the
+linear one.
 
 Hours of samples fill gigabytes, so everything but what goes in and comes out is made in pieces of `PIECE`
 samples; the numbers drawn for a seed do not depend on their length.
@@ -33,7 +35,7 @@ import numpy as np
 from shefex_nav.clock import SAMPLES_PER_TICK, sample_s
 from shefex_nav.compiled import kernel
 from shefex_nav.records import ImuBlock
-from shefex_nav.world import faults
+from shefex_nav.world import faults, vibration
 from shefex_nav.world.noise import gauss_markov
 
 PIECE = 1 << 16  # samples handled at a time
@@ -179,11 +181,6 @@ def vibration_rms(settings, burning):
     return np.concatenate([[settings.vibration.coast], settings.vibration.boost])[burning]
 
 
-def bandwidth(settings):
-    """Width of the flat spectrum of the vibration, Hz."""
-    return settings.vibration.highest_frequency - settings.vibration.lowest_frequency
-
-
 def quantise(increments, quantum):
     """Whole quanta, in place; what is left over is counted in the next sample, so that no drift arises.
 
@@ -289,19 +286,35 @@ def _add_random_walk(increments, sigma, dt_s, rng):
 
 
 def add_vibration(increments, settings, rms, dt_s, rng):
-    """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
-    high_pass = _butterworth(settings.vibration.lowest_frequency * dt_s)
-    state = np.zeros((len(high_pass), 2, increments.shape[1]))
+    """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate.
+
+    A band that is not wide (`vibration.is_wide`) is made in pieces of each sample, between two filters.
+    """
+    m, axes = vibration.pieces(settings.vibration, dt_s), increments.shape[1]
+    scale, sections = _band(settings.vibration, dt_s, m)
+    # a generator of its own, so that what is drawn later does not depend on the band
+    fine = None if m == 1 else rng.spawn(1)[0]
+    state = np.zeros((len(sections), 2, axes))
     for piece in _pieces(len(increments)):
-        density = rms[piece] ** 2 / (
-            settings.vibration.highest_frequency - settings.vibration.lowest_frequency
-        )
-        white = rng.standard_normal(increments[piece].shape)
-        drive = np.sqrt(0.5 * density * dt_s)[:, None] * white
+        density = rms[piece] ** 2 / vibration.bandwidth(settings.vibration)
+        sigma, n = np.sqrt(0.5 * density * dt_s), len(increments[piece])
+        white = rng.standard_normal((n, axes))
+        if fine is not None:
+            sigma, white = scale * np.repeat(sigma, m), fine.standard_normal((n * m, axes))
+        drive = sigma[:, None] * white
         if piece.start == 0:
-            drive[0] = 0.0  # the first sample starts at row 0
-        _filter(high_pass, drive, state)
-        increments[piece] += drive
+            drive[:m] = 0.0  # the first sample starts at row 0
+        _filter(sections, drive, state)
+        increments[piece] += drive if fine is None else drive.reshape(n, m, axes).sum(axis=1)
+
+
+def _band(band, dt_s, m):
+    """What the white noise of m pieces of a sample is multiplied by, and the filters of their band."""
+    high_pass = _butterworth(band.lowest_frequency * dt_s / m)
+    if m == 1:
+        return 1.0, high_pass
+    low_pass = _butterworth(min(band.highest_frequency, vibration.HIGH) * dt_s / m, high=False)
+    return math.sqrt(vibration.gain(band, dt_s / m) / m), np.concatenate([high_pass, low_pass])
 
 
 @kernel
@@ -319,8 +332,8 @@ def _filter(sections, x, state):
                 state[s, 1, j] = b_2 * fed - a_2 * x[k, j]
 
 
-def _butterworth(cycles):
-    """High pass of fourth order by the bilinear transformation, as second-order sections of SciPy: (2, 6).
+def _butterworth(cycles, high=True):
+    """High or low pass of fourth order by the bilinear transformation, as sections of SciPy: (2, 6).
 
     cycles : corner frequency, cycles per sample. The same as `scipy.signal.butter`, whose tangent is NumPy's,
     the last digits of which depend on the processor.
@@ -330,7 +343,8 @@ def _butterworth(cycles):
     for damping in (math.cos(math.pi / 8.0), math.cos(3.0 * math.pi / 8.0)):
         a_0 = 1.0 + 2.0 * damping * k + k * k
         a = 1.0, 2.0 * (k * k - 1.0) / a_0, (1.0 - 2.0 * damping * k + k * k) / a_0
-        sections.append([1.0 / a_0, -2.0 / a_0, 1.0 / a_0, *a])
+        b = (1.0 / a_0, -2.0 / a_0) if high else (k * k / a_0, 2.0 * k * k / a_0)
+        sections.append([*b, b[0], *a])
     return np.array(sections)
 
 

@@ -3,6 +3,8 @@
 import erfa
 import numpy as np
 import pytest
+from astropy import coordinates
+from astropy.time import Time
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
@@ -55,6 +57,28 @@ def test_sky_of_the_shefex_2_evening():
     assert 3.56e8 < np.linalg.norm(bodies.moon_r_i) < 4.07e8
     mercury = bodies.planet_r_i[0] / np.linalg.norm(bodies.planet_r_i[0])
     assert np.degrees(erfa.sepp(mercury, bodies.sun_u_i)) < 28.0
+
+
+@pytest.mark.parametrize("year", [1995, 2004, 2012, 2020, 2025])
+@pytest.mark.parametrize("day", ["01-05", "04-03", "06-22", "10-09"])
+def test_sun_is_where_astropy_sees_it(year, day):
+    """Its apparent place in the GCRS, with light time and aberration, to 0.15 arcsec.
+
+    astropy bends the light of the Sun at the Sun, which is the rest; without aberration it is 20.5 arcsec.
+    """
+    epoch = f"{year}-{day}T07:00:00"
+    seen = coordinates.get_body("sun", Time(epoch, scale="utc"), ephemeris="builtin").cartesian.xyz.value
+    bodies = ephemeris.sky_bodies(epoch)
+    assert np.degrees(erfa.sepp(ephemeris.apparent_sun(bodies), seen)) * 3600.0 < 0.15
+    assert np.degrees(erfa.sepp(bodies.sun_u_i, seen)) * 3600.0 == pytest.approx(20.5, abs=0.4)
+
+
+def test_sun_of_a_published_example():
+    """Meeus, Astronomical Algorithms, 2nd ed., example 25.b: apparent place of 13 October 1992, 0 h TD."""
+    sun_i = ephemeris.apparent_sun(ephemeris.sky_bodies("1992-10-12T23:59:00.816"))
+    ra, dec = degrees(erfa.pnm06a(2448908.5, 0.0) @ sun_i)
+    assert ra == pytest.approx(15.0 * (13.0 + 13.0 / 60.0 + 30.749 / 3600.0), abs=0.1 / 3600.0)
+    assert dec == pytest.approx(-(7.0 + 47.0 / 60.0 + 1.74 / 3600.0), abs=0.1 / 3600.0)
 
 
 def test_earth_velocity_is_the_derivative_of_its_position():

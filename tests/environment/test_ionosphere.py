@@ -88,6 +88,31 @@ def test_ray_downwards_against_the_abel_integral():
         assert ionosphere.electrons(height, elevation * DEG) == pytest.approx(expected, rel=5e-3)
 
 
+@pytest.mark.parametrize("height", [1000e3, 2000e3, 5000e3, 8000e3, 20200e3, 36000e3])
+@pytest.mark.parametrize("lowest", [200e3, 350e3, 500e3, 800e3])
+def test_ray_that_grazes_the_layer_meets_both_halves_from_any_height(height, lowest):
+    """The layer about the lowest point by quadrature; it is symmetric."""
+    radius, p = 6371e3 + height, 6371e3 + lowest
+    before = np.sqrt(radius**2 - p**2)
+
+    def density(s):
+        z = (np.hypot(p, s) - 6371e3 - 350e3) / 60e3
+        return np.exp(0.5 * (1.0 - z - np.exp(-z)))
+
+    far, near = (quad(density, 0.0, min(end, 7000e3), limit=500)[0] for end in (7000e3, before))
+    expected = (far + near) / (60e3 * np.sqrt(2.0 * np.pi * np.e))
+    got = ionosphere.electrons(height, -np.arccos(p / radius))
+    assert got == pytest.approx(expected, rel=2e-3)
+
+
+def test_grazing_rays_change_evenly_with_the_height_of_the_receiver():
+    """Where the sum begins moves on with the height, and no step comes of it; rays at 350 km."""
+    heights = np.linspace(500e3, 3000e3, 2501)
+    met = ionosphere.electrons(heights, -np.arccos(6721e3 / (6371e3 + heights)))
+    assert np.abs(np.diff(met)[heights[:-1] > 1200e3]).max() < 2e-3
+    assert np.abs(np.diff(met, 2)).max() < 1e-3
+
+
 def test_continuous_through_the_horizontal_and_nothing_above_the_layer():
     below, above = (ionosphere.slant_share(177e3, e) for e in (-1e-9, 1e-9))
     assert below == pytest.approx(above, abs=1e-6)

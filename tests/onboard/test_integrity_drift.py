@@ -23,7 +23,8 @@ from shefex_nav.records import Doubt, GpsFix
 
 CHANCE = 1e-9
 T = np.sqrt(chi_square_limit(CHANCE, 1))
-DAY = Day(pressure=800.0, temperature=0.05, depth=8e3)  # a reading is off by its own noise, and by the bias
+# a reading is off by its own noise, and by the bias; the layer that it is in is 0.17 per mille warm
+DAY = Day(pressure=800.0, temperature=measure_barometer.TEMPERATURE[0] * 0.05 / 288.15, depth=8e3)
 AID = aid_of(
     BAROMETER._replace(settings=replace(SETTINGS, day=DAY), P_scale=measure_barometer.of_layers(DAY))
 )

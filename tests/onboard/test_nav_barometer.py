@@ -117,13 +117,14 @@ def test_the_reading_of_a_known_place_leaves_no_innovation():
 def test_layers_of_a_day_that_goes_with_itself():
     """Covariance of the means of the layers over 4000 days, to four of its own standard deviations."""
     rng, step, depth = np.random.default_rng(2), 50.0, 8e3
-    hot = Day(pressure=0.0, temperature=measure_barometer.SURFACE_TEMPERATURE, depth=depth)
+    hot = Day(pressure=0.0, temperature=100.0, depth=depth)
     n = round(measure_barometer.LAST_TOP / step)
     keeps = np.exp(-step / depth)
     s, days = np.empty((4000, n)), rng.standard_normal((4000, n))
     s[:, 0] = days[:, 0]
     for k in range(1, n):
         s[:, k] = keeps * s[:, k - 1] + np.sqrt(1.0 - keeps**2) * days[:, k]
+    s *= [100.0 / atmosphere.us76((k + 0.5) * step)[2] for k in range(n)]
     edges = (np.array([*measure_barometer.LAYERS, measure_barometer.LAST_TOP]) / step).astype(int)
     means = np.column_stack([s[:, a:b].mean(axis=1) for a, b in pairwise(edges)])
     P = measure_barometer.of_layers(hot)
@@ -353,3 +354,10 @@ def test_a_coarse_receiver_below_which_the_vehicle_climbs_does_not_repeat_itself
 
 def test_every_block_of_the_barometer_has_its_size():
     assert state_sizes() | {"baro_bias": 2, "baro_scale": len(measure_barometer.LAYERS)} == state_sizes()
+
+
+def test_layers_have_the_temperatures_of_the_standard():
+    edges = np.array([*measure_barometer.LAYERS, measure_barometer.LAST_TOP])
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    T = [atmosphere.us76(height)[2] for height in middle]
+    np.testing.assert_allclose(measure_barometer.TEMPERATURE, T, atol=0.006)

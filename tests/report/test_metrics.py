@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -153,6 +154,15 @@ def test_what_is_outside_the_window():
         frame_truth(3, 240.3, rate=math.radians(1.99)),
     ]
     assert star_metrics.window_frames(gathered(frames))[0] == {0, 3}
+
+
+def test_a_hidden_sun_is_no_reason_to_be_outside_the_window():
+    """Both angles within their limits; and the Sun behind the Earth."""
+    limits = SimpleNamespace(sun_exclusion_rad=2.0, limb_exclusion_rad=1.0)
+    lit = frame_truth(0, 240.0, exclusion_met=False)._replace(sun_angle=1.9, limb_angle=0.9)
+    frames = [lit, lit._replace(number=1, limb_angle=1.1), lit._replace(number=2, sun_hidden=True)]
+    expected = {"earth_limb": 1, "sun": 1, "sun_and_earth_limb": 1}
+    assert star_metrics._outside(gathered(frames), set(), limits) == expected
 
 
 def test_pointing_error_counts_while_pointing(data, summary):

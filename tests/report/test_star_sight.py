@@ -53,6 +53,9 @@ def test_angles_of_the_boresight():
     earth = EarthRotation(np.eye(3), np.eye(3), 0.3, 7.3e-5)
     sun_angle, limb_angle = np.degrees(star_sight.angles(seen, C_bc, sun_i, earth))
     np.testing.assert_allclose(sun_angle, [90.0, 30.0, 90.0], atol=1e-9)
+    below_i = np.array([np.cos(0.4), 0.0, -np.sin(0.4)])  # 23 deg down, the limb is 14: the Sun is not there
+    hidden_angle, _ = np.degrees(star_sight.angles(seen, C_bc, below_i, earth))
+    np.testing.assert_array_equal(hidden_angle, 180.0)
     np.testing.assert_allclose(np.diff(limb_angle), [-90.0, -90.0], atol=1e-9)
     dip_deg = np.degrees(np.arccos(wgs84.A / (wgs84.A + 200e3)))  # of a sphere; flattening: 0.1 deg
     assert limb_angle[1] == pytest.approx(dip_deg, abs=0.15)

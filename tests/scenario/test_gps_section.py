@@ -114,6 +114,10 @@ BROKEN = {
         "errors: {ionosphere: {alpha: @[1, 2, 3], beta: [1, 2, 3, 4], residual: 10 %}}",
         "gps.errors.ionosphere.alpha", "expected a list of 4 values, got 3 values",
     ),
+    "a rate within no range": (
+        "errors: {satellite: {rate: @1 mm/s}}", "gps.errors.satellite.rate",
+        "swing with this rate within range",
+    ),
     "clock without a unit": ("clock: {bias: @5}", "gps.clock.bias", "has no unit"),
 }  # fmt: skip
 

@@ -236,7 +236,8 @@ def test_tracker_looks_through_the_nominal_camera(scenario, bodies):
     assert camera.focal_length_px == pytest.approx(24.95e-3 / 9.9e-6)
     assert (camera.width_px, camera.height_px) == (659, 493)
     np.testing.assert_array_equal(computer.tracker.camera.bad_pixels, [[1, 2], [3, 4]])
-    np.testing.assert_array_equal(computer.sun_i, bodies.sun_u_i)
+    np.testing.assert_array_equal(computer.sun_i, ephemeris.apparent_sun(bodies))
+    assert np.degrees(np.arccos(computer.sun_i @ bodies.sun_u_i)) * 3600.0 == pytest.approx(20.3, abs=0.4)
     assert (settings.on, settings.off) == (234.0, 385.0)
 
 

@@ -76,6 +76,26 @@ def test_the_air_of_a_warm_day_is_in_hydrostatic_balance():
         assert np.log(p[2] / p[0]) / 20.0 == pytest.approx(-1.0 / scale, rel=2e-4)
 
 
+@pytest.mark.parametrize("warmer", [None, 1.1])
+def test_the_temperature_of_days_has_its_sigma_at_each_height(warmer):
+    """T s of 3000 days at the ground, in the cold at 15 km and above; also in air a tenth warmer."""
+    levels = np.array([50.0, 5050.0, 11_050.0, 15_050.0, 19_950.0, 47_050.0])
+    standard = np.array([atmosphere.us76(level) for level in np.arange(0.0, 80e3, 100.0)])
+    air = np.column_stack([np.arange(0.0, 80e3, 100.0), np.log(standard[:, :2]), standard[:, 3]])
+    air[:, 1] -= np.log(warmer or 1.0)
+    params = replace(GOOD, day=replace(CALM, temperature=8.0))
+    rng, table = np.random.default_rng(12), () if warmer is None else (air,)
+    days = [barometer.draw_errors(params, rng, *table).warmth for _ in range(3000)]
+    T = np.array([atmosphere.us76(level)[2] for level in levels]) * (warmer or 1.0)
+    sigma = T * np.array(days)[:, (levels / barometer.DAY_STEP).astype(int)].std(axis=0)
+    np.testing.assert_allclose(sigma, 8.0, rtol=5.0 / np.sqrt(6000.0))
+    weights = np.random.default_rng(13).standard_normal((3000, barometer.MODES))
+    modes = barometer.modes_of_warmth(params.day, *table)
+    of_modes = np.cumsum(weights @ modes, axis=1) * barometer.DAY_STEP
+    drawn = np.cumsum(np.array(days), axis=1) * barometer.DAY_STEP
+    np.testing.assert_allclose(of_modes.std(axis=0)[20::50], drawn.std(axis=0)[20::50], rtol=0.1)
+
+
 def test_a_day_is_as_far_from_the_standard_at_5_km_as_days_are():
     """Published scatter of the height of the 540 hPa level: 50 to 250 m between days."""
     params, heights = replace(GOOD, day=replace(CALM, pressure=800.0, temperature=8.0)), np.array([5000.0])

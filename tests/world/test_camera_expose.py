@@ -7,7 +7,7 @@ from camera_bench import CLEAN, DEG, PARAMS, T_S, build, sky, turning
 
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.environment.stars import silicon_magnitude
-from shefex_nav.geometry import pinhole, rotation
+from shefex_nav.geometry import pinhole, rotation, wgs84
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.records import CameraCommand
 from shefex_nav.settings import changed
@@ -217,6 +217,26 @@ def test_sun_in_the_exclusion_angle():
     blinded, truth = take(device, turning(305.0, 45.0))
     assert np.degrees(truth.sun_angle) < 50.0
     assert blinded.image_dn.mean() > 254.0
+
+
+def test_no_stray_light_of_a_sun_behind_the_earth():
+    """20 000 km from the Earth, on either side; boresight 70 deg from the Sun."""
+    sun_i = sky()[1].sun_u_i
+    z_i = np.cos(70.0 * DEG) * sun_i + np.sin(70.0 * DEG) * wgs84.perpendicular(sun_i)
+    x_i = wgs84.perpendicular(z_i)
+    q_ic = rotation.quat_from_dcm(np.column_stack([x_i, np.cross(z_i, x_i), z_i]))
+    still, device = turning(*HERCULES), build(changed(PARAMS, {"mounting.error": 0.0}))
+    q_ib = rotation.quat_multiply(q_ic, rotation.quat_from_dcm(PARAMS.mounting.C_bc.T))
+    n = len(still.t_s)
+    lit, dark = (
+        take(device, still._replace(q_ib=np.tile(q_ib, (n, 1)), r_i=np.tile(way * 20e6 * sun_i, (n, 1))))
+        for way in (1.0, -1.0)
+    )
+    assert lit[1].sun_angle == dark[1].sun_angle == pytest.approx(70.0 * DEG)
+    assert (lit[1].exclusion_met, lit[1].sun_hidden) == (False, False)
+    assert (dark[1].exclusion_met, dark[1].sun_hidden) == (True, True)
+    assert lit[0].image_dn.mean() > 100.0
+    assert dark[0].image_dn.mean() == pytest.approx(18.7, abs=0.2)
 
 
 def test_bright_limb_and_dark_limb():

@@ -7,7 +7,7 @@ import pytest
 from camera_bench import DEG, PARAMS, sky
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.world.camera import artefacts, moon, optics
+from shefex_nav.world.camera import artefacts, camera, moon, optics
 from shefex_nav.world.camera import sky as sources
 
 
@@ -58,6 +58,36 @@ def test_stray_light_over_the_angle_to_the_sun():
     edge = replace(PARAMS.stray_light, tenfold_angle=1e-10)  # of a baffle that has one
     inside, outside = (optics.stray_light(angle * DEG, 90 * DEG, 50 * DEG, edge) for angle in (89.0, 91.0))
     assert (inside, outside) == (edge.direct_rate, 0.0)
+
+
+def test_share_of_the_sun_above_the_limb():
+    """Of points spread evenly over a disc of 16 arcmin, those above a straight edge."""
+    across = np.linspace(-1.0, 1.0, 2001)
+    x, y = np.meshgrid(across, across)
+    height = y[x**2 + y**2 < 1.0]
+    for limb in np.radians(np.array([-12.0, -5.0, 0.0, 3.0, 14.0]) / 60.0):
+        expected = (height > -limb / (15.99 / 60.0 * DEG)).mean()
+        assert optics.share_above(limb) == pytest.approx(expected, abs=1e-3)
+    assert [optics.share_above(limb * DEG) for limb in (-90.0, -0.267, 0.267, 90.0)] == [0.0, 0.0, 1.0, 1.0]
+
+
+def test_stray_light_sinks_with_the_sun_behind_the_limb():
+    earth, settings = sky()[2], PARAMS.stray_light
+    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, 100.0).T)
+    sun_u_i, above = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.0, np.sqrt(0.75)])
+    boresight_i = np.array([np.cos(1.3), 0.0, np.sin(1.3)])  # 74 deg from the Sun
+    rates, limbs = [], []
+    for height in np.linspace(900e3, 1100e3, 401):  # the Sun rises 30 deg below the horizontal of 1000 km
+        r_i = (wgs84.A + height) * above
+        *angles, share, _ = camera.aimed(boresight_i, r_i, C_ei, sun_u_i)
+        rates.append(camera.stray_rate(settings, *angles, share, 0.0))
+        limbs.append(wgs84.limb_angle(C_ei @ r_i, C_ei @ sun_u_i))
+    lit = camera.stray_rate(settings, *angles, 1.0, 0.0)
+    limbs, rates = np.array(limbs), np.array(rates)
+    assert np.all(rates[limbs < -optics.SUN_RADIUS] == 0.0) and rates[0] == 0.0
+    assert np.all(rates[limbs > optics.SUN_RADIUS] == lit) and rates[-1] == lit > 1e4
+    assert np.all(np.diff(rates) >= 0.0)
+    assert np.interp(0.0, limbs, rates) == pytest.approx(0.5 * lit, rel=0.02)
 
 
 def test_limb_is_bright_by_day_and_dark_at_night():

@@ -158,13 +158,38 @@ def moonlight(sun_c, distance_px=0.0):
     return picture(light)
 
 
-def test_moon_has_the_size_and_phase_of_a_lambert_sphere():
+def test_moon_has_the_size_of_its_disc_and_the_lit_half_of_a_sphere():
     full = moonlight([0.0, 0.0, -1.0])
     assert full.sum() == pytest.approx(1e6, rel=0.01)
     radius_px = 2520.0 * np.tan(0.26 * DEG)
     assert np.count_nonzero(full) == pytest.approx(np.pi * radius_px**2, rel=0.02)
     half = moonlight([1.0, 0.0, 0.0])
-    assert half.sum() == pytest.approx(1e6 / np.pi, rel=0.02)  # Lambert sphere at a phase angle of 90 deg
     assert np.flatnonzero(half.any(axis=0)).min() >= 40  # the side towards the Sun
     assert moonlight([0.0, 0.0, 1.0]).sum() == 0.0
     assert 0.3e6 < moonlight([0.0, 0.0, -1.0], -40.0).sum() < 0.7e6  # half of it off the detector
+    # along the equator of light as on a matt sphere: cos of the angle from the side of the Sun
+    row = half[30] / half[30].max()
+    across = (np.arange(len(row)) - 40.2) / radius_px
+    inside = (across > 0.2) & (across < 0.8)
+    np.testing.assert_allclose(
+        row[inside] / row[inside].max(), across[inside] / across[inside].max(), rtol=0.02
+    )
+
+
+# share of the light of a full Moon; 10^(-0.4 (0.026 a + 4e-9 a^4)), Allen, Astrophysical Quantities (1976)
+PHASES = [(0.0, 1.0), (30.0, 0.486), (60.0, 0.2266), (90.0, 0.0910), (120.0, 0.0263), (140.0, 0.00852)]
+
+
+@pytest.mark.parametrize(("degrees", "share"), PHASES)
+def test_moon_is_as_bright_as_the_real_one_at_its_phase(degrees, share):
+    light = moonlight([np.sin(degrees * DEG), 0.0, -np.cos(degrees * DEG)]).sum()
+    # the crescent at 140 deg is 2.6 px wide, and taken at the middles of the pixels
+    assert light == pytest.approx(1e6 * share, rel=0.03 if degrees < 130.0 else 0.08)
+
+
+def test_dimming_of_the_moon_stays_between_none_and_that_of_a_sphere():
+    """At half Moon 0.286 of the sphere's 1/pi; a new Moon is not brighter than it."""
+    assert moon.dimming(0.5 * np.pi) == pytest.approx(0.0910 * np.pi, rel=1e-3)
+    factors = np.array([moon.dimming(angle) for angle in np.linspace(0.0, np.pi, 1001)])
+    assert factors[0] == factors[-1] == 1.0 and np.all((factors > 0.2) & (factors <= 1.0))
+    assert np.abs(np.diff(factors)).max() < 0.05

@@ -1,7 +1,7 @@
 """Errors of the ranges against the covariance that their physics gives, entry by entry.
 
 Range and range-rate errors of all satellites and epochs are one Gaussian vector. Its covariance follows from
-what each error is: a constant and a drift of each satellite, a share of a delay whose factor is drawn once,
+what each error is: a slow swing of each satellite, a share of a delay whose factor is drawn once,
 a first-order Gauss-Markov process, two integrated white noises of a clock. Sample covariances are held
 against it within five of their own standard deviations.
 """
@@ -52,11 +52,10 @@ def covariance(settings):
         total[...] += np.einsum("amn,bkp,np->amnbkp", a, b, between)
 
     if settings.satellite:
-        constant = np.zeros((2, m, n))
-        constant[0] = settings.satellite.range
-        growing = np.stack([np.tile(ELAPSED_S[:, None], (1, n)), np.ones((m, n))]) * settings.satellite.rate
-        add(constant, constant, same)
-        add(growing, growing, same)
+        sigmas = np.array([settings.satellite.range, settings.satellite.rate])[:, None, None]
+        angle = np.tile((sigmas[1] / sigmas[0] * ELAPSED_S[:, None]), (1, n))
+        for shape in ([np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]):
+            add(sigmas * np.stack(shape), sigmas * np.stack(shape), same)
     if settings.ionosphere:  # advances the carrier by what it delays the code
         code, carrier = delays(IONOSPHERE_M, IONOSPHERE_M_S), -np.tile(IONOSPHERE_M_S, (m, 1))
         left = settings.ionosphere.residual * np.stack([code, carrier])
@@ -130,6 +129,26 @@ def test_fixes_scatter_as_their_covariance_says(height):
     up = wgs84.dcm_en(0.5, 0.3)[:, 2]
     ratio = math.sqrt((up @ R @ up) / (up @ alone @ up))
     assert (ratio > 1.2) == (height > 0.0), ratio
+
+
+@pytest.mark.parametrize("hours", [0.0, 0.5, 3.0, 24.0])
+def test_errors_of_satellites_are_as_large_after_hours_as_at_the_start(hours):
+    """0.8 m and 0.5 mm/s, of 20 000 satellites, within five sigma; the rate is what the error changes by."""
+    settings = replace(NO_ERRORS, satellite=gps_settings.SatelliteErrors(range=0.8, rate=0.5e-3))
+    t_s = np.array([0.0, 3600.0 * hours, 3600.0 * hours + 1.0])
+    none = np.zeros((3, 3)), np.zeros((3, 20_000, 3))
+    got = gps_errors.range_errors(settings, GPS_START_S, t_s, *none, np.random.default_rng(6))
+    for error, variance, sigma in zip(got.error, got.variance, (0.8, 0.5e-3), strict=True):
+        np.testing.assert_allclose(error.std(axis=1), sigma, rtol=5.0 / np.sqrt(40_000))
+        np.testing.assert_allclose(variance, sigma**2)
+    np.testing.assert_allclose(np.diff(got.error[0], axis=0)[1], got.error[1][1:].mean(axis=0), atol=1e-9)
+
+
+def test_satellites_without_a_rate_keep_their_error():
+    settings = replace(NO_ERRORS, satellite=gps_settings.SatelliteErrors(range=0.8, rate=0.0))
+    t_s, none = 1000.0 * np.arange(5), (np.zeros((5, 3)), np.zeros((5, 30, 3)))
+    error, rate = gps_errors.range_errors(settings, GPS_START_S, t_s, *none, np.random.default_rng(6)).error
+    assert np.all(error == error[0]) and np.all(rate == 0.0) and error.std() > 0.5
 
 
 def test_at_two_epochs_delays_change_by_their_difference(monkeypatch):

@@ -8,7 +8,9 @@ from scipy import signal, stats
 from scipy_bits import assert_as_scipy
 
 from shefex_nav.records import rows
-from shefex_nav.world import imu, noise
+from shefex_nav.settings import changed
+from shefex_nav.verify import bound
+from shefex_nav.world import imu, noise, vibration
 
 DT_S = 1.0 / synthetic.RATE_HZ
 G = 9.80665  # m/s^2
@@ -154,10 +156,57 @@ def test_vibration_has_the_size_of_its_spectrum():
     assert np.std(np.cumsum(data.dv_b, axis=0)) == pytest.approx(velocity, rel=0.04)
 
 
+BANDS = [(20, 2000), (5, 2000), (20, 500), (20, 200), (20, 100), (20, 60), (20, 30), (60, 2000), (150, 2000),
+         (190, 2000), (2, 20), (100, 20_000)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("low", "high"), BANDS)
+def test_vibration_of_any_band_has_the_size_of_its_spectrum(low, high):
+    """Increments and accumulated velocity against integrals of the spectrum, within 6 %: the filters' edges.
+
+    So is what the filter on board and the bound count with.
+    """
+    params = changed(SHAKEN, {"vibration.lowest_frequency": low, "vibration.highest_frequency": high})
+    made, n = np.zeros((80_001, 3)), 80_001
+    imu.add_vibration(made, params, np.full(n, 7 * G), DT_S, np.random.default_rng(7))
+    f = np.linspace(low, high, 400_001)
+    density = (7 * G) ** 2 / (high - low)
+    over = [T * np.sqrt(density * np.trapezoid(np.sinc(f * T) ** 2, f)) for T in (DT_S, 2.0 * DT_S)]
+    velocity = np.sqrt(density * np.trapezoid(1.0 / (2.0 * np.pi * f) ** 2, f))
+    assert made.std() == pytest.approx(over[0], rel=0.06)
+    # two samples have next to nothing about 200 Hz, but of what leaks through a filter at 150 Hz
+    assert (made[1:] + made[:-1]).std() == pytest.approx(over[1], rel=0.12 if low == 150 else 0.06)
+    assert np.cumsum(made, axis=0).std() == pytest.approx(velocity, rel=0.06)
+    assert bound.swing(params, 7 * G, DT_S) == pytest.approx(velocity, rel=0.06)
+    if (low, high) not in ((20, 2000), (5, 2000)):  # of which they count all as white
+        told = np.sqrt(0.5 * density * DT_S * vibration.share(params.vibration, DT_S))
+        assert told == pytest.approx(over[0], rel=0.02)
+
+
+def test_spectrum_of_a_narrow_band_ends_where_it_is_told_to():
+    """20 to 100 Hz of 200, by averaged periodograms: next to nothing beyond its ends."""
+    params = changed(SHAKEN, {"vibration.lowest_frequency": 20.0, "vibration.highest_frequency": 100.0})
+    made = np.zeros((200_001, 3))
+    imu.add_vibration(made, params, np.full(200_001, 1.0), DT_S, np.random.default_rng(8))
+    f, density = signal.welch(made[1:, 0] / DT_S, 400.0, nperseg=4000)
+    inside = density[(f > 35.0) & (f < 60.0)].mean()
+    assert inside == pytest.approx(1.0 / 80.0 * np.sinc(47.5 * DT_S) ** 2, rel=0.05)
+    assert density[f < 8.0].max() < 0.01 * inside and density[f > 180.0].max() < 0.02 * inside
+
+
+def test_band_of_the_vibration_changes_no_other_number():
+    """Turn-on bias, walk and all else that is drawn of a seed is the same beside any band."""
+    still = synthetic.still(2001)  # no motor burns, and no vibration without
+    narrow = changed(REAL, {"vibration.highest_frequency": 100.0, "vibration.coast": 0.0})
+    wide = changed(REAL, {"vibration.coast": 0.0})
+    np.testing.assert_array_equal(measure(narrow, still).dv_b, measure(wide, still).dv_b)
+
+
 @pytest.mark.parametrize("cycles", [0.001, 0.05, 0.2, 0.45])
-def test_filter_of_the_vibration_is_a_butterworth(cycles):
-    _, expected = signal.sosfreqz(signal.butter(4, 2.0 * cycles, "highpass", output="sos"))
-    _, response = signal.sosfreqz(imu._butterworth(cycles))
+@pytest.mark.parametrize("kind", ["highpass", "lowpass"])
+def test_filter_of_the_vibration_is_a_butterworth(cycles, kind):
+    _, expected = signal.sosfreqz(signal.butter(4, 2.0 * cycles, kind, output="sos"))
+    _, response = signal.sosfreqz(imu._butterworth(cycles, high=kind == "highpass"))
     np.testing.assert_allclose(response, expected, atol=1e-10)
 
 

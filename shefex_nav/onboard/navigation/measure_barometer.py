@@ -28,7 +28,8 @@ LAYERS = np.array([0.0, 1.5e3, 3.5e3, 6e3, 9e3, 12e3, 16e3, 21e3])  # m, base of
 LAST_TOP = 32e3  # m, of the last layer where its warmth is worked out
 LEFT_DEPTH = 1e3  # m [E], a third of a layer: over which what the layers leave goes with itself
 FOR_EVER_S = 300.0  # s [E], of errors that do not change in a flight and have no state
-SURFACE_TEMPERATURE = 288.15  # K
+# K, of the Standard in the middle of each layer; the warmth of a layer is what the day has on this
+TEMPERATURE = np.array([283.28, 271.91, 257.30, 239.46, 220.01, 216.65, 216.65, 223.04])
 SURFACE_WEIGHT = 1.225 * atmosphere.G_0  # Pa/m, of air at sea level
 AT_REST = 0.1  # m/s, slower is standing still
 
@@ -53,19 +54,20 @@ class Air(NamedTuple):
 def of_layers(day):
     """Covariance of the mean warmth of the layers on a Day of the barometer: (8, 8)
 
-    Its temperature goes with itself over a depth (first-order Gauss-Markov in height).
+    Its temperature goes with itself over a depth (first-order Gauss-Markov in height) and has one sigma at
+    all heights: s is that over the temperature of a layer.
 
     Over a layer of t = x depth the mean has the variance 2 s^2 x^-2 (x - 1 + exp(-x)); the mean of one from a
     to b goes with that of a higher one from c to d as the integral of exp(-(v - u)/depth) over both.
     """
     edges = np.array([*LAYERS, LAST_TOP]) / day.depth
-    x, s2 = np.diff(edges), (day.temperature / SURFACE_TEMPERATURE) ** 2
-    P = np.diag(2.0 * s2 * (x - 1.0 + exp(-x)) / x**2)
+    x, s = np.diff(edges), day.temperature / TEMPERATURE
+    P = np.diag(2.0 * s**2 * (x - 1.0 + exp(-x)) / x**2)
     for j in range(1, len(x)):
         for i in range(j):
             a, b, c, d = edges[i], edges[i + 1], edges[j], edges[j + 1]
             both = exp(b - c) - exp(a - c) - exp(b - d) + exp(a - d)
-            P[i, j] = P[j, i] = s2 * both / (x[i] * x[j])
+            P[i, j] = P[j, i] = s[i] * s[j] * both / (x[i] * x[j])
     return P
 
 
@@ -170,7 +172,7 @@ def _left(day, height):
 
     share = x / t
     bridge = grown(x) - share * (grown(x) + grown(t) - grown(t - x)) + share**2 * grown(t)
-    return max((day.temperature / SURFACE_TEMPERATURE * depth) ** 2 * bridge, 0.0)
+    return max((day.temperature / float(TEMPERATURE[layer]) * depth) ** 2 * bridge, 0.0)
 
 
 def unfit(model, here, reading):

@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.verify.robustness import happenings
-from shefex_nav.world import imu
+from shefex_nav.world import vibration as spectrum
 
 ENOUGH = 100.0
 CHANCE = {dof: float(chi2.ppf(0.999, dof)) for dof in range(1, 80)}
@@ -99,11 +99,13 @@ def earliest(*found):
 def _spread_s(scenario, factor):
     """How long accelerometer readings take to show that vibration is `factor` times the told, at rest: s.
 
-    Variance of an increment: random walk, rounding, and vibration of flat density S, S dt/2 (`world.imu`).
+    Variance of an increment: random walk, rounding, and vibration of flat density S, S dt/2
+    and the share of its band (`world.vibration`).
     """
     triad, vibration, dt_s = scenario.imu.accelerometer, scenario.imu.vibration, 1.0 / IMU_HZ
-    density = vibration.coast**2 / imu.bandwidth(scenario.imu)
-    shaken, still = 0.5 * density * dt_s, triad.random_walk**2 * dt_s + triad.quantum**2 / 6.0
+    density = vibration.coast**2 / spectrum.bandwidth(vibration)
+    shaken = 0.5 * density * dt_s * spectrum.share(vibration, dt_s)
+    still = triad.random_walk**2 * dt_s + triad.quantum**2 / 6.0
     ratio = (still + factor**2 * shaken) / (still + shaken)
     return dt_s * ENOUGH / (3.0 * max(ratio - 1.0 - np.log(ratio), 1e-12))  # of three axes
 

@@ -134,7 +134,8 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
     move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.step_px)
     boresight_i, C_ei = move.C_ci[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
-    sun_angle, limb_angle, stray = surroundings(camera, boresight_i, move.r_i, C_ei)
+    aim = aimed(boresight_i, move.r_i, C_ei, camera.bodies.sun_u_i)
+    stray = stray_rate(camera.settings.stray_light, *aim)
     background = (sensor.background + stray) * exposure_s
     background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
     slope = _slope(camera, move.C_ci, stray * exposure_s)
@@ -148,8 +149,7 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
 
     frame = frame_of(sensor, command, number, (t_start_s, t_valid_s, t_end_s), image_dn)
     q_ic = rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T))
-    angles = sun_angle, limb_angle
-    return frame, truth_of(frame, camera.settings.stray_light, (q_ic, move.rate), angles, hip, xy_px)
+    return frame, truth_of(frame, camera.settings.stray_light, (q_ic, move.rate), aim, hip, xy_px)
 
 
 def frame_of(sensor, command, number, times_s, image_dn):
@@ -171,10 +171,13 @@ def frame_of(sensor, command, number, times_s, image_dn):
     )
 
 
-def truth_of(frame, stray, motion, angles, hip, xy_px):
-    """FrameTruth of a Frame: attitude and rate, angles of the boresight to Sun and limb, listed stars and
-    their places. stray : settings of stray light"""
-    (q_ic, rate), (sun_angle, limb_angle) = motion, angles
+def truth_of(frame, stray, motion, aim, hip, xy_px):
+    """FrameTruth of a Frame: attitude and rate, where it was `aimed`, listed stars and their places.
+
+    stray : settings of stray light
+    """
+    (q_ic, rate), (sun_angle, limb_angle, sun_share, _) = motion, aim
+    sun_met = sun_angle >= stray.sun_exclusion or sun_share == 0.0
     return FrameTruth(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
@@ -182,9 +185,10 @@ def truth_of(frame, stray, motion, angles, hip, xy_px):
         rate=rate,
         sun_angle=sun_angle,
         limb_angle=limb_angle,
-        exclusion_met=sun_angle >= stray.sun_exclusion and limb_angle >= stray.earth_exclusion,
+        exclusion_met=sun_met and limb_angle >= stray.earth_exclusion,
         hip=hip,
         xy_px=xy_px,
+        sun_hidden=sun_share == 0.0,
     )
 
 
@@ -198,26 +202,25 @@ def _corner_angle(hole):
     return atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px)
 
 
-def surroundings(camera, boresight_i, r_i, C_ei):
-    """Angles of the boresight to Sun and limb [rad], and the stray light [electrons/s and pixel]."""
-    sun_angle, limb_angle, sunlight = aimed(boresight_i, r_i, C_ei, camera.bodies.sun_u_i)
-    return sun_angle, limb_angle, stray_rate(camera.settings.stray_light, sun_angle, limb_angle, sunlight)
-
-
 @kernel
 def aimed(boresight_i, r_i, C_ei, sun_u_i):
-    """Angles of the boresight to Sun and limb [rad], and how brightly the Sun lights the limb below it."""
+    """Where a camera looks: what stray light comes of.
+
+    -> angles of the boresight to Sun and limb, rad; share of the Sun's disc that the Earth does not hide; how
+    brightly the Sun lights the limb below the boresight
+    """
     sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_u_i)))
     limb_angle = wgs84.limb_angle(C_ei @ r_i, C_ei @ boresight_i)
-    return sun_angle, limb_angle, optics.limb_sunlight(boresight_i, r_i, sun_u_i)
+    sun_share = optics.share_above(wgs84.limb_angle(C_ei @ r_i, C_ei @ sun_u_i))
+    return sun_angle, limb_angle, sun_share, optics.limb_sunlight(boresight_i, r_i, sun_u_i)
 
 
-def stray_rate(settings, sun_angle, limb_angle, sunlight):
+def stray_rate(settings, sun_angle, limb_angle, sun_share, sunlight):
     """Stray light [electrons/s and pixel] where the boresight is `aimed` so."""
     sun_rate = optics.stray_light(sun_angle, settings.sun_exclusion, settings.baffle, settings)
     # the exclusion angle to the limb is less than the baffle's: light past its edge is in the exponential
     earth_rate = optics.stray_light(limb_angle, settings.earth_exclusion, 0.0, settings)
-    return sun_rate + sunlight * earth_rate
+    return sun_share * sun_rate + sunlight * earth_rate
 
 
 def _add_sky(camera, move, C_ei, least):

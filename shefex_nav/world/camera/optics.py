@@ -6,11 +6,14 @@ Sun, 45 deg to the Earth's limb) and the 50 deg baffle are those of the SHEFEX-2
 of the stray light between them is an engineering guess [E].
 """
 
+from math import asin, pi, sqrt
+
 import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.geometry import pinhole, rotation, wgs84
 
+SUN_RADIUS = 4.65e-3  # rad, of its disc from 1 au
 TWILIGHT = 0.02  # brightness of the limb at sunrise as a fraction of the one under a high Sun [E]
 
 
@@ -28,6 +31,16 @@ def true_pinhole(optics, detector, rng):
     )
     dx, dy = optics.principal_point_error * rng.standard_normal(2)
     return nominal._replace(cx_px=nominal.cx_px + dx, cy_px=nominal.cy_px + dy)
+
+
+@inner
+def share_above(limb_angle):
+    """Share of the Sun's disc above the Earth's limb, which is straight over half a degree.
+
+    limb_angle : rad, of the middle of the Sun -> 0 behind the Earth, 1 clear of it
+    """
+    x = min(1.0, max(-1.0, limb_angle / SUN_RADIUS))
+    return 0.5 + (asin(x) + x * sqrt(1.0 - x * x)) / pi
 
 
 @inner

@@ -126,7 +126,7 @@ def look(camera, command, trajectory, number, t_start_s):
     background = (settings.detector.background + stray_rate(settings.stray_light, *aim)) * exposure_s
     film = _drawing_limit(settings, command, omega_c, background, scene[2].sum())
     frame = frame_of(settings.detector, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
-    truth = truth_of(frame, settings.stray_light, (q_ic, rate), aim[:2], *listed)
+    truth = truth_of(frame, settings.stray_light, (q_ic, rate), aim, *listed)
     return frame, truth, film, scene
 
 
