@@ -48,6 +48,49 @@ def flown(seed, *overrides):
     return solution.solution(software.nav).r_i - r_i, sight, gates
 
 
+def after_an_outage(seed, metres):
+    """All satellites but for 60 s without any; one of them then wrong in one epoch, T+301 s.
+
+    -> rows of error (3,) m, sigma (3,) m, levels (2,) m, do not use; of each second; GateResult; its number
+    """
+    outage = "faults.gps=[{fault: outage, from: 240 s, until: 300.5 s}]"
+    scenario = load.load(TIGHT, ("gps.only=[]", outage))
+    world = prepare.build_world(scenario, seed)
+    k = next(i for i, one in enumerate(world.gps_ranges) if one.t_valid_s > 300.5)
+    wrong = world.gps_ranges[k].pseudorange.copy()
+    wrong[2] += metres
+    world.gps_ranges[k] = world.gps_ranges[k]._replace(pseudorange=wrong)
+    software = navigator.start(world.computer.nav, world.alignment, world.earth, navigator.NOTHING)
+    received = sorted(world.gps_ranges, key=lambda m: m.t_available_s)
+    blocks, rows, gates = imu.stacked(world.imu), [], []
+    last = int(np.searchsorted(blocks.t_valid_s, 330.0 - 1e-6)) + 1
+    truth = world.flight.trajectory
+    for _, arrived, outputs in drive(software, blocks, Recorded(blocks.t_valid_s, received), last):
+        gates += [record for record in outputs if isinstance(record, GateResult)]
+        if arrived:
+            one = solution.solution(software.nav)
+            r_i = truth.r_i[np.searchsorted(truth.t_s, one.t_s - 1e-6)]
+            r_e = frames.dcm_ie(world.earth, one.t_s).T @ r_i
+            rows.append((one.r_e - r_e, one.sigma_r_e, one.protection_position, one.do_not_use_position))
+    return [np.array(column) for column in zip(*rows, strict=True)], gates, world.gps_ranges[k].prn[2]
+
+
+def test_one_wrong_satellite_after_an_outage_is_named_and_the_others_are_used():
+    """60 m while clock and position are known to tens of metres: each range alone may be as far off.
+
+    And levels by what a range could do against the others: below 100 m throughout, while the clock is not
+    known to 30 km on the pad.
+    """
+    (healthy, _, _, _), _, _ = after_an_outage(1, 0.0)
+    (error, sigma, level, withdrawn), gates, prn = after_an_outage(1, 60.0)
+    refused = [gate for gate in gates if "rejected" in gate.note]
+    assert [(gate.sensor, gate.note) for gate in refused] == [("gps_range", f"rejected: prn {prn}")]
+    assert np.all(np.abs(error) < 4.0 * sigma)
+    assert np.linalg.norm(error - healthy, axis=1).max() < 2.0
+    assert not withdrawn.any() and np.hypot(*level.T).max() < 100.0
+    assert np.all(np.hypot(*level.T) > 2.0 * np.linalg.norm(error, axis=1))
+
+
 def nis(gates, sensor):
     """Mean NIS per degree of freedom of a sensor, and degrees of freedom."""
     used = [gate for gate in gates if gate.sensor == sensor and gate.dof]

@@ -1,11 +1,11 @@
 """The gate: what becomes of a new measurement, and what is said about it.
 
-A measurement passes if its normalised innovation squared stays below the chi-square limit. One of several
-groups of rows passes group by group, as long as most of them do: where half of all satellites contradict the
-filter, it is not for the filter to say which half is right. The rest is a matter of trust: `integrity` says
-when a sensor that contradicts the filter is believed after all, and when a fix inside the gate is not enough;
-`integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong. What the
-covariance loses before a measurement is used that is believed so is said last.
+A measurement passes if its normalised innovation squared stays below the chi-square limit; one of several
+groups of rows without those that contradict the others, as long as most are left (`integrity_rows`). The rest
+is a matter of trust: `integrity` says when a sensor that contradicts the filter is believed after all, and
+when a fix inside the gate is not enough; `integrity_gps` when a receiver drifts; `integrity_gyro` when it is
+the gyros that are wrong. What the covariance loses before a measurement is used that is believed so is said
+last.
 """
 
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from shefex_nav.onboard.navigation import (
     integrity_drift,
     integrity_gps,
     integrity_learnt,
+    integrity_rows,
     integrity_watch,
 )
 from shefex_nav.onboard.navigation.grown import Grown
@@ -100,7 +101,9 @@ def _verdict(nav, now, innovation, measurement):
     name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
     alone = sensor.alone is None or sensor.alone(nav, S)
-    rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
+    rows, passed = (
+        integrity_rows.passed(nav.limits, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
+    )
     before = nav.health[name]
     if fix_of(name) is POSITION and _receiver_is_doubtful(nav, fix):
         return Verdict(Fate.HELD, None, None, WAITS, alone)
@@ -257,19 +260,6 @@ def _drifts(nav, fate, z, S, admitted):
     if not watch.gps_drift.suspected:
         return fate, admitted
     return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.gps_drift, S)
-
-
-def _passed(nav, S, z, size):
-    """Which rows pass the gate, in groups of `size`, each against its own limit. -> rows, whether most do
-
-    rows : (m,) bool; None if all pass, or not most of them
-    """
-    limit, rows = nav.limits[size], np.empty(len(z), dtype=bool)
-    for first in range(0, len(z), size):
-        group = slice(first, first + size)
-        rows[group] = eskf.normalised(S[group, group], z[group]) <= limit
-    credible = 2 * np.count_nonzero(rows) > len(rows)
-    return (rows if credible and not rows.all() else None), credible
 
 
 def _rejected(sensor, fix, rows):
