@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     adaptation,
     eskf,
@@ -25,9 +26,9 @@ from shefex_nav.onboard.navigation import (
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_gyro import StarSight
-from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, PLACE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
-from shefex_nav.onboard.navigation.state import initial_covariance
+from shefex_nav.onboard.navigation.state import POS, VEL, initial_covariance
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -37,6 +38,7 @@ SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teache
 EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 MOST_HELD = 5  # [E] positions that wait for what becomes of their velocity
 WAITS = "held: its velocity contradicts the filter"
+SIGHTS_WAIT = "held: the ranges contradict the place from which its lines of sight are"
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -57,6 +59,8 @@ class Verdict(NamedTuple):
     # whether a GPS velocity says what it said when it was rejected, or a GPS position that was rejected
     # passes because the gate has become wider
     insisted: bool = False
+    # (3,) m, Earth-fixed axes, what ranges that are believed against the filter say its position is off by
+    offset: np.ndarray | None = None
 
 
 def decide(nav, now, z, H, R, measurement):
@@ -107,6 +111,8 @@ def _verdict(nav, now, innovation, measurement):
     before = nav.health[name]
     if fix_of(name) is POSITION and _receiver_is_doubtful(nav, fix):
         return Verdict(Fate.HELD, None, None, WAITS, alone)
+    if name in PLACE and not before.rejected and _waits_for_ranges(nav, now, innovation, name, passed):
+        return Verdict(Fate.HELD, None, None, SIGHTS_WAIT, alone)
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
@@ -120,7 +126,15 @@ def _verdict(nav, now, innovation, measurement):
         note += ", or the camera has moved"
     narrow = fate == Fate.USED and nis > nav.limits[len(z), SURPRISING]
     insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence, narrow)
-    return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
+    offset = _offset(nav, name, before, trial) if fate in ACCEPTED and before.rejected else None
+    return Verdict(fate, rows, admitted, note, alone, insisted=insisted, offset=offset)
+
+
+def _offset(nav, name, before, trial):
+    """Verdict.offset of ranges; None if the first of those that were refused was off by the clock alone."""
+    if about(name) is not POSITION or fix_of(name):
+        return None
+    return trial.evidence.z if before.first.is_off(nav.limits[3]) else None
 
 
 def _receiver_is_doubtful(nav, fix):
@@ -135,6 +149,27 @@ def _receiver_is_doubtful(nav, fix):
     return fix.t_valid_s - velocity.evidence.fix.t_valid_s < integrity.LONGEST_PAIR_S
 
 
+def _waits_for_ranges(nav, now, innovation, name, passed):
+    """Whether range rates wait for what becomes of their ranges, which have just been refused as far off.
+
+    They are told along lines of sight from the place: 3 km off is up to 1 m/s. So they are not used where the
+    place that the ranges say makes them others; and they contradict nothing if they pass from there.
+    """
+    record = nav.health[PLACE[name]]
+    if not record.far or not record.in_a_row or record.evidence is None:
+        return False
+    if now.t_s - record.evidence.fix.t_valid_s >= integrity.LONGEST_PAIR_S:
+        return False
+    z, H, R, S, _, _ = innovation
+    off_i = frames.dcm_ie(nav.earth, now.t_s) @ record.evidence.z
+    # with the same velocity against the Earth, which is what a receiver goes on to say
+    changes = H[:, POS] @ off_i + H[:, VEL] @ np.cross(frames.omega_ie_i(nav.earth), off_i)
+    if np.all(np.abs(changes) < np.sqrt(np.diag(R))):
+        return False
+    # few satellites do not say the place: NaN, which does not pass
+    return passed or integrity_rows.passed(nav.limits, S, z - changes, nav.sensors[name].rows)[1]
+
+
 def _insists(name, before, evidence, narrow):
     """Verdict.insisted of a sensor with rejected fixes.
 
@@ -144,7 +179,7 @@ def _insists(name, before, evidence, narrow):
         if before.far and narrow and integrity.same_direction(before.first, evidence):
             return True
         return integrity.same_velocity_offset(before.first, evidence)
-    if fix_of(name) is POSITION and integrity_watch.contradicts(name, before):
+    if about(name) is POSITION and integrity_watch.contradicts(name, before):
         return integrity.has_widened(before.evidence, evidence)
     return False
 
@@ -174,9 +209,10 @@ def _doubted(nav, now, z, nis, name, verdict):
     watch = nav.watch
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
-    if verdict.insisted and verdict.fate == Fate.USED and fix_of(name) is POSITION:
+    off = z if fix_of(name) is POSITION else verdict.offset
+    if verdict.insisted and verdict.fate == Fate.USED and off is not None:
         if not watch.unread:
-            watch.moved = z.copy()
+            watch.moved = off.copy()
     elif verdict.insisted and verdict.fate == Fate.USED:
         watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
@@ -188,8 +224,8 @@ def _doubted(nav, now, z, nis, name, verdict):
         watch.gyros.doubt()
         watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
-    if verdict.fate == Fate.RESET and fix_of(name) is POSITION and verdict.admitted is None:
-        watch.accept_position(z)
+    if verdict.fate == Fate.RESET and off is not None and verdict.admitted is None:
+        watch.accept_position(off)
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limits[len(z), SURPRISING]:
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
     return verdict

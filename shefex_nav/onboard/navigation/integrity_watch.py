@@ -19,7 +19,7 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
 )
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
-from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, BESIDE, POSITION, SIGHTS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import X_Q
 from shefex_nav.records import Doubt, NavHealth
@@ -30,6 +30,7 @@ UNCHECKED = "has been wrong before: no stars to check it by"
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
+ALSO_VELOCITY = np.array([Doubt.CONTRADICTED, Doubt.CONTRADICTED, Doubt.NONE], dtype=np.int64)
 BACK = 0.3  # [E] share of a step, to within which one back ends it
 OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
 MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
@@ -222,7 +223,8 @@ class Watch:
         where there is any. A GPS velocity contradicts an attitude as well, by the direction of the thrust:
         any other sensor makes all three doubtful. A GPS position whose velocity goes on contradicts the
         position alone: most likely it has jumped, but the filter may have followed it before. So does one
-        that was believed in the end.
+        that was believed in the end; where ranges have said it, lines of sight are wrong with the place, and
+        the velocity that range rates tell along them: by 1 m/s where it is 3 km off.
         """
         imu_blind = self.imu_blind if imu_blind is None else imu_blind
         if not imu_blind:
@@ -240,12 +242,14 @@ class Watch:
         if not bad and not self.alarms and self.moved is None:
             return ALL_OF[Doubt.NONE]
         others = [name for name in bad if about(name) is not ATTITUDE]
-        jumps = [fix_of(name) for name in others] == [POSITION] and jumped(health)
+        jumps = [about(name) for name in others] == [POSITION] and jumped(health, others[0])
         if (others and not jumps) or ((bad or self.alarms) and self.reasons.get("gps")):
             return ALL_OF[Doubt.CONTRADICTED]
         of_attitude = self.alarms or len(bad) > len(others)
         of_position = jumps or self.moved is not None
-        return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if of_position else 0)
+        by_sights = self.moved is not None and any(health[name].used for name in SIGHTS if name in health)
+        of_place = ALSO_VELOCITY if by_sights else ONLY_POSITION
+        return (ONLY_ATTITUDE if of_attitude else 0) | (of_place if of_position else 0)
 
     def accept(self, t_s, sensor):
         """A sensor is used: it is healthy, but for what its earlier fixes have left in doubt."""
@@ -253,7 +257,7 @@ class Watch:
 
     def _left(self, sensor):
         """What is left to say of a sensor that is used; '' if nothing is."""
-        if fix_of(sensor) is POSITION and self.moved is not None:
+        if about(sensor) is POSITION and self.moved is not None:
             return f"disputed: it or the filter was wrong by {np.linalg.norm(self.moved):.3g} m"
         if fix_of(sensor) is VELOCITY and self.step is not None:
             return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(self.step):.2g} m/s"
@@ -302,7 +306,7 @@ def is_back(step, z):
 
 def reason(name, health):
     """Why a sensor that insists on contradicting the filter is not used. str, {sensor: Health} -> str"""
-    if fix_of(name) is POSITION and jumped(health):
+    if about(name) is POSITION and jumped(health, name):
         return "moves without its velocity"
     return WHY.get(fix_of(name), "contradicts the filter")
 
@@ -328,7 +332,10 @@ def contradicting(health):
     return [name for name, record in health.items() if contradicts(name, record)]
 
 
-def jumped(health):
-    """Whether a GPS position that contradicts the filter is the receiver's fault. {sensor: Health} -> bool"""
-    velocity, position = health["gps_velocity"], health["gps_position"]
+def jumped(health, name):
+    """Whether a GPS position that contradicts the filter is the receiver's fault: its velocity does not.
+
+    {sensor: Health}; sensor, of `quantity.BESIDE` -> bool
+    """
+    velocity, position = health[BESIDE[name]], health[name]
     return position.used > 0 and velocity.used > 0 and velocity.rejected == 0
