@@ -168,3 +168,11 @@ def test_what_ranges_are_believed_to_be_off_by_is_remembered():
     assert len(said) == 1 and watch.moved is None
     gate._doubted(nav, None, np.ones(7), 0.0, "gps_range", verdict._replace(fate=Fate.USED, insisted=True))
     assert watch.moved.tolist() == OFF_E.tolist()
+
+
+def test_an_attitude_that_is_used_ends_what_single_stars_have_said():
+    bad = USED._replace(rejected=1, in_a_row=5, far=True, evidence=3)
+    nav = SimpleNamespace(health={"star_vectors": bad, "gps_range": bad, "star_tracker": USED})
+    gate._settle_single_stars(nav)
+    assert nav.health["star_vectors"] == USED._replace(t_first_s=nav.health["star_vectors"].t_first_s)
+    assert nav.health["gps_range"] is bad

@@ -121,7 +121,8 @@ def test_two_that_agree_against_a_receiver_without_use():
     ("gps_position", {"rejected": 3}, True), ("gps_position", {"rejected": 2}, False),
     ("gps_position", {"in_a_row": 9}, False), ("gps_position", {"far": True}, True),
     ("gps_velocity", {"far": True}, True), ("star_tracker", {"far": True}, True),
-    ("barometer", {"far": True}, False),
+    ("barometer", {"far": True}, False), ("gps_range", {"far": True}, True),
+    ("gps_range", {"in_a_row": 3, "rejected": 1}, True), ("gps_range_rate", {"in_a_row": 2}, False),
     ("star_tracker", {"in_a_row": 3}, True), ("star_tracker", {"in_a_row": 2, "rejected": 9}, False),
 ])  # fmt: skip
 def test_when_a_sensor_contradicts_the_solution(name, record, contradicts):

@@ -89,6 +89,8 @@ def decide(nav, now, z, H, R, measurement):
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
     nav.watch.constants.take(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
+    if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
+        _settle_single_stars(nav)
     result = _result(nav, innovation, measurement, verdict)
     believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
     confirmed = not verdict.alone or believed
@@ -97,6 +99,13 @@ def decide(nav, now, z, H, R, measurement):
         teaches=not nav.watch.replaced,
     )  # fmt: skip
     return decided, result, confirmed
+
+
+def _settle_single_stars(nav):
+    """An attitude is used: what single stars of its frame have said against the filter is over with it."""
+    for name, record in nav.health.items():
+        if about(name) is ATTITUDE and not fix_of(name) and record.in_a_row:
+            nav.health[name] = record._replace(rejected=0, evidence=None, in_a_row=0, far=False)
 
 
 def _verdict(nav, now, innovation, measurement):

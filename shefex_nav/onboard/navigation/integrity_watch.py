@@ -19,7 +19,16 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
 )
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
-from shefex_nav.onboard.navigation.quantity import ATTITUDE, BESIDE, POSITION, SIGHTS, VELOCITY, about, fix_of
+from shefex_nav.onboard.navigation.quantity import (
+    ATTITUDE,
+    BESIDE,
+    POSITION,
+    SIGHTS,
+    VECTORS,
+    VELOCITY,
+    about,
+    fix_of,
+)
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import X_Q
 from shefex_nav.records import Doubt, NavHealth
@@ -314,15 +323,15 @@ def reason(name, health):
 def contradicts(name, record):
     """Whether a sensor insists on contradicting the solution. str, Health -> bool
 
-    Its rejected fixes agree with each other, or one of them is far off: at a fix a second the next one comes
-    too late, and in a motion that gyros make up the camera is given no stars any more. Those of the star
-    tracker need not agree: where gyros are wrong, star fixes that are right do not. Nor need readings of an
-    instrument, which are not compared with each other unless they may be believed against the filter.
+    GPS fixes that were rejected agree with each other, or one of them is far off: at a fix a second the next
+    one comes too late, and in a motion that gyros make up the camera is given no stars any more. Those of the
+    star tracker need not agree: where gyros are wrong, star fixes that are right do not. Nor need ranges and
+    single stars, of which few are compared with none, nor readings of an instrument, unless they may be
+    believed against the filter.
     """
-    if record.far and fix_of(name) is not None:
+    if record.far and about(name) is not None:
         return True
-    each_counts = about(name) is None or fix_of(name) is ATTITUDE
-    return (record.in_a_row if each_counts else record.rejected) >= CONTRADICTIONS
+    return (record.rejected if name in VECTORS else record.in_a_row) >= CONTRADICTIONS
 
 
 def contradicting(health):
