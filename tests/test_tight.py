@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -46,6 +47,92 @@ def flown(seed, *overrides):
         sight = last.r_es_e @ C_ie.T - r_i
         sight /= np.linalg.norm(sight, axis=1, keepdims=True)
     return solution.solution(software.nav).r_i - r_i, sight, gates
+
+
+class Second(NamedTuple):
+    """The solution of each second against the truth."""
+
+    t_s: float
+    error: np.ndarray  # (3,) m
+    sigma: np.ndarray  # (3,) m
+    error_v: np.ndarray  # (3,) m/s, against the Earth
+    levels: tuple  # m, m/s: horizontal and vertical together
+    withdrawn: tuple  # position, velocity
+
+
+def seconds(seed, until_s, *overrides, spoil=None):
+    """All satellites, a flight until until_s; spoil(ranges) may change what is received.
+
+    -> Second of arrays, a row a second; list of GateResult
+    """
+    scenario = load.load(TIGHT, ("gps.only=[]", *overrides))
+    world = prepare.build_world(scenario, seed)
+    ranges = spoil(world.gps_ranges) if spoil else world.gps_ranges
+    software = navigator.start(world.computer.nav, world.alignment, world.earth, navigator.NOTHING)
+    received = sorted(ranges, key=lambda m: m.t_available_s)
+    blocks, rows, gates = imu.stacked(world.imu), [], []
+    last = int(np.searchsorted(blocks.t_valid_s, until_s - 1e-6)) + 1
+    truth = world.flight.trajectory
+    for _, arrived, outputs in drive(software, blocks, Recorded(blocks.t_valid_s, received), last):
+        gates += [record for record in outputs if isinstance(record, GateResult)]
+        if arrived:
+            one = solution.solution(software.nav)
+            k = np.searchsorted(truth.t_s, one.t_s - 1e-6)
+            r_e, v_e = frames.ecef_from_inertial(world.earth, one.t_s, truth.r_i[k], truth.v_i[k])
+            levels = np.hypot(*one.protection_position), np.hypot(*one.protection_velocity)
+            withdrawn = one.do_not_use_position, one.do_not_use_velocity
+            rows.append((one.t_s, one.r_e - r_e, one.sigma_r_e, one.v_e - v_e, levels, withdrawn))
+    return Second(*(np.array(column) for column in zip(*rows, strict=True))), gates
+
+
+def test_one_wrong_satellite_after_an_outage_is_named_and_the_others_are_used():
+    """60 m while clock and position are known to tens of metres: each range alone may be as far off.
+
+    And levels by what a range could do against the others: below 100 m throughout, while the clock is not
+    known to 30 km on the pad.
+    """
+    wrong = []
+
+    def spoil(ranges):
+        k = next(i for i, one in enumerate(ranges) if one.t_valid_s > 300.5)
+        pseudorange = ranges[k].pseudorange + 60.0 * (np.arange(len(ranges[k].prn)) == 2)
+        wrong.append(ranges[k].prn[2])
+        return [*ranges[:k], ranges[k]._replace(pseudorange=pseudorange), *ranges[k + 1 :]]
+
+    outage = "faults.gps=[{fault: outage, from: 240 s, until: 300.5 s}]"
+    healthy, _ = seconds(1, 330.0, outage)
+    got, gates = seconds(1, 330.0, outage, spoil=spoil)
+    refused = [(gate.sensor, gate.note) for gate in gates if "rejected" in gate.note]
+    assert refused == [("gps_range", f"rejected: prn {wrong[0]}")]
+    assert np.all(np.abs(got.error) < 4.0 * got.sigma)
+    assert np.linalg.norm(got.error - healthy.error, axis=1).max() < 2.0
+    assert not got.withdrawn[:, 0].any() and got.levels[:, 0].max() < 100.0
+    assert np.all(got.levels[:, 0] > 2.0 * np.linalg.norm(got.error, axis=1))
+
+
+@pytest.mark.parametrize("metres", [300, 3000])
+def test_a_position_that_jumps_without_its_velocity_is_the_receivers_fault(metres):
+    """From T+260 s to T+310 s: refused for 29 s and withdrawn at once, until it is back.
+
+    300 m up are the same for 29 s. 3 km turn with the vertical, and are not; range rates are told along lines
+    of sight from there, up to 0.4 m/s other ones, and wait.
+    """
+    jump = f"faults.gps=[{{fault: jump, from: 260 s, until: 310 s, position: [0 m, 0 m, {metres} m]}}]"
+    got, gates = seconds(2, 350.0, jump, "requirements.position.limit=5 km")
+    of_ranges = [gate for gate in gates if gate.sensor == "gps_range" and gate.t_valid_s >= 260.0]
+    first = next(gate for gate in of_ranges if gate.accepted)
+    assert first.t_valid_s == pytest.approx(289.0) if metres == 300 else first.t_valid_s > 289.5
+    assert first.note == ("reset after timeout" if first.t_valid_s < 309.5 else "")
+    waited = [gate for gate in gates if gate.note.startswith("held: the ranges contradict")]
+    assert (len(waited) >= 29) == (metres == 3000)
+    assert {gate.sensor for gate in waited} <= {"gps_range_rate"}
+    inside = (got.t_s > 260.0) & (got.t_s < 310.0)
+    assert got.withdrawn[inside, 0].all() and not got.withdrawn[got.t_s < 260.0, 0].any()
+    assert np.all(np.linalg.norm(got.error[got.t_s < 289.0], axis=1) < 30.0)
+    assert not got.withdrawn[-5:, 0].any() and np.linalg.norm(got.error[-1]) < 20.0
+    for k, error in enumerate((got.error, got.error_v)):
+        usable = ~got.withdrawn[:, k]
+        assert np.all(np.linalg.norm(error, axis=1)[usable] < got.levels[usable, k])
 
 
 def nis(gates, sensor):

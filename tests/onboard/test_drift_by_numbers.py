@@ -86,3 +86,21 @@ def test_errors_of_gravity_without_a_state_are_none():
         )
     np.testing.assert_allclose(with_it[VEL] - B[VEL], GAP_S)  # m/s, of 1 m/s^2 on each axis
     np.testing.assert_allclose(with_it[POS] - B[POS], 0.5 * GAP_S**2)
+
+
+@pytest.mark.parametrize(
+    "name, numbers, rows, says",
+    [
+        ("gps_position", 3, None, True),
+        ("gps_position", 2, None, False),
+        ("gps_velocity", 3, None, False),
+        ("gps_range", 3, None, False),  # with the clock unknown no height
+        ("gps_range", 4, None, True),
+        ("gps_range", 5, [True, True, False, True, False], False),
+        ("gps_range", 5, [True, True, False, True, True], True),
+        ("gps_range_rate", 5, None, False),
+    ],
+)
+def test_what_says_all_of_a_position(name, numbers, rows, says):
+    rows = None if rows is None else np.array(rows)
+    assert integrity_drift._says_all(name, np.zeros(numbers), rows) == says

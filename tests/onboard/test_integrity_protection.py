@@ -62,18 +62,21 @@ def test_the_slope_is_the_worst_that_passes_the_gate(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_worst_single_satellite(seed):
-    """Rows gated one by one: each alone at the rim of its own gate, noise of all rows tied together."""
+    """Rows gated one by one, given the others: by what P is without each, noise of all rows tied together."""
     rng = np.random.default_rng(seed)
     P, H, _ = case(seed)
     H = np.vstack([H, rng.standard_normal((4, N))])
     u = rng.standard_normal((7, 3))
     R = np.diag(rng.uniform(0.1, 2.0, 7)) + u @ u.T
-    after, K, S = updated(P, H, R)
-    single = 15.1
-    rim = followed() @ K * np.sqrt(single * np.diag(S))  # a column for each satellite
+    after, single = updated(P, H, R)[0], 15.1
+    along, without = np.diag(followed() @ after @ followed().T), []
+    for k in range(7):
+        rest = np.arange(7) != k
+        without.append(followed() @ updated(P, H[rest], R[np.ix_(rest, rest)])[0] @ followed().T)
+    worst = np.sqrt(single * (np.max([np.diag(one) for one in without], axis=0) - along))
     table = protection._slope_of_rows(P, after, single, H, R, 1, False, NED)
-    np.testing.assert_allclose(table[protection.WORST], np.abs(rim).max(axis=1), rtol=1e-9)
-    known = np.sqrt(np.diag(followed() @ after @ followed().T))
+    np.testing.assert_allclose(table[protection.WORST], worst, rtol=1e-7)
+    known = np.sqrt(along)
     np.testing.assert_allclose(table[protection.AFTER], known, rtol=1e-9)
     np.testing.assert_allclose(sigmas(after, NED), known, rtol=1e-9)
 

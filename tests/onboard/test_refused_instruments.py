@@ -36,10 +36,14 @@ def test_an_instrument_that_is_never_believed_is_told_of():
     assert words == "contradicts the filter"
 
 
-def test_single_stars_and_ranges_have_others_to_speak_for_them():
-    """Stars one by one are left to the attitudes, ranges are compared with each other."""
-    for name in ("star_vectors", "gps_range", "gps_range_rate"):
-        assert list(integrity_watch.contradicting(refused(9, name))) == []
+@pytest.mark.parametrize("name", ["star_vectors", "gps_range", "gps_range_rate"])
+def test_rows_of_which_few_are_compared_with_none_are_told_of_too(name):
+    """Two or three satellites, single stars: they do not agree with each other; three in a row say enough."""
+    contradicting = integrity_watch.contradicting
+    assert list(contradicting(refused(2, name))) == []
+    assert contradicting(refused(3, name)) == contradicting(refused(60, name)) == [name]
+    one = refused(1, name)
+    assert contradicting({**one, name: one[name]._replace(far=True)}) == [name]
 
 
 def test_a_reading_that_is_used_ends_it():

@@ -46,6 +46,23 @@ def test_which_sensor_makes_what_doubtful():
     assert doubts(gps_position=BAD, barometer=BAD) == "CCC"
 
 
+def test_ranges_that_contradict_while_their_rates_do_not_have_jumped():
+    """The position alone; once they are believed the velocity too, which rates say along lines of sight."""
+    rates = {"gps_position": HEALTHY, "gps_velocity": HEALTHY, "gps_range_rate": MOVES}
+    assert doubts(gps_range=BAD, **rates) == "C--"
+    assert doubts(gps_range=BAD, star_tracker=BAD, **rates) == "C-C"
+    assert doubts(gps_range=BAD, **{**rates, "gps_range_rate": BAD}) == "CCC"
+    assert doubts(gps_range=BAD, **{**rates, "gps_range_rate": HEALTHY}) == "CCC"
+    assert doubts(gps_range=BAD._replace(used=0), **rates) == "CCC"
+    words = integrity_watch.reason("gps_range", {"gps_range": BAD, **rates})
+    assert words == "moves without its velocity"
+    one = watch()
+    one.moved = np.array([3.0, 4.0, 0.0])
+    assert doubts(one, gps_range=MOVES, **rates) == "CC-" and doubts(one, gps_range=HEALTHY) == "C--"
+    one.accept(1.0, "gps_range")
+    assert one.pending[-1].reason == "disputed: it or the filter was wrong by 5 m"
+
+
 def test_without_specific_force_the_attitude_is_what_gyros_and_stars_say():
     """Position and velocity run away; whether the attitude may be used says its level, or a sensor."""
     rate, force = integrity_watch.Blind.TO_RATE, integrity_watch.Blind.TO_FORCE
@@ -104,6 +121,8 @@ def test_two_that_agree_against_a_receiver_without_use():
     ("gps_position", {"rejected": 3}, True), ("gps_position", {"rejected": 2}, False),
     ("gps_position", {"in_a_row": 9}, False), ("gps_position", {"far": True}, True),
     ("gps_velocity", {"far": True}, True), ("star_tracker", {"far": True}, False),
+    ("barometer", {"far": True}, False), ("gps_range", {"far": True}, True),
+    ("gps_range", {"in_a_row": 3, "rejected": 1}, True), ("gps_range_rate", {"in_a_row": 2}, False),
     ("star_tracker", {"in_a_row": 3}, True), ("star_tracker", {"in_a_row": 2, "rejected": 9}, False),
 ])  # fmt: skip
 def test_when_a_sensor_contradicts_the_solution(name, record, contradicts):

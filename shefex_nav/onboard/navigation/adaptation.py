@@ -195,7 +195,7 @@ def _is_white(recent):
 
 def _alone(nav):
     """Whether a GPS position speaks for the velocity too: no velocity says otherwise."""
-    return not integrity_watch.jumped(nav.health)
+    return not integrity_watch.jumped(nav.health, "gps_position")
 
 
 def _windows(nav, now, whitened, own, name, verdict):

@@ -1,17 +1,18 @@
 """The gate: what becomes of a new measurement, and what is said about it.
 
-A measurement passes if its normalised innovation squared stays below the chi-square limit. One of several
-groups of rows passes group by group, as long as most of them do: where half of all satellites contradict the
-filter, it is not for the filter to say which half is right. The rest is a matter of trust: `integrity` says
-when a sensor that contradicts the filter is believed after all, and when a fix inside the gate is not enough;
-`integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong. What the
-covariance loses before a measurement is used that is believed so is said last.
+A measurement passes if its normalised innovation squared stays below the chi-square limit; one of several
+groups of rows without those that contradict the others, as long as most are left (`integrity_rows`). The rest
+is a matter of trust: `integrity` says when a sensor that contradicts the filter is believed after all, and
+when a fix inside the gate is not enough; `integrity_gps` when a receiver drifts; `integrity_gyro` when it is
+the gyros that are wrong. What the covariance loses before a measurement is used that is believed so is said
+last.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     adaptation,
     eskf,
@@ -19,14 +20,15 @@ from shefex_nav.onboard.navigation import (
     integrity_drift,
     integrity_gps,
     integrity_learnt,
+    integrity_rows,
     integrity_watch,
 )
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_gyro import StarSight
-from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
+from shefex_nav.onboard.navigation.quantity import ATTITUDE, PLACE, POSITION, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
-from shefex_nav.onboard.navigation.state import initial_covariance
+from shefex_nav.onboard.navigation.state import POS, VEL, initial_covariance
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -36,6 +38,7 @@ SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teache
 EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 MOST_HELD = 5  # [E] positions that wait for what becomes of their velocity
 WAITS = "held: its velocity contradicts the filter"
+SIGHTS_WAIT = "held: the ranges contradict the place from which its lines of sight are"
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -56,6 +59,8 @@ class Verdict(NamedTuple):
     # whether a GPS velocity says what it said when it was rejected, or a GPS position that was rejected
     # passes because the gate has become wider
     insisted: bool = False
+    # (3,) m, Earth-fixed axes, what ranges that are believed against the filter say its position is off by
+    offset: np.ndarray | None = None
 
 
 def decide(nav, now, z, H, R, measurement):
@@ -84,6 +89,8 @@ def decide(nav, now, z, H, R, measurement):
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
     nav.watch.constants.take(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
+    if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
+        _settle_single_stars(nav)
     result = _result(nav, innovation, measurement, verdict)
     believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
     confirmed = not verdict.alone or believed
@@ -94,16 +101,27 @@ def decide(nav, now, z, H, R, measurement):
     return decided, result, confirmed
 
 
+def _settle_single_stars(nav):
+    """An attitude is used: what single stars of its frame have said against the filter is over with it."""
+    for name, record in nav.health.items():
+        if about(name) is ATTITUDE and not fix_of(name) and record.in_a_row:
+            nav.health[name] = record._replace(rejected=0, evidence=None, in_a_row=0, far=False)
+
+
 def _verdict(nav, now, innovation, measurement):
     """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
     z, _, R, S, nis, limit = innovation
     name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
     alone = sensor.alone is None or sensor.alone(nav, S)
-    rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
+    rows, passed = (
+        integrity_rows.passed(nav.limits, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
+    )
     before = nav.health[name]
     if fix_of(name) is POSITION and _receiver_is_doubtful(nav, fix):
         return Verdict(Fate.HELD, None, None, WAITS, alone)
+    if name in PLACE and not before.rejected and _waits_for_ranges(nav, now, innovation, name, passed):
+        return Verdict(Fate.HELD, None, None, SIGHTS_WAIT, alone)
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
@@ -117,7 +135,15 @@ def _verdict(nav, now, innovation, measurement):
         note += ", or the camera has moved"
     narrow = fate == Fate.USED and nis > nav.limits[len(z), SURPRISING]
     insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence, narrow)
-    return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
+    offset = _offset(nav, name, before, trial) if fate in ACCEPTED and before.rejected else None
+    return Verdict(fate, rows, admitted, note, alone, insisted=insisted, offset=offset)
+
+
+def _offset(nav, name, before, trial):
+    """Verdict.offset of ranges; None if the first of those that were refused was off by the clock alone."""
+    if about(name) is not POSITION or fix_of(name):
+        return None
+    return trial.evidence.z if before.first.is_off(nav.limits[3]) else None
 
 
 def _receiver_is_doubtful(nav, fix):
@@ -132,6 +158,27 @@ def _receiver_is_doubtful(nav, fix):
     return fix.t_valid_s - velocity.evidence.fix.t_valid_s < integrity.LONGEST_PAIR_S
 
 
+def _waits_for_ranges(nav, now, innovation, name, passed):
+    """Whether range rates wait for what becomes of their ranges, which have just been refused as far off.
+
+    They are told along lines of sight from the place: 3 km off is up to 1 m/s. So they are not used where the
+    place that the ranges say makes them others; and they contradict nothing if they pass from there.
+    """
+    record = nav.health[PLACE[name]]
+    if not record.far or not record.in_a_row or record.evidence is None:
+        return False
+    if now.t_s - record.evidence.fix.t_valid_s >= integrity.LONGEST_PAIR_S:
+        return False
+    z, H, R, S, _, _ = innovation
+    off_i = frames.dcm_ie(nav.earth, now.t_s) @ record.evidence.z
+    # with the same velocity against the Earth, which is what a receiver goes on to say
+    changes = H[:, POS] @ off_i + H[:, VEL] @ np.cross(frames.omega_ie_i(nav.earth), off_i)
+    if np.all(np.abs(changes) < np.sqrt(np.diag(R))):
+        return False
+    # few satellites do not say the place: NaN, which does not pass
+    return passed or integrity_rows.passed(nav.limits, S, z - changes, nav.sensors[name].rows)[1]
+
+
 def _insists(name, before, evidence, narrow):
     """Verdict.insisted of a sensor with rejected fixes.
 
@@ -141,7 +188,7 @@ def _insists(name, before, evidence, narrow):
         if before.far and narrow and integrity.same_direction(before.first, evidence):
             return True
         return integrity.same_velocity_offset(before.first, evidence)
-    if fix_of(name) is POSITION and integrity_watch.contradicts(name, before):
+    if about(name) is POSITION and integrity_watch.contradicts(name, before):
         return integrity.has_widened(before.evidence, evidence)
     return False
 
@@ -171,9 +218,10 @@ def _doubted(nav, now, z, nis, name, verdict):
     watch = nav.watch
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
-    if verdict.insisted and verdict.fate == Fate.USED and fix_of(name) is POSITION:
+    off = z if fix_of(name) is POSITION else verdict.offset
+    if verdict.insisted and verdict.fate == Fate.USED and off is not None:
         if not watch.unread:
-            watch.moved = z.copy()
+            watch.moved = off.copy()
     elif verdict.insisted and verdict.fate == Fate.USED:
         watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
@@ -185,8 +233,8 @@ def _doubted(nav, now, z, nis, name, verdict):
         watch.gyros.doubt()
         watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
-    if verdict.fate == Fate.RESET and fix_of(name) is POSITION and verdict.admitted is None:
-        watch.accept_position(z)
+    if verdict.fate == Fate.RESET and off is not None and verdict.admitted is None:
+        watch.accept_position(off)
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limits[len(z), SURPRISING]:
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
     return verdict
@@ -257,19 +305,6 @@ def _drifts(nav, fate, z, S, admitted):
     if not watch.gps_drift.suspected:
         return fate, admitted
     return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.gps_drift, S)
-
-
-def _passed(nav, S, z, size):
-    """Which rows pass the gate, in groups of `size`, each against its own limit. -> rows, whether most do
-
-    rows : (m,) bool; None if all pass, or not most of them
-    """
-    limit, rows = nav.limits[size], np.empty(len(z), dtype=bool)
-    for first in range(0, len(z), size):
-        group = slice(first, first + size)
-        rows[group] = eskf.normalised(S[group, group], z[group]) <= limit
-    credible = 2 * np.count_nonzero(rows) > len(rows)
-    return (rows if credible and not rows.all() else None), credible
 
 
 def _rejected(sensor, fix, rows):

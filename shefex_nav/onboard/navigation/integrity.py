@@ -46,6 +46,24 @@ class GpsEvidence(NamedTuple):
     z: np.ndarray  # (3,) m or m/s, innovation
     P: np.ndarray  # (3, 3) of what the filter said of it
 
+    @property
+    def R(self):
+        """Noise of the position, (3, 3) m^2."""
+        return self.fix.R_r_e
+
+
+class RangeEvidence(NamedTuple):
+    """The pseudoranges of an epoch against the state that the filter had, Earth-fixed axes."""
+
+    fix: GpsRanges
+    z: np.ndarray  # (3,) m, by what they say that the position is off, whatever the clock; NaN: they do not
+    R: np.ndarray  # (3, 3) m^2 of their noise in that
+    P: np.ndarray  # (3, 3) m^2 of the position that the filter had
+
+    def is_off(self, limit):
+        """Whether it is the position that is off, and not the clock alone. limit : chi-square"""
+        return bool(self.z @ np.linalg.solve(self.R + self.P, self.z) > limit)
+
 
 class StarEvidence(NamedTuple):
     """A star fix against the attitude that the gyros alone have carried on, without corrections."""
@@ -55,7 +73,7 @@ class StarEvidence(NamedTuple):
     R_i: np.ndarray  # (3, 3) rad^2
 
 
-Evidence = GpsEvidence | StarEvidence | GpsRanges  # a fix in the form that `agree` compares
+Evidence = GpsEvidence | RangeEvidence | StarEvidence | GpsRanges  # a fix in the form that `agree` compares
 
 
 class Health(NamedTuple):
@@ -182,24 +200,24 @@ def offsets_agree(first, later, limit):
     A filter whose position is wrong while its velocity is right is off by a constant; a receiver that runs
     away is not.
 
-    first, later : GpsEvidence;  limit : chi-square
+    first, later : GpsEvidence or RangeEvidence;  limit : chi-square
     """
     d = later.z - first.z
-    S = first.fix.R_r_e + later.fix.R_r_e + later.P
+    S = first.R + later.R + later.P
     return float(d @ np.linalg.solve(S, d)) <= limit
 
 
 def offset_remains(earlier, later):
-    """Whether the offset of a GPS position is nearer to an earlier one than to none. GpsEvidence each"""
+    """Whether the offset of a GPS position is nearer to an earlier one than to none. As `offsets_agree`"""
     return bool(np.linalg.norm(later.z - earlier.z) < np.linalg.norm(later.z))
 
 
 def has_widened(earlier, later):
     """Whether the gate of a GPS position is so much wider than it was that it lets the same offset pass.
 
-    earlier, later : GpsEvidence
+    earlier, later : GpsEvidence or RangeEvidence
     """
-    before, now = (np.trace(one.P + one.fix.R_r_e) for one in (earlier, later))
+    before, now = (np.trace(one.P + one.R) for one in (earlier, later))
     return bool(now > WIDER * before)
 
 

@@ -273,7 +273,8 @@ def _counts(nav, name, fate):
     """Whether an innovation counts. A refused star fix does not, nor a refused position that jumps alone."""
     if nav.watch.imu_blind or fate not in (Fate.USED, Fate.REJECTED):
         return False
-    alone = fix_of(name) is ATTITUDE or (fix_of(name) is POSITION and integrity_watch.jumped(nav.health))
+    jumps = fix_of(name) is POSITION and integrity_watch.jumped(nav.health, name)
+    alone = fix_of(name) is ATTITUDE or jumps
     return fate == Fate.USED or not alone
 
 

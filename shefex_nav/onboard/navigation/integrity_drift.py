@@ -47,7 +47,7 @@ from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import calibration, protected
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, chi_square_limit
-from shefex_nav.onboard.navigation.quantity import POSITION, about
+from shefex_nav.onboard.navigation.quantity import POSITION, about, fix_of
 from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R, X_V, rearranged
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
@@ -273,7 +273,7 @@ def weigh(nav, now, innovation, measurement, verdict):
     name, watch = measurement.sensor, nav.watch
     for drift in watch.drifts.values():
         drift.carry(nav, now)
-        if drift.is_disputed and _says_all(name, innovation.z) and verdict.fate == Fate.USED:
+        if drift.is_disputed and _says_all(name, innovation.z, verdict.rows) and verdict.fate == Fate.USED:
             drift.is_disputed = False  # two of three agree
     drift = watch.drifts.get(name)
     if drift is None or drift.found:
@@ -293,9 +293,13 @@ def weigh(nav, now, innovation, measurement, verdict):
     return verdict._replace(fate=Fate.DOUBTED, admitted=followed, note=drift.found)
 
 
-def _says_all(name, z):
-    """Whether a measurement says all of a position. str, (m,)"""
-    return about(name) is POSITION and len(z) > 2
+def _says_all(name, z, rows):
+    """Whether a measurement says all of a position: three numbers, or four ranges, one for the clock.
+
+    str, (m,);  rows : (m,) bool, those that are used; None: all
+    """
+    used = len(z) if rows is None else int(np.count_nonzero(rows))
+    return about(name) is POSITION and used >= (3 if fix_of(name) else 4)
 
 
 def _judged(nav, now, innovation, measurement, verdict, drift):

@@ -15,7 +15,8 @@ z^T S^-1 z <= T^2, it moves the state by K z, and the worst of them moves axis j
     w_j = T sqrt((K S K^T)_jj) = T sqrt(P_jj(before) - P_jj(after)),
 
 the slope of the error over the test statistic times the limit of the test, as in receiver autonomous
-integrity monitoring (Brown and Chin 1998; for Kalman filters Joerger and Pervan, JGCD 36 (2013)). Later fixes
+integrity monitoring (Brown and Chin 1998; for Kalman filters Joerger and Pervan, JGCD 36 (2013)). Of
+satellites and stars, judged given the others, it is that of the worst one (`integrity_rows`). Later fixes
 take the wrong one out again at the rate at which they reduce errors, so w is the worst over all fixes so far
 of what is left of each. What a star fix has misled is what star fixes measure, attitude and mounting
 together, and goes as H P H^T; what another sensor has done goes as P. A fix that has been confirmed by others
@@ -44,7 +45,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.elementary import log
 from shefex_nav.late_packages import special
-from shefex_nav.onboard.navigation import protected, quantity
+from shefex_nav.onboard.navigation import integrity_rows, protected, quantity
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.protected import (
@@ -191,7 +192,7 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
 def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
     """Table of a `Slope` of stars gated one by one, two rows each; mounting: its first error, or -1."""
     out, row = _table(P_before, P_after, limit, False, axes), np.empty(P_before.shape[0])
-    _worst_of(P_before, H, R, limit, 2, axes, out[WORST])
+    integrity_rows.worst_of(P_before, H, R, limit, 2, axes, out[WORST])
     for i in range(3):  # what stars have misled is attitude and mounting together
         row[:] = 0.0
         row[ATT.start + i] = 1.0
@@ -201,37 +202,12 @@ def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
     return out
 
 
-@inner
-def _worst_of(P, H, R, limit, size, axes, worst):
-    """What the worst group of `size` rows can do: worst (9,) is written.
-
-    Group k passes if z_k^T S_kk^-1 z_k <= limit and moves the state by K_k z_k, K_k its columns of the gain,
-    so the worst of it along axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
-    """
-    g = np.empty((6, 6))
-    protected.gradients(axes, g)
-    PH = P @ H.T
-    S = H @ PH + R
-    seen = np.empty((N_FOLLOWED, H.shape[0]))
-    seen[:6] = g @ np.ascontiguousarray(PH[POS.start : VEL.stop])
-    seen[6:] = PH[ATT.start : ATT.stop]
-    K = np.linalg.solve(S, seen.T.copy()).T
-    worst[:] = 0.0
-    for first in range(0, H.shape[0], size):
-        for i in range(N_FOLLOWED):
-            variance = 0.0
-            for j in range(first, first + size):
-                for k in range(first, first + size):
-                    variance += K[i, j] * S[j, k] * K[i, k]
-            worst[i] = max(worst[i], np.sqrt(limit * max(variance, 0.0)))
-
-
 @kernel
 def _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes):
     """Table of a `Slope` of rows that were gated in groups of `size`, such as one a satellite."""
     out = _table(P_before, P_after, limit, confirmed, axes)
     worst = np.empty(N_FOLLOWED)
-    _worst_of(P_before, H, R, limit, size, axes, worst)
+    integrity_rows.worst_of(P_before, H, R, limit, size, axes, worst)
     out[WORST] = np.minimum(worst, out[WORST]) if confirmed else worst
     return out
 

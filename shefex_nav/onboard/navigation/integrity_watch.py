@@ -19,7 +19,16 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
 )
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
-from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VELOCITY, about, fix_of
+from shefex_nav.onboard.navigation.quantity import (
+    ATTITUDE,
+    BESIDE,
+    POSITION,
+    SIGHTS,
+    VECTORS,
+    VELOCITY,
+    about,
+    fix_of,
+)
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import X_Q
 from shefex_nav.records import Doubt, NavHealth
@@ -30,6 +39,7 @@ UNCHECKED = "has been wrong before: no stars to check it by"
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
+ALSO_VELOCITY = np.array([Doubt.CONTRADICTED, Doubt.CONTRADICTED, Doubt.NONE], dtype=np.int64)
 BACK = 0.3  # [E] share of a step, to within which one back ends it
 OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
 ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
@@ -223,7 +233,8 @@ class Watch:
         where there is any. A GPS velocity contradicts an attitude as well, by the direction of the thrust:
         any other sensor makes all three doubtful. A GPS position whose velocity goes on contradicts the
         position alone: most likely it has jumped, but the filter may have followed it before. So does one
-        that was believed in the end.
+        that was believed in the end; where ranges have said it, lines of sight are wrong with the place, and
+        the velocity that range rates tell along them: by 1 m/s where it is 3 km off.
         """
         imu_blind = self.imu_blind if imu_blind is None else imu_blind
         if not imu_blind:
@@ -241,12 +252,14 @@ class Watch:
         if not bad and not self.alarms and self.moved is None:
             return ALL_OF[Doubt.NONE]
         others = [name for name in bad if about(name) is not ATTITUDE]
-        jumps = [fix_of(name) for name in others] == [POSITION] and jumped(health)
+        jumps = [about(name) for name in others] == [POSITION] and jumped(health, others[0])
         if (others and not jumps) or ((bad or self.alarms) and self.reasons.get("gps")):
             return ALL_OF[Doubt.CONTRADICTED]
         of_attitude = self.alarms or len(bad) > len(others)
         of_position = jumps or self.moved is not None
-        return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if of_position else 0)
+        by_sights = self.moved is not None and any(health[name].used for name in SIGHTS if name in health)
+        of_place = ALSO_VELOCITY if by_sights else ONLY_POSITION
+        return (ONLY_ATTITUDE if of_attitude else 0) | (of_place if of_position else 0)
 
     def accept(self, t_s, sensor):
         """A sensor is used: it is healthy, but for what its earlier fixes have left in doubt."""
@@ -254,7 +267,7 @@ class Watch:
 
     def _left(self, sensor):
         """What is left to say of a sensor that is used; '' if nothing is."""
-        if fix_of(sensor) is POSITION and self.moved is not None:
+        if about(sensor) is POSITION and self.moved is not None:
             return f"disputed: it or the filter was wrong by {np.linalg.norm(self.moved):.3g} m"
         if fix_of(sensor) is VELOCITY and self.step is not None:
             return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(self.step):.2g} m/s"
@@ -303,7 +316,7 @@ def is_back(step, z):
 
 def reason(name, health):
     """Why a sensor that insists on contradicting the filter is not used. str, {sensor: Health} -> str"""
-    if fix_of(name) is POSITION and jumped(health):
+    if about(name) is POSITION and jumped(health, name):
         return "moves without its velocity"
     return WHY.get(fix_of(name), "contradicts the filter")
 
@@ -311,15 +324,14 @@ def reason(name, health):
 def contradicts(name, record):
     """Whether a sensor insists on contradicting the solution. str, Health -> bool
 
-    Its rejected fixes agree with each other, or one of them is far off: at a fix a second the next one comes
-    too late. Those of the star tracker need not: where gyros are wrong, star fixes that are right do not
-    agree through them. Nor need readings of an instrument, which are not compared with each other unless they
-    may be believed against the filter.
+    GPS fixes that were rejected agree with each other, or one of them is far off: at a fix a second the next
+    one comes too late. Those of the star tracker need not agree: where gyros are wrong, star fixes that are
+    right do not agree through them. Nor need ranges and single stars, of which few are compared with none,
+    nor readings of an instrument, unless they may be believed against the filter.
     """
-    if record.far and fix_of(name) in ALONE:
+    if record.far and about(name) in ALONE:
         return True
-    each_counts = about(name) is None or fix_of(name) is ATTITUDE
-    return (record.in_a_row if each_counts else record.rejected) >= CONTRADICTIONS
+    return (record.rejected if name in VECTORS else record.in_a_row) >= CONTRADICTIONS
 
 
 def contradicting(health):
@@ -329,7 +341,10 @@ def contradicting(health):
     return [name for name, record in health.items() if contradicts(name, record)]
 
 
-def jumped(health):
-    """Whether a GPS position that contradicts the filter is the receiver's fault. {sensor: Health} -> bool"""
-    velocity, position = health["gps_velocity"], health["gps_position"]
+def jumped(health, name):
+    """Whether a GPS position that contradicts the filter is the receiver's fault: its velocity does not.
+
+    {sensor: Health}; sensor, of `quantity.BESIDE` -> bool
+    """
+    velocity, position = health[BESIDE[name]], health[name]
     return position.used > 0 and velocity.used > 0 and velocity.rejected == 0

@@ -99,6 +99,23 @@ def lines_of_sight(ranges, r_ea_e):
     return rho, d / rho[:, None], ranges.v_es_e + ranges.r_es_e @ EARTH_RATE.T
 
 
+def offset(ranges, z, R, r_ea_e):
+    """What the position is off by, by the innovations of pseudoranges, whatever the clock: least squares.
+
+    z, R : (n,), (n, n) of the ranges;  r_ea_e : (3,) of the antenna
+    -> (3,) m, Earth-fixed axes, and its covariance (3, 3) by R; NaN where they do not say it
+    """
+    _, u, _ = lines_of_sight(ranges, r_ea_e)
+    variance = np.diag(R)
+    good = np.isfinite(z) & np.isfinite(variance) & np.isfinite(u).all(axis=1)
+    A = np.column_stack([-u[good], np.ones(np.count_nonzero(good))]) / np.sqrt(variance[good])[:, None]
+    if len(A) < FEWEST_TO_AGREE or np.linalg.matrix_rank(A) < FEWEST_TO_AGREE:
+        return np.full(3, np.nan), np.full((3, 3), np.nan)
+    covariance = np.linalg.inv(A.T @ A)
+    found = covariance @ (A.T @ (z[good] / np.sqrt(variance[good])))
+    return found[:3], covariance[:3, :3]
+
+
 def ranges_agree(earlier, later, slack):
     """Whether pseudoranges changed between two GpsRanges as their range rates say (trapezoidal rule).
 

@@ -32,6 +32,12 @@ TABLE = {
     "star_vectors": Measures(ATTITUDE, whole=False),
 }
 VECTORS = tuple(name for name, of in TABLE.items() if of.whole and of.quantity is not ATTITUDE)
+# the position of a receiver -> the velocity that comes with it
+BESIDE = {"gps_position": "gps_velocity", "gps_range": "gps_range_rate"}
+# positions whose velocity is told along lines of sight from them: where the place is wrong, so are these
+SIGHTS = tuple(name for name, of in TABLE.items() if of.quantity is POSITION and not of.whole)
+# velocity that is told along lines of sight -> the position whose they are
+PLACE = {beside: name for name, beside in BESIDE.items() if name in SIGHTS}
 RATES = tuple(name for name, of in TABLE.items() if of.quantity is VELOCITY)
 # about(name): the quantity that a sensor measures, whole or in rows; None: another one
 about = {name: of.quantity for name, of in TABLE.items()}.get

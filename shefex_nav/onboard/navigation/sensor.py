@@ -73,7 +73,7 @@ class Sensor(NamedTuple):
     forgotten: float  # standard deviation that says nothing, in the units of the block
     trial: MakeTrial
     with_it: tuple[str, ...] = ()  # blocks that a reset takes back to what was known at the start
-    rows: int = 0  # rows gated together, by what they share with no other row in mind; 0: all
+    rows: int = 0  # rows of a group, which is gated given the other groups (`integrity_rows`); 0: all are one
     labels: Callable[[Fix], list[str]] | None = None  # name of each group of rows, for notes
     reset_note: str = "reset after timeout"
     # (nav, S) -> whether one fix inside the gate is enough; None: always

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.geometry import rotation
+from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation import (
     aiding,
     calibration,
@@ -142,8 +142,11 @@ def _gps_trial(nav, now, z, R, fix):
 def _gps_position_trial(nav, now, z, R, fix):
     """A position that jumps while the velocity goes on is hardly right: it must insist, without moving on."""
     trial = _gps_trial(nav, now, z, R, fix)
-    if not integrity_watch.jumped(nav.health):
-        return trial
+    return _insisting(nav, trial) if integrity_watch.jumped(nav.health, "gps_position") else trial
+
+
+def _insisting(nav, trial):
+    """Trial of a position that must be off by the same vector for longer."""
     limit = nav.limits[3]
 
     def steady(first, later):
@@ -160,6 +163,25 @@ def _range_trial(nav, now, z, R, fix):
         return measure_ranges.ranges_agree(earlier, later, slack)
 
     return Trial(nav.params.release.gps, fix, agree)
+
+
+def _range_position_trial(nav, now, z, R, fix):
+    """Ranges of a position that jumps must insist, as positions must; not those of a clock that jumps alone.
+
+    Which of the two it is, the first of the refused says: later the filter knows less.
+    """
+    slack = nav.params.gps_agreement
+    C_ie = frames.dcm_ie(nav.earth, now.t_s)
+    found, R_found = measure_ranges.offset(fix, z, R, _antenna(nav, now).r_e)
+    evidence = integrity.RangeEvidence(fix, found, R_found, C_ie.T @ now.P[POS, POS] @ C_ie)
+
+    def agree(earlier, later):
+        return measure_ranges.ranges_agree(earlier.fix, later.fix, slack)
+
+    trial = Trial(nav.params.release.gps, evidence, agree)
+    first = nav.health["gps_range"].first or evidence
+    jumps = integrity_watch.jumped(nav.health, "gps_range") and first.is_off(nav.limits[3])
+    return _insisting(nav, trial) if jumps else trial
 
 
 def _satellites(fix):
@@ -240,7 +262,7 @@ SENSORS = {
         _gps_range,
         "position",
         1e5,
-        _range_trial,
+        _range_position_trial,
         with_it=("clock", "range_bias"),  # a clock that jumped misleads all ranges alike
         rows=1,
         labels=_satellites,
