@@ -42,8 +42,9 @@ def test_rows_of_which_few_are_compared_with_none_are_told_of_too(name):
     contradicting = integrity_watch.contradicting
     assert list(contradicting(refused(2, name))) == []
     assert contradicting(refused(3, name)) == contradicting(refused(60, name)) == [name]
-    one = refused(1, name)
-    assert contradicting({**one, name: one[name]._replace(far=True)}) == [name]
+    one = refused(1, name)  # of attitudes there are ten a second: one far off says nothing
+    far = [name] if name != "star_vectors" else []
+    assert list(contradicting({**one, name: one[name]._replace(far=True)})) == far
 
 
 def test_a_reading_that_is_used_ends_it():
