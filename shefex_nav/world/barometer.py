@@ -7,8 +7,7 @@ height H lies at
 
 e_0 from the day's pressure at sea level, s from its temperature: T that of the model at H', dT first-order
 Gauss-Markov in height, of the same sigma everywhere. Only the barometer senses the day; the forces of the air
-are those of the model. At the port a part of the
-dynamic pressure q adds to the static one,
+are those of the model. At the port a part of the dynamic pressure q adds to the static one,
 
     p = p_air + c(M) (1 + d) q,
 

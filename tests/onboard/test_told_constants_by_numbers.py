@@ -9,8 +9,9 @@ from scipy import stats
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import integrity_constants as told
-from shefex_nav.onboard.navigation import prediction
+from shefex_nav.onboard.navigation import prediction, sensor
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.measurements import lasting_factor
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -271,15 +272,16 @@ def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, 
     nav = SimpleNamespace(
         watch=SimpleNamespace(imu_blind=blind, report=lambda *given: reported.append(given)),
         earth=EARTH,
-        params=SimpleNamespace(
-            l_ba_b=ARM_B, vibration_period_s=period_s, lasting_share=lasts or 0.0, range_bias_time_s=LASTS_S
-        ),
+        params=SimpleNamespace(l_ba_b=ARM_B, vibration_period_s=period_s),
         history=SimpleNamespace(ends_s=[t_s], oldest=0, number=lambda k: k, arrays=memory),
     )  # fmt: skip
-    known = 1.0 if lasts is None else 1e-3
+    known, R = 1.0 if lasts is None else 1e-3, np.eye(3)
+    gap_s = np.inf if np.isnan(one.seen_s) else t_s - one.seen_s
+    counted = R if lasts is None else lasting_factor(lasts, LASTS_S, gap_s) * R
     now = SimpleNamespace(x=packed(), P=known * np.eye(N), k=40, t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
-    one.take(nav, now, name, np.full(3, z), H, (1.0 + known) * np.eye(3), fate)
+    innovation = sensor.Innovation(np.full(3, z), H, R, (1.0 + known) * np.eye(3), np.nan, np.nan)
+    one.take(nav, now, name, innovation, counted, fate)
     assert reported in ([], [(t_s, "gps_constants", one.found)])
     return reported
 

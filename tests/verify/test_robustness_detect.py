@@ -135,6 +135,24 @@ def test_an_alarm_is_due_a_second_after_detectability_and_error():
     assert never["late_s"] == 0.0 and never["undetected_s"] == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize("error, usable, wrong", [
+    ((2.0, 0.5, 0.5), False, 0), ((2.0, 0.5, 0.5), True, 1), ((0.9, 2.0, 2.0), False, 1),
+    ((0.5, 0.5, 0.5), False, 1),
+])  # fmt: skip
+def test_words_are_not_wrong_where_the_twin_errs_as_much_and_is_withdrawn_too(error, usable, wrong):
+    """The flight is off about x by twice its level; the level of the twin is wider, so it is not beyond."""
+    t_s, axes = 0.1 * np.arange(100), np.ones(3)
+    beyond, always = (t_s >= 3.95) & (t_s < 8.0), np.ones(100, dtype=bool)
+    flown = track(beyond, ~always, Doubt.CONTRADICTED)
+    about_x = np.where(beyond[:, None], [2.0, 0.5, 0.5], 0.5)
+    flown = Doubted(t_s, {"attitude": flown.quantities["attitude"]._replace(error=about_x)})
+    twin = track(~always, always & usable, Doubt.CONTRADICTED).quantities["attitude"]
+    twin = twin._replace(error=np.tile(error, (100, 1)), level=3.0 * np.tile(axes, (100, 1)))
+    healthy = Doubted(t_s, {"attitude": twin})
+    found = assess._alarm(flown, healthy, "attitude", [(2.0, 3.0)], Window(2.0, 8.0), [], {int(Doubt.IMU)})
+    assert (found["late_s"], found["wrong_words"]) == (0.0, wrong)
+
+
 @pytest.mark.parametrize("lasts_s, wrong", [(0.9, 0), (1.3, 1)])
 def test_an_error_that_is_over_before_an_alarm_is_due_needs_no_reason(lasts_s, wrong):
     t_s = 0.1 * np.arange(100)

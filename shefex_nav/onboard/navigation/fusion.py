@@ -37,7 +37,7 @@ from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, about, fix_of
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
-from shefex_nav.onboard.navigation.sensor import Measurement
+from shefex_nav.onboard.navigation.sensor import Measurement, counted_noise
 from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
 from shefex_nav.onboard.navigation.state import (
     ATT,
@@ -369,12 +369,11 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.rows is not None:
         used = measurement.rows
         return z[used], H[used], R[np.ix_(used, used)]
-    name, fix, used_s = measurement.sensor, measurement.fix, nav.history.used_s
-    counted = nav.sensors[name].counted
-    if counted is None:
-        return z, H, R
-    gap_s, used_s[name] = fix.t_valid_s - used_s.get(name, -np.inf), fix.t_valid_s
-    return z, H, counted(nav, fix, R, gap_s)
+    name, fix = measurement.sensor, measurement.fix
+    R = counted_noise(nav, name, fix, R)
+    if nav.sensors[name].counted is not None:
+        nav.history.used_s[name] = fix.t_valid_s
+    return z, H, R
 
 
 def _used(nav, now, measurement, dx, update, confirmed):

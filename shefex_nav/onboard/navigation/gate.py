@@ -27,7 +27,7 @@ from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_gyro import StarSight
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, PLACE, POSITION, VELOCITY, about, fix_of
-from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
+from shefex_nav.onboard.navigation.sensor import Admitted, Innovation, counted_noise
 from shefex_nav.onboard.navigation.state import POS, VEL, initial_covariance
 from shefex_nav.records import GateResult, Reason
 
@@ -88,7 +88,8 @@ def decide(nav, now, z, H, R, measurement):
         verdict = _doubted(nav, now, z, nis, name, verdict)
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
-    nav.watch.constants.take(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
+    counted = counted_noise(nav, name, measurement.fix, R)
+    nav.watch.constants.take(nav, now, name, innovation, counted, Fate.USED if grown else verdict.fate)
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
         _settle_single_stars(nav)
     result = _result(nav, innovation, measurement, verdict)

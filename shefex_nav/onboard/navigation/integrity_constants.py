@@ -23,7 +23,7 @@ are what the sensors have read until the longest period of the vibration before,
 correlate, and a time shows only in a vehicle that moves. Where the memory does not reach so far back, or that
 period is longer than `LONGEST_S`, velocities show nothing. B is followed through position, velocity and
 attitude only; that makes h less sharp, not the chance of a false alarm larger. Positions whose errors last
-are not white: they count with the noise that the filter gives them (`measurements.lasting_factor`). Whoever
+are not white: they count with the noise that the filter gives them (`Sensor.counted`). Whoever
 else is at fault leaves innovations of another form: a constant is found only where it explains most of what
 is more than chance in all innovations since the start. Where a sensor was believed against the filter,
 something else may be wrong, and what was gathered says nothing any more: `QUIET_S` after the last such time
@@ -38,7 +38,6 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation.integrity import Fate, chi_square_limit
-from shefex_nav.onboard.navigation.measurements import lasting_factor
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -95,13 +94,14 @@ class Constants:
         self.beyond, self.count = 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
         self.begins_s = -np.inf  # when what innovations show counts again
-        self.placed_s = -np.inf  # of the last position that was used
 
-    def take(self, nav, now, name, z, H, S, fate):
+    def take(self, nav, now, name, innovation, counted, fate):
         """Take a measurement in, before it corrects the state.
 
-        nav : Filter;  now : Moment;  z, H, S : (m,), (m, n), (m, m);  fate : what becomes of it
+        nav : Filter;  now : Moment;  innovation : sensor.Innovation
+        counted : (m, m) `sensor.counted_noise`;  fate : what becomes of it
         """
+        z, H, R, S, *_ = innovation
         if self.B is None:
             self.B, self.omega_ie_i = np.zeros((H.shape[1], 4)), frames.omega_ie_i(nav.earth)
         what = SHOWS.get(name, NOTHING)
@@ -111,29 +111,21 @@ class Constants:
         if what == VELOCITY and nav.params.vibration_period_s <= LONGEST_S:
             ticks = nav.history.oldest, nav.history.number(now.k)
             motion = _read(nav.history.arrays, *ticks, now.t_s - nav.params.vibration_period_s)
-        S, least = self._counted(nav, now, H, S, what, fate)
+        less = 0.0  # than m is the mean of z^T S^-1 z, by noise that counts for more than it is
+        if counted is not R:
+            gate, S = S, S - R + counted
+            less = len(z) - float(np.trace(np.linalg.solve(S, gate)))
         constant = self.omega_ie_i, nav.params.l_ba_b
         seen = Shown(now.x, now.P, z, H, S, *motion, *constant, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
         self.seen_s = now.t_s
         if judges:
-            self.beyond += beyond + least
+            self.beyond += beyond + less
             self.count += 1
             self._judge(found)
             nav.watch.report(nav.history.ends_s[-1], "gps_constants", self.found)
         if fate == Fate.RESET:
             self._begin_anew(now.t_s + QUIET_S if not self.found else np.inf)
-
-    def _counted(self, nav, now, H, S, what, fate):
-        """S (m, m) with the noise that counts where errors last, and what z^T S^-1 z loses by that."""
-        params, counted = nav.params, S
-        if what == POSITION and params.lasting_share:
-            gap_s = now.t_s - self.placed_s
-            factor = lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s)
-            counted = S + (factor - 1.0) * (S - H @ now.P @ H.T)
-        if what == POSITION and fate in (Fate.USED, Fate.RESET):
-            self.placed_s = now.t_s
-        return counted, 0.0 if counted is S else len(S) - float(np.trace(np.linalg.solve(counted, S)))
 
     def _begin_anew(self, t_s):
         """Forget what the innovations have shown; from t_s [s] on they count again."""

@@ -48,6 +48,7 @@ from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import calibration, protected
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, chi_square_limit
 from shefex_nav.onboard.navigation.quantity import POSITION, about, fix_of
+from shefex_nav.onboard.navigation.sensor import counted_noise
 from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R, X_V, rearranged
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
@@ -307,8 +308,8 @@ def _judged(nav, now, innovation, measurement, verdict, drift):
     name, fix, (z, H, R, S, _, _) = measurement.sensor, measurement.fix, innovation
     if verdict.fate == Fate.USED:
         drift.refused = None
-        counted, gap_s = nav.sensors[name].counted, fix.t_valid_s - nav.history.used_s.get(name, -np.inf)
-        return drift.judge(now.t_s, z, H, S - R + counted(nav, fix, R, gap_s), drift.bend_of(fix))
+        S = S - R + counted_noise(nav, name, fix, R)
+        return drift.judge(now.t_s, z, H, S, drift.bend_of(fix))
     if verdict.fate not in (Fate.REJECTED, Fate.RESET):
         return None
     seen = nav.sensors[name].apart(nav, now, fix)

@@ -65,7 +65,7 @@ def pseudoranges(layout, state, ranges, a, sigma_bias=0.0):
 
 
 def _lasting(ranges, sigma_bias):
-    """What states of the size sigma_bias [m] count for in ranges: own one, that of all. -> (n,), (n,)"""
+    """Factors of the states `range_bias`, sigma_bias [m] each, in the ranges: own, shared. -> (n,), (n,)"""
     n = len(ranges.prn)
     if sigma_bias > 0.0 and len(ranges.sigma_lasting) == len(ranges.sigma_shared) == n:
         return ranges.sigma_lasting / sigma_bias, ranges.sigma_shared / sigma_bias

@@ -91,6 +91,17 @@ class Sensor(NamedTuple):
     gate_probability: float | None = None  # that a healthy one is rejected; None: of the scenario
 
 
+def counted_noise(nav, name, fix, R):
+    """The noise with which a measurement counts that passes the gate, after the last of its sensor.
+
+    fusion.Filter, sensor, fix, (m, m) as linearised -> (m, m); R itself where errors do not last
+    """
+    counted = nav.sensors[name].counted
+    if counted is None:
+        return R
+    return counted(nav, fix, R, fix.t_valid_s - nav.history.used_s.get(name, -np.inf))
+
+
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(Release(rejections=np.inf, duration=np.inf), None, None)

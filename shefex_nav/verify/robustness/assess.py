@@ -124,9 +124,9 @@ def _alarm(read, healthy, name, noticed, window, named, doubts):
     """Whether a quantity that a fault made wrong was withdrawn in time, and by the right words: dict.
 
     The fault is to blame where the error is beyond its level and that of the twin is not. Of several faults
-    all that have begun by then have to be detectable. The right words are the device that failed; or any,
-    where the twin is withdrawn as well and the fault is not what for: both levels are too high, or the error
-    of the twin would be beyond the level of the flight.
+    all that have begun by then have to be detectable. Right words name the device that failed. Any words are
+    right where the twin is withdrawn as well and the fault makes no difference: both levels are too high, or
+    the error of the twin is beyond the level of the flight, too.
 
     noticed : (begin, instant from which on it can be noticed or None) of each fault
     """
