@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from shefex_nav.onboard.navigation import adaptation, sensor
+from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 
 
@@ -68,3 +70,22 @@ def test_a_part_that_is_more_than_the_whole_begins_anew():
     share.P[:] = P
     share.corrected(P, H, P + H)
     assert np.diag(share.P) == pytest.approx(10.0 / 11.0**2)
+
+
+def test_positions_whose_errors_last_take_less_of_the_noise_away():
+    """What is left of it follows the gain, so the noise that such a fix counts with, not that of its gate."""
+    seen, R, H = [], np.eye(3), np.eye(3, 6)
+    share = SimpleNamespace(
+        number=3, carry=lambda *_: None, innovation=lambda *_: None, estimate=lambda: None,
+        corrected=lambda P, H, S: seen.append(S),
+    )  # fmt: skip
+    for counted, expected in ((None, 3.0), (lambda nav, fix, R, gap_s: gap_s * R, 9.0)):
+        nav = SimpleNamespace(
+            noise=SimpleNamespace(share=share), sensors={"altimeter": SimpleNamespace(counted=counted)},
+            history=SimpleNamespace(number=lambda k: k, used_s={"altimeter": 1.0}),
+        )  # fmt: skip
+        innovation = sensor.Innovation(np.zeros(3), H, R, 3.0 * np.eye(3), 0.0, 16.0)
+        measurement = SimpleNamespace(sensor="altimeter", fix=SimpleNamespace(t_valid_s=8.0))
+        now = SimpleNamespace(k=3, P=2.0 * np.eye(6))
+        adaptation._learn(nav, now, innovation, measurement, Fate.USED)
+        np.testing.assert_allclose(seen.pop(), expected * np.eye(3))

@@ -275,8 +275,10 @@ def learn(nav, **estimate):
 
 
 def seen(nav, name="gps_velocity", fate=Fate.USED, rows=3, k=1):
-    innovation = np.zeros(rows), np.zeros((rows, 15)), None, np.eye(rows), 0.0
-    adaptation._learn(nav, SimpleNamespace(k=k, P=P), innovation, name, fate)
+    innovation = np.zeros(rows), np.zeros((rows, 15)), np.eye(rows), np.eye(rows), 0.0
+    nav.sensors = {name: SimpleNamespace(counted=None)}
+    measurement = SimpleNamespace(sensor=name, fix=None)
+    adaptation._learn(nav, SimpleNamespace(k=k, P=P), innovation, measurement, fate)
 
 
 @pytest.mark.parametrize(

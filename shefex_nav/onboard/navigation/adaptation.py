@@ -26,6 +26,7 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import LENGTHS, WHITE, Window, neighbours
 from shefex_nav.onboard.navigation.quantity import POSITION, RATES, VECTORS, VELOCITY, fix_of
+from shefex_nav.onboard.navigation.sensor import counted_noise
 from shefex_nav.records import NavHealth
 
 WATCHED = VECTORS  # sensors whose windows are kept: one fix, three numbers
@@ -83,7 +84,7 @@ def weigh(nav, now, innovation, measurement, verdict):
     """
     noise, name = nav.noise, measurement.sensor
     if noise.share is not None:
-        _learn(nav, now, innovation, name, verdict.fate)
+        _learn(nav, now, innovation, measurement, verdict.fate)
     if name not in JUDGED or nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
     whitened, own = eskf.weighed(innovation.z, innovation.R, innovation.S)
@@ -286,10 +287,11 @@ def carry(nav):
     nav.noise.share.carry(nav, nav.history.oldest)
 
 
-def _learn(nav, now, innovation, name, fate):
+def _learn(nav, now, innovation, measurement, fate):
     """What a measurement says of the share of process noise; the factor when there are enough."""
-    z, H, _, S, *_ = innovation
-    noise, share, number = nav.noise, nav.noise.share, nav.history.number(now.k)
+    z, H, R, S, *_ = innovation
+    name, number = measurement.sensor, nav.history.number(now.k)
+    noise, share = nav.noise, nav.noise.share
     if fate not in (Fate.USED, Fate.RESET) or H.shape[0] == 0:
         return
     share.carry(nav, number)
@@ -298,7 +300,8 @@ def _learn(nav, now, innovation, name, fate):
     if fate == Fate.USED:
         if name in RATES or (name in JUDGED and _alone(nav)):
             share.innovation(z, H, S)
-        share.corrected(now.P, H, S)
+        counted = counted_noise(nav, name, measurement.fix, R)
+        share.corrected(now.P, H, S if counted is R else S - R + counted)
     found = share.estimate()
     if found is None or found.count < FEWEST:
         return
