@@ -26,8 +26,8 @@ ALARMS = (  # key of the flight, name, what is required
     (
         "wrong_words",
         "reason",
-        "the reason that is given then is the sensor that failed, or a level that is too high without it as "
-        "well",
+        "the reason that is given then is the sensor that failed; or any, where the twin is withdrawn too "
+        "and both levels are too high, or the twin errs beyond the same level",
     ),
 )
 KNOWN_DEG = 5.0  # sigma of the attitude; what is less known has no normal error
