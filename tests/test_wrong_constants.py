@@ -44,3 +44,26 @@ def test_a_lever_arm_is_found_wrong_in_the_spin():
     flown = fly("rexus_like", "navigation.told.gps.antenna.lever_arm=[0 m, 1 m, 0 m]", until_s=60.0)
     found = said(flown)
     assert found and found[0][1].startswith("lever arm wrong")
+
+
+TIGHT = "gps.only=null", "navigation.gps=tight"
+FEW = "navigation.gps=tight", "gps.only=[{from: 10 s, until: 400 s, satellites: 5}]"
+
+
+def test_right_constants_of_ranges_are_never_found_wrong():
+    for given in (TIGHT, FEW):
+        assert not said(fly("tight", *given, until_s=150.0, seed=3))
+
+
+@pytest.mark.parametrize("offset_ms, side", [(50.0, "before"), (-50.0, "after")])
+def test_the_time_of_ranges_is_found_wrong(offset_ms, side):
+    flown = fly("tight", *TIGHT, f"gps.clock_offset={offset_ms} ms", until_s=100.0)
+    found = said(flown)
+    assert found and found[0][0] < 60.0 and found[0][1].endswith(f"{side} it")
+    assert np.all(flown.doubts[flown.t_s > found[0][0] + 0.2] != Doubt.NONE)
+
+
+def test_the_lever_arm_of_ranges_is_found_wrong_in_the_spin():
+    flown = fly("tight", *TIGHT, "navigation.told.gps.antenna.lever_arm=[0 m, 1 m, 0 m]", until_s=80.0)
+    found = said(flown)
+    assert found and found[0][1].startswith("lever arm wrong")

@@ -84,6 +84,15 @@ def test_a_response_travels_as_an_error_of_the_state():
     np.testing.assert_allclose(B[ATT], C.T @ turn_i, rtol=1e-12)  # the same turn, in the axes of now
 
 
+def test_a_response_of_the_clock_runs_on_by_its_drift():
+    B = np.random.default_rng(8).standard_normal((N + 2, 4))
+    sums, before, H = told.Constants().sums, B.copy(), np.zeros((3, N + 2))
+    seen = read(np.eye(N + 2), np.ones(3), H, np.eye(3), dt_s=0.5)._replace(clock=N)
+    plain(told._take)(B, sums, seen, told.NOTHING, False, False)
+    np.testing.assert_allclose(B[N], before[N] + 0.5 * before[N + 1])
+    np.testing.assert_array_equal(B[N + 1], before[N + 1])
+
+
 def test_the_value_that_explains_most():
     rng = np.random.default_rng(2)
     A = rng.standard_normal((6, 3))
@@ -103,7 +112,7 @@ OMEGA_B, F_I = np.array([6.0, -0.2, 0.4]), np.array([3.0, -50.0, 7.0])
 
 
 def read(P, z, H, S, x=None, f_i=F_I, dt_s=np.nan, omega_b=OMEGA_B):
-    return told.Shown(packed() if x is None else x, P, z, H, S, omega_b, f_i, OMEGA_IE_I, ARM_B, dt_s)
+    return told.Shown(packed() if x is None else x, P, z, H, S, omega_b, f_i, OMEGA_IE_I, ARM_B, -1, dt_s)
 
 
 def measured(what, judges, learns, B, sums, dt_s=np.nan, seed=3):
@@ -266,10 +275,11 @@ LASTS_S = 300.0
 
 def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, **memory):
     """lasts : share of the variance that lasts, of a filter that knows its place to 3 % of a fix"""
-    lasts, period_s = memory.pop("lasts", None), memory.pop("period_s", 0.05)
+    lasts, period_s, used = memory.pop("lasts", None), memory.pop("period_s", 0.05), memory.pop("used", None)
     reported, memory = [], remembered(**memory)
     memory.numbers[:, 0] += t_s - 0.4
     nav = SimpleNamespace(
+        layout=SimpleNamespace(places={"clock": None}),
         watch=SimpleNamespace(imu_blind=blind, report=lambda *given: reported.append(given)),
         earth=EARTH,
         params=SimpleNamespace(l_ba_b=ARM_B, vibration_period_s=period_s),
@@ -280,8 +290,8 @@ def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, 
     counted = R if lasts is None else lasting_factor(lasts, LASTS_S, gap_s) * R
     now = SimpleNamespace(x=packed(), P=known * np.eye(N), k=40, t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
-    innovation = sensor.Innovation(np.full(3, z), H, R, (1.0 + known) * np.eye(3), np.nan, np.nan)
-    one.take(nav, now, name, innovation, counted, fate)
+    innovation = sensor.Innovation(z + np.zeros(3), H, R, (1.0 + known) * np.eye(3), np.nan, np.nan)
+    one.take(nav, now, name, innovation, counted, SimpleNamespace(fate=fate, rows=used))
     assert reported in ([], [(t_s, "gps_constants", one.found)])
     return reported
 
@@ -294,7 +304,7 @@ def test_what_is_taken_in_and_what_ends_it():
     take(one, fate=Fate.REJECTED, t_s=2.0)
     take(one, "gps_velocity", t_s=3.0)
     assert one.count == 3 and one.seen_s == 3.0 and one.beyond == pytest.approx(3.0 - 3.0 - 3.0)
-    for given in ({"fate": Fate.HELD}, {"blind": True}, {"name": "star_tracker"}, {"name": "gps_range"}):
+    for given in ({"fate": Fate.HELD}, {"blind": True}, {"name": "star_tracker"}, {"name": "star_vectors"}):
         assert not take(one, t_s=4.0, **given)
     assert one.count == 3 and one.seen_s == 4.0
     before = one.B.copy()
@@ -311,6 +321,17 @@ def test_what_is_taken_in_and_what_ends_it():
     assert not learns.B.any()
     take(learns)
     assert learns.B.any() and before.shape == (N, 4)
+
+
+def test_rows_that_the_gate_has_refused_say_nothing():
+    """Of a satellite that contradicts the others: as if it had not been measured."""
+    one, other = told.Constants(), told.Constants()
+    take(one, z=np.array([2.0, 99.0, -1.0]), used=np.array([True, False, True]))
+    take(other, z=np.array([2.0, -7.0, -1.0]), used=np.array([True, False, True]))
+    assert one.beyond == pytest.approx(2.5 - 2.0) and one.beyond == other.beyond
+    np.testing.assert_array_equal(one.sums.y, other.sums.y)
+    shown = rows(POS)[[0, 2]][:, POS] @ C
+    np.testing.assert_allclose(one.sums.J[1:, 1:], shown.T @ shown / 2.0, atol=1e-9)
 
 
 def test_a_velocity_sees_the_turn_of_the_body():

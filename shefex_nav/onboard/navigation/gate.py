@@ -89,7 +89,8 @@ def decide(nav, now, z, H, R, measurement):
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
     counted = counted_noise(nav, name, measurement.fix, R)
-    nav.watch.constants.take(nav, now, name, innovation, counted, Fate.USED if grown else verdict.fate)
+    weighed = verdict._replace(fate=Fate.USED) if grown else verdict
+    nav.watch.constants.take(nav, now, name, innovation, counted, weighed)
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:
         _settle_single_stars(nav)
     result = _result(nav, innovation, measurement, verdict)

@@ -6,9 +6,10 @@ arm as the motion of another point: z = s c + noise, with the columns
     of position  s = H_r [-v, C_ib],    of velocity  s = H_v [-a - C_ib omega x (omega x l), C_ib (omega x)]
 
 for a fix measured c_1 seconds before the instant that it names, and an arm that is longer by c_2...4; v and a
-are those over the turning Earth. What the filter has learnt of it already shows no more. That is its response
-B to a unit of c, which goes through the filter as an error of the state does (separate bias: Friedland, IEEE
-TAC 14, 1969)::
+are those over the turning Earth. A range is a position along its line of sight. A range rate is a velocity
+against axes that do not turn (a + omega_ie x v for a), along a line of sight that goes with the position.
+What the filter has learnt of it already shows no more. That is its response B to a unit of c, which goes
+through the filter as an error of the state does (separate bias: Friedland, IEEE TAC 14, 1969)::
 
     B <- Phi B,    h = s - H B,    B <- B + K h
 
@@ -21,13 +22,13 @@ vibration, and the velocity is off by what z is to correct. With fixes 20 ms apa
 8 ms wrong, with a velocity known to 2 cm/s a right arm of 1.8 m look 2.7 m wrong. So rate and acceleration
 are what the sensors have read until the longest period of the vibration before, after which swings do not
 correlate, and a time shows only in a vehicle that moves. Where the memory does not reach so far back, or that
-period is longer than `LONGEST_S`, velocities show nothing. B is followed through position, velocity and
-attitude only; that makes h less sharp, not the chance of a false alarm larger. Positions whose errors last
-are not white: they count with the noise that the filter gives them (`Sensor.counted`). Whoever
-else is at fault leaves innovations of another form: a constant is found only where it explains most of what
-is more than chance in all innovations since the start. Where a sensor was believed against the filter,
-something else may be wrong, and what was gathered says nothing any more: `QUIET_S` after the last such time
-the sums begin anew. What was found by then stays.
+period is longer than `LONGEST_S`, velocities show nothing. B is followed through position, velocity, attitude
+and clock only; that makes h less sharp, not the chance of a false alarm larger. Positions whose errors last
+are not white: they count with the noise that the filter gives them (`Sensor.counted`). Whoever else is at
+fault leaves innovations of another form: a constant is found only where it explains most of what is more than
+chance in all innovations since the start. Where a sensor was believed against the filter, something else may
+be wrong, and what was gathered says nothing any more: `QUIET_S` after the last such time the sums begin anew.
+What was found by then stays.
 """
 
 from typing import NamedTuple
@@ -53,8 +54,8 @@ MOVES = 10.0  # [E] sigma of the velocity, over ground
 UNREAD = np.full(3, np.nan), np.full(3, np.nan)
 CONDITION = 1e8  # of J, beyond which nothing is said
 TIME, ARM = slice(0, 1), slice(1, 4)
-NOTHING, POSITION, VELOCITY = 0, 1, 2  # what a sensor shows of a wrong constant
-SHOWS = {"gps_position": POSITION, "gps_velocity": VELOCITY}
+NOTHING, POSITION, VELOCITY, RATES = 0, 1, 2, 3  # what a sensor shows of a wrong constant
+SHOWS = {"gps_position": POSITION, "gps_velocity": VELOCITY, "gps_range": POSITION, "gps_range_rate": RATES}
 
 
 class Sums(NamedTuple):
@@ -78,6 +79,7 @@ class Shown(NamedTuple):
     f_i: np.ndarray  # (3,) m/s^2, specific force likewise; NaN: not known
     omega_ie_i: np.ndarray  # (3,) rad/s
     l_ba_b: np.ndarray  # (3,) m, IMU to GPS antenna
+    clock: int  # place of the receiver's clock and its drift among the errors; -1: none
     dt_s: float  # since the last one, NaN: it is the first
 
 
@@ -95,27 +97,30 @@ class Constants:
         self.found, self.wrong = "", None  # words, and which constants
         self.begins_s = -np.inf  # when what innovations show counts again
 
-    def take(self, nav, now, name, innovation, counted, fate):
+    def take(self, nav, now, name, innovation, counted, verdict):
         """Take a measurement in, before it corrects the state.
 
         nav : Filter;  now : Moment;  innovation : sensor.Innovation
-        counted : (m, m) `sensor.counted_noise`;  fate : what becomes of it
+        counted : (m, m) `sensor.counted_noise`;  verdict : fate, and rows that are used, None: all
         """
-        z, H, R, S, *_ = innovation
+        (z, H, R, S, *_), fate, used = innovation, verdict.fate, verdict.rows
         if self.B is None:
             self.B, self.omega_ie_i = np.zeros((H.shape[1], 4)), frames.omega_ie_i(nav.earth)
         what = SHOWS.get(name, NOTHING)
         begun = now.t_s >= self.begins_s and not nav.watch.imu_blind
         judges = what != NOTHING and fate != Fate.HELD and begun
         motion = UNREAD
-        if what == VELOCITY and nav.params.vibration_period_s <= LONGEST_S:
+        if what in (VELOCITY, RATES) and nav.params.vibration_period_s <= LONGEST_S:
             ticks = nav.history.oldest, nav.history.number(now.k)
             motion = _read(nav.history.arrays, *ticks, now.t_s - nav.params.vibration_period_s)
         less = 0.0  # than m is the mean of z^T S^-1 z, by noise that counts for more than it is
         if counted is not R:
             gate, S = S, S - R + counted
             less = len(z) - float(np.trace(np.linalg.solve(S, gate)))
-        constant = self.omega_ie_i, nav.params.l_ba_b
+        if used is not None:
+            z, H, S = z[used], H[used], S[np.ix_(used, used)]
+        clock = nav.layout.places["clock"]
+        constant = self.omega_ie_i, nav.params.l_ba_b, -1 if clock is None else clock.start
         seen = Shown(now.x, now.P, z, H, S, *motion, *constant, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
         self.seen_s = now.t_s
@@ -162,9 +167,11 @@ def _take(B, sums, seen, what, judges, learns):
     v_i, C_ib = x[X_V].copy(), rotation.dcm_from_quat(x[X_Q])
     if seen.dt_s > 0.0:
         _carry(B, sums.v_i, sums.C_ib, x[X_R], v_i, C_ib, seen.dt_s)
+        if seen.clock >= 0:
+            B[seen.clock] += seen.dt_s * B[seen.clock + 1]
     sums.v_i[:], sums.C_ib[:] = v_i, C_ib
     h, both = _shown(seen, what) - H @ B, np.empty((len(z), 5))
-    if what == VELOCITY and np.isnan(seen.f_i[0]):
+    if what >= VELOCITY and np.isnan(seen.f_i[0]):
         h[:] = 0.0  # whatever it shows is not known
     both[:, :4], both[:, 4] = h, z
     solved = np.linalg.solve(seen.S, both)
@@ -251,7 +258,10 @@ def _shown(seen, what):
     else:
         a_i = seen.f_i + _gravity(x[X_R])
         a_r = a_i - np.cross(turns_i, x[X_V] + v_r)
-        s = _of_velocity(H, x, a_r, seen.omega_b, seen.l_ba_b)
+        if what == RATES:
+            s = _of_position(H, x, v_r)
+            a_r += np.cross(turns_i, v_r)
+        s += _of_velocity(H, x, a_r, seen.omega_b, seen.l_ba_b)
     if v_r @ v_r <= MOVES**2 * np.trace(seen.P[VEL, VEL]):
         s[:, TIME] = 0.0
     return s
