@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.replay import align_rail
@@ -56,9 +57,13 @@ def over_ground(fix):
 
 
 def _at(scenario, imu, earth, earlier, later, alignment_of):
-    """Alignment at the sample of the IMU next to a fix."""
+    """Alignment at the first sample of the IMU that ends with the later fix or after it.
+
+    Never before it: what the alignment is made of would come once more, as a measurement.
+    """
     settings = scenario.alignment
-    begin, end = (int(np.argmin(np.abs(imu.t_s - fix.t_valid_s))) for fix in (earlier, later))
+    begin = int(np.argmin(np.abs(imu.t_s - earlier.t_valid_s)))
+    end = int(np.searchsorted(imu.t_s, later.t_valid_s - SAME_S))
     t_s, span_s = float(imu.t_s[end]), float(imu.t_s[end] - imu.t_s[begin])
     f_b, turned = _mean_force(imu, begin, end)
     C_en = wgs84.level_axes(later.r_ea_e)
