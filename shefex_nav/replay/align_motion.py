@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
-from shefex_nav.replay import align_rail
+from shefex_nav.replay import align_rail, align_ties
 from shefex_nav.scenario.data_table import DataError
 
 LONGEST_S = 2.5  # [E] between the two fixes that are compared
@@ -83,9 +83,13 @@ def _at(scenario, imu, earth, earlier, later, alignment_of):
     r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, C_en @ moved)
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(earth, t_s) @ C_en @ C_nb)
     level = _level_sigma(scenario, earlier, later, span_s, turned)
-    P_n = np.diag([level, level, np.hypot(settings.sideslip, over_ground(later)[2])]) ** 2
+    roll = align_ties.roll(C_nb, level)
+    P_n = align_ties.spread(C_nb, np.hypot(settings.sideslip, over_ground(later)[2]), level, roll)
     sigma_r, sigma_v = (float(np.sqrt(np.linalg.eigvalsh(R)[-1])) for R in (later.R_r_e, later.R_v_e))
-    return alignment_of(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n)
+    found = alignment_of(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n)
+    g = float(np.linalg.norm(g_n))
+    of_accel = align_ties.of_accelerometers(C_nb, align_ties.of_tilt(C_nb, 1.0, roll / level), g)
+    return align_ties.tied(found, scenario.imu, of_accel, np.zeros((3, 3)))
 
 
 def _mean_force(imu, begin, end):
