@@ -71,6 +71,7 @@ from shefex_nav.scenario import lens, told
 from shefex_nav.scenario.document import dotted
 
 ENTRY_HEIGHT = 100e3  # m
+LATEST_S = 1.0  # a covariance that is older than that at entry is not that of entry
 NO_STARS = "no star fix was used"
 
 
@@ -214,7 +215,7 @@ def _at_entry(data, errors, t_s, height):
         return None
     k = k[0]
     times, squares, sigma = normalised_errors(data, errors)
-    before = np.flatnonzero(times <= t_s + SAME_S)
+    before = np.flatnonzero((times <= t_s + SAME_S) & (times >= t_s - LATEST_S - SAME_S))
     known = before[-1] if len(before) else None
     return {
         "t_s": float(t_s),
