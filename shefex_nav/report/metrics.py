@@ -12,7 +12,8 @@ Definitions
 - `no_fix` counts why frames of the window gave none, `no_fix_outside` the others.
 - `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
   rate; its scatter and its NEES are those of the fixes (with their own covariance) less the run's mean error,
-  which is that of the principal point and of a lens that is told otherwise. The truth of a fix is the
+  which is that of the principal point and of a lens that is told otherwise; what the mean of n fixes takes of
+  their squares is given back, n / (n - 1). The truth of a fix is the
   attitude at the instant of its frame, not the mean of the exposure.
 - Errors of star fixes are in the camera's own axes and have no part of its mounting: `mounting_error_deg` is
   the rotation from the nominal to the true mounting, which an attitude of the body has.
