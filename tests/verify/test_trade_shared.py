@@ -32,6 +32,16 @@ def test_a_combination_is_predicted_as_by_itself(override):
             np.testing.assert_array_equal(P, Q)
 
 
+def test_an_attitude_that_is_hardly_known_for_some_seconds_is_a_doubt():
+    """Spin in the boost makes 5.6 deg of 3 % of the rate, of which GPS and thrust leave 4.2 within 5 s."""
+    scenario = load.load(NAME, ["imu.gyro.scale_factor_roll=3 %", "star_tracker.enabled=false"])
+    world = prepare.build_world(scenario, 1)
+    attitude_b = over_bound.bounds(scenario, world, [])[0].attitude_b
+    widest = np.degrees(np.sqrt(np.einsum("kii->ki", attitude_b).max()))
+    assert widest > 5.5  # the bound, twice a second
+    assert predict.predict(scenario, predict.Shared(None, 1)).doubtful
+
+
 LATE = "gps.clock_offset=50 ms"  # 100 m at 2 km/s
 
 

@@ -26,7 +26,7 @@ from shefex_nav.world.columns import truth_of
 GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END, STARS, POINTING = "entry", "end", "stars", "pointing"
 LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
-LOOK_S = 10.0  # between two looks at that
+LOOK_S = 1.0  # between two looks at that, as fixes come: thrust tells in seconds what spin has made unknown
 MOST = {"flight": 2, "planned": 2, "moved": 2, "growth": 4}  # that are kept, of what is large
 MOST_OTHERS = 64
 ALONE = (  # sections that GPS fixes and readings of instruments do not depend on, but for the flight's part
