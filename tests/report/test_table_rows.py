@@ -54,7 +54,7 @@ def test_errors_of_a_part_of_the_flight_say_so(log):
     few = len(data.nav.t_s) // 5
     nav = data.nav._replace(**{name: column[:few] for name, column in data.nav._asdict().items()})
     row = dict(_navigation_rows(metrics.summarise(data._replace(nav=nav))["navigation"]))["solution"]
-    assert str(row).startswith("beside 20.0 % of the truth alone; errors are of this part")
+    assert str(row).startswith("at 20.0 % of the ticks alone; errors and shares of the time are of these")
 
 
 def test_heights_say_above_what(log):
