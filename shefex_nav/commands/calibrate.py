@@ -68,7 +68,7 @@ def calibrate(
     from shefex_nav.solve.calibration import calibrate as calibration
     from shefex_nav.solve.calibration import pictures
 
-    year = None if epoch is None else julian_year(epoch)
+    year = None if epoch is None else _day(epoch)
     base, given = _given(camera, None if fov is None else field_of_view(fov), year)
     _check_output(output, force, images, base)
     seen = []
@@ -91,6 +91,18 @@ def calibrate(
 
         put(output, calibrated.written(found, base))
         say(f"wrote {output}")
+
+
+def _day(epoch):
+    """Julian year of an --epoch that tells a day."""
+    from shefex_nav.solve.calibration.pictures import NO_DAY
+    from shefex_nav.solve.header import says_day
+
+    year = julian_year(epoch)
+    if not says_day(year):
+        words = f"{epoch} {NO_DAY}; expected a date such as 2012-06-22, or 2012.473"
+        raise typer.BadParameter(words, param_hint="--epoch")
+    return year
 
 
 def _check(images, camera, fov, output):

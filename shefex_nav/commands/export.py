@@ -129,6 +129,8 @@ def _write_replay(log, data, folder):
         names = written.write(data, folder)
     except written.NoDataError as error:
         raise written.NoDataError(f"{log}: {error}") from None
+    for words in written.remarks(data):
+        say(f"{log}: {words}")
     say(f"wrote {', '.join(names)} into {folder}; shefex-nav replay {folder / names[-1]}")
 
 

@@ -89,7 +89,7 @@ class RunData(NamedTuple):
     def cut_s(self):
         """`RunSummary.until_s` of a log that is made of this one: where it ends if not with the mission."""
         if self.ended_early:
-            return self.last_t_s
+            return self.reached_s
         return math.nan if self.until_s is None else self.until_s
 
 

@@ -10,12 +10,13 @@ from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.onboard.navigation.hypotheses import UNKNOWN, wide_angles
 from shefex_nav.records import Alignment
-from shefex_nav.replay import align_motion, align_rail, reference
+from shefex_nav.replay import align_motion, align_rail, align_ties, reference
 from shefex_nav.scenario.data_table import DataError
 
 MOST_HEADING_SIGMA = np.radians(20.0)  # beyond it a linear filter cannot start
 STILL_SPEED = 0.5  # m/s, mean velocity of GNSS, above its noise
 FEWEST_SAMPLES = 20
+LEVEL, NOTHING = np.diag([1.0, 1.0, 0.0]), np.zeros((3, 3))
 
 
 def align(scenario, data, earth):
@@ -67,20 +68,20 @@ def static(scenario, data, earth):
         words = "the specific force points down where the vehicle stands on the ground"
         raise DataError(f"static alignment: {words}; check the signs in data.axes")
     roll, pitch = np.arctan2(-f_b[1], -f_b[2]), np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2]))
-    P_n = _covariance(scenario, rest.span_s, rest.g, rest.latitude)
     heading = settings.heading
     if heading is None:
         omega_level = euler.dcm_from_euler(roll, pitch, 0.0) @ omega_b
         heading = float(np.arctan2(-omega_level[1], omega_level[0]))
     C_nb = euler.dcm_from_euler(roll, pitch, 0.0 if np.isinf(heading) else heading)
-    return _at_rest(scenario, rest, earth, C_nb, P_n, settings.gyro_bias == "at_rest")
+    known, at_rest = _covariance(scenario, rest, C_nb), settings.gyro_bias == "at_rest"
+    return _at_rest(scenario, rest, earth, C_nb, known, at_rest)
 
 
 def rail(scenario, data, earth):
     """Alignment of a rocket that stands on its rail for a time, at the end of that time."""
     rest = _rest(scenario, data)
-    C_nb, P_n = align_rail.attitude(scenario, rest.f_b, rest.span_s, rest.g)
-    return _at_rest(scenario, rest, earth, C_nb, P_n, True)
+    C_nb, P_n, of_tau = align_rail.attitude(scenario, rest.f_b, rest.span_s, rest.g)
+    return _at_rest(scenario, rest, earth, C_nb, (P_n, of_tau, NOTHING), True)
 
 
 class Rest(NamedTuple):
@@ -117,17 +118,28 @@ def _rest(scenario, data):
     return Rest(float(imu.t_s[end]), span_s, r_a_e, sigma_r, latitude, C_en, f_b, omega_b, g)
 
 
-def _at_rest(scenario, rest, earth, C_nb, P_n, with_bias):
-    """Alignment at the end of a Rest. with_bias : whether the mean rate says what the gyros' bias is"""
+def _at_rest(scenario, rest, earth, C_nb, known, with_bias):
+    """Alignment at the end of a Rest.
+
+    known : as of `_covariance`;  with_bias : whether the mean rate says what the gyros' bias is
+    """
+    P_n, of_tau, of_rate = known
     r_e = rest.r_a_e - rest.C_en @ C_nb @ np.array(scenario.gnss.lever_arm)
     r_i, v_i = frames.inertial_from_ecef(earth, rest.t_s, r_e, np.zeros(3))
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(earth, rest.t_s) @ rest.C_en @ C_nb)
     sigmas = rest.sigma_r, scenario.alignment.velocity
     found = alignment(rest.t_s, r_i, v_i, q_ib, earth, *sigmas, P_n)
+    of_accel = align_ties.of_accelerometers(C_nb, of_tau, rest.g)
+    found = align_ties.tied(found, scenario.imu, of_accel, C_nb.T @ of_rate @ C_nb)
     if not with_bias:
         return found
-    bias = align_rail.gyro_bias(scenario, rest.omega_b, rest.span_s, C_nb, rest.C_en, P_n)
-    return found._replace(gyro_bias=bias[0], sigma_gyro_bias=bias[1])
+    omega_b = C_nb.T @ rest.C_en.T @ [0.0, 0.0, wgs84.OMEGA]
+    sigma = align_rail.sigma_gyro_bias(scenario, rest.span_s, P_n)
+    return found._replace(
+        gyro_bias=rest.omega_b - omega_b,
+        sigma_gyro_bias=sigma,
+        P_with_biases=align_ties.joint_at_rest(found.P_with_biases, omega_b, sigma),
+    )
 
 
 def course(scenario, data, earth):
@@ -194,23 +206,31 @@ def _moves(scenario, words, sensor):
     return f"{scenario.alignment.method} alignment: {words}; check {fields}"
 
 
-def _covariance(scenario, span_s, g, latitude):
-    """(3, 3) rad^2 about north, east and down; DataError if the sensors cannot find north.
+def _covariance(scenario, rest, C_nb):
+    """Covariance of a static alignment at a Rest; DataError if the sensors cannot find north.
 
     The heading is the one at which the Earth's rate has no part along east. With small rotations (n, e, d) of
-    the attitude and an error w of the rate there, that is d cos(latitude) + n sin(latitude) = -w/omega_ie.
+    the attitude and an error w of the rate there, that is d cos(latitude) + n sin(latitude) = w/omega_ie. A
+    heading that is given is that of the nose: gravity turns the vehicle about it, on a nose that points up
+    nearly about down.
+
+    -> (3, 3) rad^2 about north, east and down, and in these axes what of it is a tilt by the accelerometers,
+    as `align_ties.of_tilt`, and what of it is of a rate of the gyros, (3, 3) s
     """
     settings, gyro, accelerometer = scenario.alignment, scenario.imu.gyro, scenario.imu.accelerometer
-    acceleration = align_rail.of_mean_force(accelerometer, span_s)
-    level = float(np.hypot(acceleration / g, settings.disturbance))
+    acceleration = align_rail.of_mean_force(accelerometer, rest.span_s)
+    level = float(np.hypot(acceleration / rest.g, settings.disturbance))
     if settings.heading is not None and np.isinf(settings.heading):
-        return np.diag([level, level, UNKNOWN]) ** 2
+        return np.diag([level, level, UNKNOWN]) ** 2, LEVEL, NOTHING
     if settings.azimuth is not None:
-        return np.diag([level, level, settings.azimuth]) ** 2
-    rate = np.hypot(np.hypot(gyro.bias, gyro.in_run_bias), gyro.random_walk / np.sqrt(span_s))
-    of_level = np.eye(3)
-    of_level[2, 0] = -np.tan(latitude)
-    P_n = of_level @ np.diag([level, level, rate / (wgs84.OMEGA * np.cos(latitude))]) ** 2 @ of_level.T
+        roll = align_ties.roll(C_nb, level)
+        P_n = align_ties.spread(C_nb, settings.azimuth, level, roll)
+        return P_n, align_ties.of_tilt(C_nb, 1.0, roll / level), NOTHING
+    rate = np.hypot(np.hypot(gyro.bias, gyro.in_run_bias), gyro.random_walk / np.sqrt(rest.span_s))
+    of_level, of_rate = np.eye(3), np.zeros((3, 3))
+    of_level[2, 0] = -np.tan(rest.latitude)
+    of_rate[2, 1] = 1.0 / (wgs84.OMEGA * np.cos(rest.latitude))
+    P_n = of_level @ np.diag([level, level, rate * of_rate[2, 1]]) ** 2 @ of_level.T
     azimuth = np.sqrt(P_n[2, 2])
     if not azimuth <= MOST_HEADING_SIGMA:
         words = f"these sensors find north to {np.degrees(min(azimuth, np.pi)):.0f} deg only (1 sigma)"
@@ -218,7 +238,7 @@ def _covariance(scenario, span_s, g, latitude):
             f"static alignment: {words}; give alignment.heading and alignment.azimuth, "
             "or 'heading: unknown', which finds it from the motion"
         )
-    return P_n
+    return P_n, of_level @ LEVEL, of_rate
 
 
 METHODS = {"reference": from_reference, "static": static, "rail": rail, "course": course}

@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
-from shefex_nav.replay import align_rail
+from shefex_nav.replay import align_rail, align_ties
 from shefex_nav.scenario.data_table import DataError
 
 LONGEST_S = 2.5  # [E] between the two fixes that are compared
@@ -56,9 +57,13 @@ def over_ground(fix):
 
 
 def _at(scenario, imu, earth, earlier, later, alignment_of):
-    """Alignment at the sample of the IMU next to a fix."""
+    """Alignment at the first sample of the IMU that ends with the later fix or after it.
+
+    Never before it: what the alignment is made of would come once more, as a measurement.
+    """
     settings = scenario.alignment
-    begin, end = (int(np.argmin(np.abs(imu.t_s - fix.t_valid_s))) for fix in (earlier, later))
+    begin = int(np.argmin(np.abs(imu.t_s - earlier.t_valid_s)))
+    end = int(np.searchsorted(imu.t_s, later.t_valid_s - SAME_S))
     t_s, span_s = float(imu.t_s[end]), float(imu.t_s[end] - imu.t_s[begin])
     f_b, turned = _mean_force(imu, begin, end)
     C_en = wgs84.level_axes(later.r_ea_e)
@@ -78,9 +83,13 @@ def _at(scenario, imu, earth, earlier, later, alignment_of):
     r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, C_en @ moved)
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(earth, t_s) @ C_en @ C_nb)
     level = _level_sigma(scenario, earlier, later, span_s, turned)
-    P_n = np.diag([level, level, np.hypot(settings.sideslip, over_ground(later)[2])]) ** 2
+    roll = align_ties.roll(C_nb, level)
+    P_n = align_ties.spread(C_nb, np.hypot(settings.sideslip, over_ground(later)[2]), level, roll)
     sigma_r, sigma_v = (float(np.sqrt(np.linalg.eigvalsh(R)[-1])) for R in (later.R_r_e, later.R_v_e))
-    return alignment_of(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n)
+    found = alignment_of(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n)
+    g = float(np.linalg.norm(g_n))
+    of_accel = align_ties.of_accelerometers(C_nb, align_ties.of_tilt(C_nb, 1.0, roll / level), g)
+    return align_ties.tied(found, scenario.imu, of_accel, np.zeros((3, 3)))
 
 
 def _mean_force(imu, begin, end):

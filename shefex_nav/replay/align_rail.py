@@ -9,8 +9,7 @@ rest, less that of the Earth, is the gyros' bias.
 import numpy as np
 
 from shefex_nav.geometry import euler, wgs84
-from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
-from shefex_nav.replay import imu_axes
+from shefex_nav.replay import align_ties, imu_axes
 from shefex_nav.scenario.data_table import DataError
 
 DISAGREE = 5.0  # [E] sigma by which accelerometers and rail may disagree about the elevation
@@ -23,7 +22,8 @@ def of_mean_force(accelerometer, span_s):
 
 
 def attitude(scenario, f_b, span_s, g):
-    """C_nb, its covariance about north, east and down, (3, 3) rad^2, of the mean specific force at rest."""
+    """C_nb of the mean specific force at rest, its covariance about north, east and down, (3, 3) rad^2, and
+    what of it is a tilt by the accelerometers, as `align_ties.of_tilt` says."""
     settings, accelerometer = scenario.alignment, scenario.imu.accelerometer
     acceleration = of_mean_force(accelerometer, span_s)
     level = float(np.hypot(acceleration / g, settings.disturbance))
@@ -39,25 +39,23 @@ def attitude(scenario, f_b, span_s, g):
     weight = settings.elevation_error**2 / sigma**2
     elevation = settings.elevation + weight * (sensed - settings.elevation)
     elevation_sigma = level * settings.elevation_error / sigma
-    roll_sigma = min(level / max(np.cos(elevation), 1e-6), UNKNOWN)
     C_nb = euler.dcm_from_euler(np.arctan2(-f_b[1], -f_b[2]), elevation, settings.azimuth)
-    down, across = (
-        np.array([0.0, 0.0, 1.0]),
-        np.array([-np.sin(settings.azimuth), np.cos(settings.azimuth), 0.0]),
+    roll_sigma = align_ties.roll(C_nb, level)
+    return (
+        C_nb,
+        align_ties.spread(C_nb, settings.azimuth_error, elevation_sigma, roll_sigma),
+        align_ties.of_tilt(C_nb, weight, roll_sigma / level),
     )
-    parts = ((settings.azimuth_error, down), (elevation_sigma, across), (roll_sigma, C_nb[:, 0]))
-    return C_nb, sum(size**2 * np.outer(axis, axis) for size, axis in parts)
 
 
-def gyro_bias(scenario, omega_b, span_s, C_nb, C_en, P_n):
-    """Bias of the gyros by their mean rate at rest, (3,) rad/s, and its 1 sigma.
+def sigma_gyro_bias(scenario, span_s, P_n):
+    """1 sigma of the gyros' bias by their mean rate at rest, rad/s.
 
     The rate of the Earth is taken out as far as the attitude is known; what is not known of it, with the
     angular random walk, the bias that changes, a quantum and the swaying, is the sigma.
     """
     gyro = scenario.imu.gyro
-    omega_n = C_en.T @ np.array([0.0, 0.0, wgs84.OMEGA])
-    turned = wgs84.OMEGA * min(float(np.sqrt(np.linalg.eigvalsh(P_n)[-1])), 1.5)
+    turned = wgs84.OMEGA * min(float(np.sqrt(np.linalg.eigvalsh(P_n)[-1])), align_ties.MOST_TURN)
     sway = np.sqrt(2.0) * scenario.alignment.disturbance / span_s
     parts = (gyro.random_walk / np.sqrt(span_s), gyro.in_run_bias, sway, gyro.quantum / span_s, turned)
-    return omega_b - C_nb.T @ omega_n, float(np.linalg.norm(parts))
+    return float(np.linalg.norm(parts))

@@ -74,7 +74,7 @@ def read(scenario, files):
         fixes=fixes(gnss, scenario.gnss),
         truth=truth,
         readings={name: readings(TABLE[name], one, scenario) for name, one in said.items()},
-        oddities=(*torn, *still_axes(imu, scenario.data.imu)),
+        oddities=(*torn, *late_rows(imu), *still_axes(imu, scenario.data.imu)),
     )
 
 
@@ -117,16 +117,12 @@ def increments(imu, data):
     if dt_s[longest] > max(data.longest_gap, 1.5 * step_s):
         words = f"no sample for {dt_s[longest]:.4g} s before this row; data.longest_gap allows"
         raise DataError(f"{imu.table.place(longest + 1)}: {words} {data.longest_gap:g} s")
-    if imu.kind == "increment":  # as rates: an increment is of its own sample, also after a gap
-        own_s = np.where(dt_s > 1.5 * step_s, step_s, dt_s)
-        length_s = np.concatenate([[step_s], own_s])[:, None]
-        turn, gain = turn / length_s, gain / length_s
-    t_s, turn, gain, bridged = _without_holes(imu.t_s, turn, gain, step_s)
-    dt_s = np.diff(t_s)[:, None]
+    t_s, turn, gain, bridged = _without_holes(imu.t_s, turn, gain, missing(imu.t_s)[0])
     if imu.kind == "rate" and data.samples == "instant":
         turn[1:], gain[1:] = 0.5 * (turn[1:] + turn[:-1]), 0.5 * (gain[1:] + gain[:-1])
+    length_s = np.diff(t_s)[:, None] if imu.kind == "rate" else 1.0  # an increment is of its own sample
     dtheta_b, dv_b = np.zeros_like(turn), np.zeros_like(gain)
-    dtheta_b[1:], dv_b[1:] = turn[1:] * dt_s, gain[1:] * dt_s
+    dtheta_b[1:], dv_b[1:] = turn[1:] * length_s, gain[1:] * length_s
     return Increments(t_s, dtheta_b, dv_b, bridged)
 
 
@@ -144,12 +140,37 @@ def file_axes(values, axes):
     return out
 
 
-def _without_holes(t_s, turn, gain, step_s):
-    """Rates with interpolated samples where some are missing. -> times, (N, 3), (N, 3), (N,) bool"""
-    missing = np.maximum(np.rint(np.diff(t_s) / step_s).astype(int) - 1, 0)
-    if not missing.any():
+def missing(t_s):
+    """How many samples are missing before each row but the first, (N - 1,), and how many rows are late alone.
+
+    A row that is late, with others around it that come as much early, was stamped when it was received: all
+    samples are there.
+    """
+    dt_s = np.diff(t_s) / np.median(np.diff(t_s))
+    lost, late = np.maximum(np.rint(dt_s).astype(int) - 1, 0), 0
+    for k in np.flatnonzero(lost):
+        around = dt_s[max(k - lost[k] - 1, 0) : k + lost[k] + 2]
+        if around.sum() - len(around) < 0.5 * lost[k]:
+            lost[k], late = 0, late + 1
+    return lost, late
+
+
+def late_rows(imu):
+    """(field, text) about rows of an ImuSeries that come late while no sample is missing."""
+    late, n = missing(imu.t_s)[1], len(imu.t_s)
+    if late:
+        words = f"{late} of {n} rows come late, and others next to them as much early: no sample is missing"
+        yield "data.imu", f"{words}; give the times at which they were measured, not received"
+
+
+def _without_holes(t_s, turn, gain, lost):
+    """Readings with interpolated samples where some are missing. lost : of `missing`
+
+    -> times, (N, 3), (N, 3), (N,) bool
+    """
+    if not lost.any():
         return t_s, turn.copy(), gain.copy(), np.zeros(len(t_s), dtype=bool)
-    ends = np.concatenate([[0], np.cumsum(missing + 1)])  # where the samples of the file go
+    ends = np.concatenate([[0], np.cumsum(lost + 1)])  # where the samples of the file go
     places = np.arange(ends[-1] + 1)
     filled = [np.interp(places, ends, column) for column in (t_s, *turn.T, *gain.T)]
     bridged = ~np.isin(places, ends)

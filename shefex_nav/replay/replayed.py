@@ -193,18 +193,23 @@ def highest(readings, alignment, data):
         "t_s": float(t_s[top]),
         "pressure_altitude_m": float(above[top]),
         "height_m": heights[1] - heights[0],
-        "sigma_height_m": _sigma_height(earth, data, k, j),
+        "sigma_height_m": _sigma_height(earth, data, k, j, alignment),
         "warmer_by": warmth,
         "sigma_warmer_by": sigma_warmth,
     }
 
 
-def _sigma_height(earth, data, k, j):
-    """1 sigma of the height [m] at sample k of the solution, j of the covariances."""
+def _sigma_height(earth, data, k, j, alignment):
+    """1 sigma of the height above the start [m] at sample k of the solution, j of the covariances.
+
+    Fixes with a height tell it anew: what the start is off by is another error. Without them it is in all
+    heights, and the sigma of one is too large for the difference, if anything.
+    """
     r_e, t_s = data.nav.r_e[k], data.nav.t_s[k]
     up_e = -wgs84.level_axes(r_e)[:, 2]
     up_i = frames.dcm_ie(earth, t_s) @ up_e
-    return float(np.sqrt(up_i @ data.covariance.P[j][POS, POS] @ up_i))
+    start = 0.0 if all(fix.horizontal for fix in data.gps if fix.valid) else alignment.sigma_r
+    return float(np.hypot(start, np.sqrt(up_i @ data.covariance.P[j][POS, POS] @ up_i)))
 
 
 def _warmth(covariance, j, height):

@@ -14,6 +14,7 @@ from shefex_nav.replay.dataset import PULLS, TURNS
 
 SIGMAS = 10.0  # [E] by which the alignment may be off
 SLACK_R, SLACK_V = 1e5, 1e3  # [E] m, m/s, beyond them: where sigmas are told too small
+SAME = 1e-6  # rounding of covariances
 NEAR_S = 1.0  # of the truth that an alignment is compared with
 LARGEST = {  # [E] of an alignment; beyond them nothing is known of a flight, and covariances overflow
     "r_i": (1e9, "m"),
@@ -94,6 +95,19 @@ def _known(path, told):
         if not size <= most:
             words = f"got {size:.4g} {unit}, expected {most:g} {unit} at most"
             raise LogError(f"{path}: {of_record(Alignment).topic}: {name}: {words}")
+    if len(P := told.P_with_biases) and not _goes_with(P, told.P_theta_b):
+        words = "expected a covariance, 9 x 9, that begins with that of the attitude"
+        raise LogError(f"{path}: {of_record(Alignment).topic}: P_with_biases: {words}")
+
+
+def _goes_with(P, P_theta_b):
+    """Whether a matrix of an alignment is a covariance, of the same attitude. (n, 9), (3, 3)"""
+    if P.shape != (9, 9) or not np.allclose(P[:3, :3], P_theta_b, rtol=SAME, atol=0.0):
+        return False
+    sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
+    sigma[sigma == 0.0] = 1.0  # then the row is zero
+    correlations = P / np.outer(sigma, sigma)
+    return bool(np.allclose(P, P.T) and np.linalg.eigvalsh(correlations)[0] > -SAME)
 
 
 def _placed(path, data):

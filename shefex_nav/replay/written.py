@@ -51,9 +51,22 @@ def write(data, folder):
         _put_csv(folder / name, columns)
     described = _described(data, read, imu["t_s"], truth["t_s"][0], gap_s)
     text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, default_flow_style=None, width=100)
-    put(folder / REPLAY, f"# shefex-nav replay {REPLAY}\n\n{text}")
+    head = [f"shefex-nav replay {REPLAY}", *remarks(data)]
+    put(folder / REPLAY, "".join(f"# {words}\n" for words in head) + f"\n{text}")
     load.load(str(folder / REPLAY))
     return [*files, REPLAY]
+
+
+def remarks(data):
+    """What the mission knew of the fixes of a RunData and a replay cannot be told: list of str."""
+    said, found = layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, []
+    if any((said["gps"].get("errors") or {}).values()):
+        words = "gps.errors: errors of the fixes last; a replay takes those of one fix and the next for"
+        found.append(f"{words} independent, and its sigmas are too small: a larger gnss.position_noise helps")
+    if (said.get("navigation", {}).get("told") or {}).get("gps"):
+        words = "navigation.told.gps: the noise of the fixes is that of the receiver, not what the filter was"
+        found.append(f"{words} told of it")
+    return found
 
 
 def _put_csv(path, columns):

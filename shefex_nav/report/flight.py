@@ -22,10 +22,7 @@ def of_truth(data, track, entry):
     range_km, k = None, None
     if impact and len(track.height):
         k = int(np.argmin(np.abs(data.truth.t_s - impact.t_s)))
-        length = geodesic.distance(
-            mission.launch_latitude, mission.launch_longitude, track.latitude[k], track.longitude[k]
-        )
-        range_km = length / 1e3
+        range_km = _range_km(mission, track.latitude[k], track.longitude[k])
     return {
         "of": "truth",
         **_rise(data, data.truth, track, *np.zeros((2, len(data.truth.t_s)))),
@@ -34,6 +31,15 @@ def of_truth(data, track, entry):
         "at_impact": None if k is None else _place(data.truth.t_s, track, k),
         "events": _events(data),
     }
+
+
+def _range_km(mission, latitude, longitude):
+    """From the start to a place [rad] along the ellipsoid; None where that is the other side of the Earth."""
+    try:
+        length = geodesic.distance(mission.launch_latitude, mission.launch_longitude, latitude, longitude)
+    except ValueError:  # of points that are nearly antipodal
+        return None
+    return length / 1e3
 
 
 def of_solution(data):

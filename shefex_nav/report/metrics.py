@@ -12,7 +12,8 @@ Definitions
 - `no_fix` counts why frames of the window gave none, `no_fix_outside` the others.
 - `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
   rate; its scatter and its NEES are those of the fixes (with their own covariance) less the run's mean error,
-  which is that of the principal point and of a lens that is told otherwise. The truth of a fix is the
+  which is that of the principal point and of a lens that is told otherwise; what the mean of n fixes takes of
+  their squares is given back, n / (n - 1). The truth of a fix is the
   attitude at the instant of its frame, not the mean of the exposure.
 - Errors of star fixes are in the camera's own axes and have no part of its mounting: `mounting_error_deg` is
   the rotation from the nominal to the true mounting, which an attitude of the body has.
@@ -71,6 +72,7 @@ from shefex_nav.scenario import lens, told
 from shefex_nav.scenario.document import dotted
 
 ENTRY_HEIGHT = 100e3  # m
+LATEST_S = 1.0  # a covariance that is older than that at entry is not that of entry
 NO_STARS = "no star fix was used"
 
 
@@ -214,7 +216,7 @@ def _at_entry(data, errors, t_s, height):
         return None
     k = k[0]
     times, squares, sigma = normalised_errors(data, errors)
-    before = np.flatnonzero(times <= t_s + SAME_S)
+    before = np.flatnonzero((times <= t_s + SAME_S) & (times >= t_s - LATEST_S - SAME_S))
     known = before[-1] if len(before) else None
     return {
         "t_s": float(t_s),

@@ -96,14 +96,21 @@ def summarise(data, known):
             "max": largest(angle[in_window]) * _ARCSEC,
             "mean": (np.mean(chosen, axis=0) * _ARCSEC).tolist() if len(chosen) else None,  # x, y, z
             # without the run's mean, which is of the principal point and not in the covariance
-            "normalised_rms": rms(((chosen - np.mean(chosen, axis=0)) / errors.sigma_c[in_window]).ravel())
-            if len(chosen)
-            else None,
+            "normalised_rms": rms((_without_mean(chosen, chosen) / errors.sigma_c[in_window]).ravel()),
         },
         "mounting_error_deg": mounting_error_deg(data),
         "by_rate": by_rate(data, errors),
         "chain_ms": _chain_ms(data.compute_times.chain_s),
     }
+
+
+def _without_mean(errors, of):
+    """Errors (K, 3) without the mean of some (n, 3), so much larger as the mean of n takes of their squares.
+
+    NaN where that is all of one.
+    """
+    n = len(of)
+    return (errors - np.mean(of, axis=0)) * math.sqrt(n / (n - 1)) if n > 1 else np.full(errors.shape, np.nan)
 
 
 def _no_fix(data, numbers):
@@ -166,14 +173,14 @@ def by_rate(data, errors):
     RunData, its StarErrors -> from_deg_s, to_deg_s (None: no limit), frames, solved, wrong, and of the fixes
     that are not wrong cross_axis_rms_arcsec (per axis), boresight_rms_arcsec; and without the mean error of
     the run cross_axis_scatter_arcsec (per axis), boresight_scatter_arcsec and nees, the mean squared
-    normalised error of three degrees of freedom.
+    normalised error of three degrees of freedom; these are None of a single fix, which is its own mean.
     """
     frames = [frame for frame in data.frame_truths if frame.exclusion_met]
     number = np.array([frame.number for frame in frames], dtype=int)
     rate_deg_s = np.degrees([frame.rate for frame in frames])
     wrong = np.linalg.norm(errors.rotation_c, axis=1) > WRONG_ANGLE
     good = np.isin(errors.number, number) & ~wrong
-    mean = np.mean(errors.rotation_c[good], axis=0) if good.any() else np.zeros(3)
+    without_mean = _without_mean(errors.rotation_c, errors.rotation_c[good])
     covariances = {fix.number: fix.P_c for fix in data.star_fixes}
     result = []
     for low, high in pairwise(RATES_DEG_S):
@@ -183,7 +190,7 @@ def by_rate(data, errors):
             continue
         rotation = errors.rotation_c[fixed & ~wrong]
         P_c = [covariances[k] for k in errors.number[fixed & ~wrong].tolist()]
-        scatter = rotation - mean
+        scatter = without_mean[fixed & ~wrong]
         weighed = np.linalg.solve(np.reshape(P_c, (-1, 3, 3)), scatter[:, :, None])[:, :, 0]
         squares = [e @ w for e, w in zip(scatter, weighed, strict=True)]
         result.append(

@@ -120,6 +120,10 @@ def _own_rows(software, section):
 
 
 def _navigation_rows(navigation):
+    share = navigation.get("solution_share")  # of an object of an earlier version there is none
+    if share is not None and share < requirements.SOLVED and "measurements" in navigation:  # it flew
+        words = f"at {100.0 * share:.1f} % of the ticks alone; errors and shares of the time are of these"
+        yield "solution", Text(words, style="bold yellow")
     for name, key, digits, unit in _ERRORS:
         if navigation[key]["rms"] is not None:  # without truth there are none
             yield name, _pair(navigation[key], digits, unit)

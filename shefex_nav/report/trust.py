@@ -8,10 +8,12 @@ Definitions
   level that is never exceeded is no proof, one that is is wrong.
 - The axes are those of the levels: horizontal distance and height in the level plane of the true position,
   velocity against the Earth likewise, attitude about the body axes.
-- Shares are of the time of the run, `usable_h` is in hours. `over_level` is the largest error over its level
-  while usable, however short.
+- A quantity that is usable at an instant without a level (software of a user's own) has no misleading share.
+- Shares are of the instants with a solution, `usable_h` is in hours. `over_level` is the largest error over
+  its level while usable, however short.
 - The solution is usable where all three are, misleading where any is.
-- Entry is that of `metrics`. What was noticed is listed from when it was to when it was over, None if never.
+- Entry is that of `metrics`; a run without a solution at that instant has no figures of it.
+- What was noticed is listed from when it was to when it was over, None if never.
 """
 
 import math
@@ -44,6 +46,11 @@ class Compared(NamedTuple):
     def over_level(self):
         """(M,) the largest error over its level."""
         return (self.error / self.level).max(axis=1)
+
+    @property
+    def has_all_levels(self):
+        """Whether there is a level wherever it is usable."""
+        return not np.isnan(self.level[self.usable]).any()
 
 
 def has_levels(nav):
@@ -102,7 +109,7 @@ def trust(data, entry_s, known=NOTHING):
     entries = [one["at_entry"] for one in found.values()]
     return found | {
         "usable_share": float(np.mean(usable)),
-        "misleading_share": _share(any_wrong),
+        "misleading_share": _share(any_wrong, all(one.has_all_levels for one in compared.values())),
         "at_entry": None if None in entries else {"usable": all(one["usable"] for one in entries)},
         "noticed": noticed(data.health),
     }
@@ -121,8 +128,8 @@ def limits_of(known):
     return found
 
 
-def _share(marks):
-    return float(np.mean(marks)) if len(marks) else math.nan
+def _share(marks, is_known):
+    return float(np.mean(marks)) if len(marks) and is_known else math.nan
 
 
 def _of_quantity(nav, quantity, one, marks, events, entry_s):
@@ -134,18 +141,19 @@ def _of_quantity(nav, quantity, one, marks, events, entry_s):
         "usable_share": float(np.mean(~said.do_not_use)),
         "usable_h": float(np.count_nonzero(one.usable)) * step_s / 3600.0,
         "doubts": {Doubt(k).name.lower(): count / n for k, count in sorted(found.items())},
-        "misleading_share": _share(marks),
-        "misleading_events": events if len(marks) else None,
+        "misleading_share": _share(marks, one.has_all_levels),
+        "misleading_events": events if len(marks) and one.has_all_levels else None,
         "over_level": float(one.over_level[one.usable].max()) if one.usable.any() else math.nan,
         "at_entry": _at(nav, quantity, entry_s),
     }
 
 
 def _at(nav, quantity, t_s):
-    """Protection level and doubt at a mission time."""
-    if t_s is None:
+    """Protection level and doubt at a mission time; None without one, and without a solution then."""
+    at = [] if t_s is None else np.flatnonzero(np.abs(nav.t_s - t_s) <= SAME_S)
+    if not len(at):
         return None
-    k, said = int(np.argmin(np.abs(nav.t_s - t_s))), protected(nav, quantity)
+    k, said = int(at[0]), protected(nav, quantity)
     unit, factor = UNITS[quantity]
     return {
         "usable": not bool(said.do_not_use[k]),

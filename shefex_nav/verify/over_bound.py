@@ -10,6 +10,7 @@ from shefex_nav.scenario import aboard, params, surroundings
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_instruments, bound_model
 from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
+from shefex_nav.world import gps
 
 SETTLED_S = 10.0  # a phase's first seconds are left out of its ratio: the filter converges
 QUANTITIES = (POS, VEL, ATT)
@@ -28,13 +29,15 @@ class Curves(NamedTuple):
 
 def left_out(scenario):
     """What a scenario has that is no state of the bound, in words; '' if there is nothing."""
-    gps, faults = scenario.gps, scenario.faults
+    errors, faults = scenario.gps.errors, scenario.faults
     found = []
     if scenario.navigation.gps == "tight":
         found.append("navigation.gps: tight (it takes fixes, not ranges)")
     if scenario.navigation.stars == "vectors":
         found.append("navigation.stars: vectors (it takes attitudes)")
-    found += [f"gps.errors.{name}" for name in type(gps.errors).model_fields if getattr(gps.errors, name)]
+    found += [f"gps.errors.{name}" for name in type(errors).model_fields if getattr(errors, name)]
+    if _late(scenario):
+        found.append("gps.clock_offset (it takes the stamps of fixes for right)")
     found += [
         f"{one.name} (it has no equation of its readings)"
         for one, _, _ in aboard.used(scenario)
@@ -43,6 +46,15 @@ def left_out(scenario):
     found += [f"without: {', '.join(scenario.without)}"] if scenario.without else []
     found += [f"faults.{name}" for name in type(faults).model_fields if getattr(faults, name)]
     return ", ".join(found)
+
+
+def _late(scenario):
+    """Whether the stamps of GPS fixes are off by something that the computer is not told."""
+    told = scenario.navigation.told.gps
+    if told is not None and told.latency is not None:  # it does not look at the stamps
+        return False
+    known = 0.0 if told is None or told.clock_offset is None else told.clock_offset
+    return scenario.gps.clock_offset != known
 
 
 def bounds(scenario, world, fixes):
@@ -76,7 +88,7 @@ def flight_of(scenario, world, fixes):
         trajectory,
         world.earth,
         world.alignment,
-        world.gps_fixes,
+        gps.stamped(world.gps_fixes, -scenario.gps.clock_offset),  # by the instants that they measure
         fixes,
         settings(scenario.imu),
         params.star_camera(scenario),

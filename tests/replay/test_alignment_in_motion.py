@@ -76,6 +76,24 @@ def test_errors_of_the_course_are_as_the_covariance_says():
     assert max(values) < 20.0
 
 
+@pytest.mark.parametrize("late_s", [-0.003, 0.0, 0.003])
+def test_the_fix_of_the_course_is_no_measurement_as_well(late_s):
+    """Fixes between the samples of the IMU: that of the alignment must not come again, or its sigma of 2 m
+    would be 1.4 m at once."""
+    truth = drive.drive(EARTH, 4.0)
+    data = drive.sensed(truth, np.random.default_rng(1))
+    moved = [
+        fix._replace(
+            t_valid_s=fix.t_valid_s + late_s,
+            t_available_s=fix.t_available_s + late_s,
+            r_ea_e=fix.r_ea_e + late_s * fix.v_ea_e,
+        )
+        for fix in data.fixes
+    ]
+    found = align.align(scenario(COURSE), data._replace(fixes=moved), EARTH)
+    assert moved[1].t_valid_s - 1e-9 <= found.t_valid_s < moved[1].t_valid_s + 1.0 / drive.RATE
+
+
 def test_a_course_needs_motion_and_velocities():
     slow = drive.sensed(drive.drive(EARTH, 5.0, speed=1.0), np.random.default_rng(1))
     with pytest.raises(

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from magnetic_elements import field_n
 
+from shefex_nav import records
 from shefex_nav.environment import atmosphere, magnetic_field
 from shefex_nav.geometry import euler
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.replay import external, load
+from shefex_nav.replay import replayed as replay_result
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.scenario.data_table import DataError
 from shefex_nav.scenario.load import ScenarioError
@@ -96,6 +98,17 @@ def test_a_student_rocket_is_navigated_by_pressure_and_two_coordinates(data):
     assert 0.5 < nees.mean() < 20.0  # of 9
     sigma = np.sqrt(np.einsum("nii->n", data.covariance.P[:, :3, :3]))
     assert sigma.max() < 60.0
+
+
+def test_a_height_above_the_start_is_no_better_than_the_start(data):
+    """Where fixes tell heights, both ends have errors of their own; else that of the start is in both."""
+    arrays = data.readings["barometer"]
+    readings = [records.row(arrays, k) for k in range(len(arrays.t_valid_s))]
+    start = data.alignment._replace(sigma_r=40.0)
+    without = replay_result.highest(readings, start, data)["sigma_height_m"]
+    told = data._replace(gps=[fix._replace(horizontal=False) for fix in data.gps])
+    found = replay_result.highest(readings, start, told)["sigma_height_m"]
+    assert found == pytest.approx(np.hypot(40.0, without))
 
 
 def test_a_pressure_altitude_is_the_pressure_that_it_stands_for(data, tmp_path):
@@ -197,3 +210,9 @@ def test_a_magnetometer_in_the_axes_of_the_file_finds_the_heading(tmp_path, data
     assert after.max() < 0.5 * before.mean()
     _, nees, _ = normalised_errors(found, navigation_errors(found))
     assert 0.5 < nees.mean() < 20.0
+
+
+def test_a_replay_that_ended_early_says_where_also_without_truth(data):
+    """What is made of such a log, as by the smoother, must not look as if it went on to its end."""
+    cut = data._replace(ended_early=True, last_t_s=np.nan)
+    assert cut.cut_s == data.nav.t_s[-1]

@@ -60,6 +60,31 @@ def test_uneven_samples_keep_their_own_length():
     np.testing.assert_allclose(np.cumsum(out.dtheta_b[:, 0]), t_s - t_s[0], atol=1e-12)
 
 
+@pytest.mark.parametrize("late", [{40: 0.0072}, {40: 0.0451, 41: 0.0353, 42: 0.0255, 43: 0.0157, 44: 0.0059}])
+@pytest.mark.parametrize("kind", ["rate", "increment"])
+def test_rows_that_are_stamped_late_are_no_gap(kind, late):
+    """One row, or a file that waits and then writes five at once: all 101 samples are there, and an increment
+    is what it is. Bridged, the angle of the increments was 0.7 % and 4.5 % too large."""
+    t_s = np.arange(101) / 100.0
+    t_s[list(late)] += list(late.values())
+    values = np.full((101, 3), 0.01 if kind == "increment" else 1.0)
+    imu = imu_series(t_s, values, kind)
+    out = dataset.increments(imu, settings())
+    assert not out.bridged.any()
+    np.testing.assert_allclose(out.dtheta_b.sum(axis=0), 1.0, rtol=1e-12)
+    ((field, words),) = dataset.late_rows(imu)
+    assert field == "data.imu" and words.startswith("1 of 101 rows come late")
+
+
+def test_a_row_that_is_missing_beside_uneven_ones_is_bridged():
+    """Seed 4: rows off by up to 15 % of a sample, of which two are missing, one of them alone."""
+    t_s = np.arange(101) / 100.0 + 1.5e-3 * np.random.default_rng(4).uniform(-1.0, 1.0, 101)
+    imu = imu_series(np.delete(t_s, [30, 60, 61]), np.full((98, 3), 0.01), "increment")
+    out = dataset.increments(imu, settings())
+    assert out.bridged.sum() == 3 and not list(dataset.late_rows(imu))
+    np.testing.assert_allclose(out.dtheta_b.sum(axis=0), 1.0, rtol=1e-12)
+
+
 def test_a_gap_that_is_too_long_is_named():
     t_s = np.delete(np.arange(101) / 100.0, np.arange(40, 60))
     with pytest.raises(DataError, match=r"imu\.csv:42: no sample for 0\.21 s .* allows 0\.1 s"):

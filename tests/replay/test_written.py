@@ -147,3 +147,18 @@ def test_an_imu_that_is_silent_for_too_long_is_refused(tmp_path):
         flown = runs.fly(missions.Scenario.load("rexus_like", {"faults.imu": gap}), 1, until_s=5.0)
         with pytest.raises(measured.NoDataError, match=words):
             measured.write(flown.data, tmp_path / "no")
+
+
+def test_what_a_replay_cannot_be_told_of_the_fixes_is_said(tmp_path):
+    """Errors that last are white noise to a replay, told noise is not in the receiver's sigmas."""
+    overrides = ["gps.errors.multipath={range: 2 m, time: 30 s}", "navigation.told.gps.range_noise=9 m"]
+    flown = runs.fly(missions.load(missions.file_of("rexus_like"), overrides), 3, until_s=-5.0)
+    measured.write(flown.data, tmp_path / "measured")
+    lasting, told = measured.remarks(flown.data)
+    assert lasting.startswith("gps.errors: ") and told.startswith("navigation.told.gps: ")
+    head = (tmp_path / "measured" / measured.REPLAY).read_text(encoding="utf-8")
+    assert f"# {lasting}\n# {told}\n" in head
+
+
+def test_nothing_is_said_of_a_receiver_whose_errors_are_white(flight):
+    assert measured.remarks(flight[0]) == []

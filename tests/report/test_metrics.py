@@ -263,6 +263,25 @@ def test_entry_is_the_first_tick_below_100_km(summary, data):
     assert entry["attitude_sigma_deg"] == pytest.approx([math.degrees(synthetic_run.SIGMA_THETA)] * 3)
 
 
+def test_a_covariance_of_long_before_the_entry_is_not_that_of_entry(summary, data):
+    at_s, P = summary["navigation"]["at_entry"]["t_s"], data.covariance
+    for last_s, is_known in ((at_s - 0.9, True), (at_s - 1.2, False)):
+        cut = P._replace(**{name: column[P.t_s <= last_s] for name, column in P._asdict().items()})
+        entry = metrics.summarise(data._replace(covariance=cut))["navigation"]["at_entry"]
+        assert (entry["position_sigma_m"] is not None) is is_known
+        assert (entry["nees"] is not None) is is_known and entry["position_error_m"] is not None
+
+
+def test_an_impact_on_the_other_side_of_the_earth_has_no_range(data):
+    """Vincenty's iteration has no answer there; the other figures are there all the same."""
+    known = data._replace(events=[rec.Event(data.truth.t_s[-1], "impact", 0.0, "")])
+    place = metrics.summarise(known)["flight"]["at_impact"]
+    latitude, longitude = -math.radians(place["latitude_deg"]), math.radians(place["longitude_deg"]) + math.pi
+    mission = data.mission._replace(launch_latitude=latitude, launch_longitude=longitude)
+    found = metrics.summarise(known._replace(mission=mission))["flight"]
+    assert found["range_km"] is None and found["at_impact"] == place
+
+
 def test_a_run_without_stars_or_entry_has_nulls():
     few = [
         r for r in synthetic_run.simulate(synthetic_run.Options(start_s=-2.0, end_s=3.0, frame_pixels=False))

@@ -46,6 +46,17 @@ def test_errors_without_a_truth_have_no_rows(log):
     assert [name in rows for name in names] == [False, True, False]
 
 
+def test_errors_of_a_part_of_the_flight_say_so(log):
+    """Software that has a solution for a fifth of the flight has errors of that fifth."""
+    data = reader.read(log)
+    navigation = metrics.summarise(data)["navigation"]
+    assert "solution" not in dict(_navigation_rows(navigation))
+    few = len(data.nav.t_s) // 5
+    nav = data.nav._replace(**{name: column[:few] for name, column in data.nav._asdict().items()})
+    row = dict(_navigation_rows(metrics.summarise(data._replace(nav=nav))["navigation"]))["solution"]
+    assert str(row).startswith("at 20.0 % of the ticks alone; errors and shares of the time are of these")
+
+
 def test_heights_say_above_what(log):
     flight = metrics.summarise(reader.read(log))["flight"]
     rows = dict(_flight_rows(flight | {"apogee_km": 5.58, "climbs_at_km": None, "events": []}, stood=True))

@@ -26,12 +26,15 @@ def solution(doubts, level):
 def told(monkeypatch):
     """Function (doubts, errors) -> figures; errors : {quantity: (100,)}, along its last axis."""
 
-    def figures(doubts, errors, level=1.0):
+    def figures(doubts, errors, level=1.0, entry_s=7.0, no_level=None):
         sizes = {quantity: np.zeros((100, n)) for quantity, n in AXES.items()}
         for quantity, error in errors.items():
             sizes[quantity][:, -1] = error
         monkeypatch.setattr(trust, "axis_errors", lambda data: (T_S, sizes))
-        return trust.trust(SimpleNamespace(nav=solution(doubts, level), health=[]), 7.0)
+        nav = solution(doubts, level)
+        if no_level:
+            getattr(nav, f"protection_{no_level}")[:] = np.nan
+        return trust.trust(SimpleNamespace(nav=nav, health=[]), entry_s)
 
     return figures
 
@@ -69,6 +72,23 @@ def test_a_quantity_that_must_not_be_used_at_entry(told):
     found = told({"velocity": np.full(100, Doubt.CONTRADICTED)}, {})
     assert found["at_entry"] == {"usable": False} and found["usable_share"] == 0.0
     assert np.isnan(found["velocity"]["over_level"])  # never usable
+
+
+def test_a_solution_that_ended_before_the_entry_is_not_usable_there(told):
+    """The last instant with a solution is T+9.9 s, the entry at T+300 s."""
+    found = told({}, {}, entry_s=300.0)
+    assert found["at_entry"] is None and found["position"]["at_entry"] is None
+
+
+def test_a_quantity_that_is_usable_without_a_level_has_no_misleading_share(told):
+    """The attitude has levels, and the position an error of 1000 km without one."""
+    found = told({}, {"position": np.full(100, 1e6)}, no_level="position")
+    for one in (found, found["position"]):
+        assert np.isnan(one["misleading_share"])
+    assert found["position"]["misleading_events"] is None
+    assert found["attitude"]["misleading_share"] == 0.0
+    unused = told({"position": np.full(100, Doubt.IMU)}, {}, no_level="position")
+    assert unused["misleading_share"] == 0.0
 
 
 def test_an_older_log_has_none(told):

@@ -64,6 +64,15 @@ def test_a_picture_without_a_date_is_refused_whatever_its_format(folder):
         assert "--epoch YEAR" in said
 
 
+@pytest.mark.parametrize("year", ["2012", "2012.5"])
+def test_a_year_that_tells_no_day_is_refused(folder, year):
+    """Ten pictures towards the apex: 2012.0 in place of 2012.47 is 0.47 px of 2520, 1.8 sigma."""
+    said = refused("p0.png", "p1.png", "--epoch", year)
+    assert f"{year} tells no day" in said and "2012-06-22" in said
+    with pytest.raises(PictureError, match=rf"p0\.png: was taken in {year}, which tells no day"):
+        pictures.read(Path("p0.png"), pictures.Told(15.0, float(year)))
+
+
 def test_the_camera_has_the_size_of_its_pictures(folder):
     Path("cam.yaml").write_text(camera_text(detector={"columns": 640, "rows": 480}))
     said = refused("p0.png", "p1.png", "--camera", "cam.yaml", *DATED)

@@ -78,18 +78,35 @@ def split(alignment):
         places = np.arange(-most, most + 1) * step
         weights = exp(-0.5 * (places / sigma) ** 2)
     own = WIDER * step / np.sqrt(12.0)
-    P = alignment.P_theta_b + (own**2 - variances[2]) * np.outer(u, u)
+    known = _known_better(alignment, u, own**2 / variances[2])
     return [
-        Part(_rotated(alignment, angle * u, P), weight / weights.sum())
+        Part(_rotated(known, angle * u), weight / weights.sum())
         for angle, weight in zip(places, weights, strict=True)
     ]
 
 
-def _rotated(alignment, turn_b, P_theta_b):
-    """Alignment turned by (3,) rad in body axes, with a covariance (3, 3) given in the axes before."""
+def _known_better(alignment, u, share):
+    """Alignment of which a `share` of the variance along u is left, a principal axis of it.
+
+    What the biases are, given the attitude, stays as it was.
+    """
+    less = (share - 1.0) * np.outer(u, u)
+    P_theta_b, P = alignment.P_theta_b + less @ alignment.P_theta_b, alignment.P_with_biases.copy()
+    if len(P):
+        P[:3] += less @ P[:3]
+        P[3:, :3] = P[:3, 3:].T
+    return alignment._replace(P_theta_b=0.5 * (P_theta_b + P_theta_b.T), P_with_biases=P)
+
+
+def _rotated(alignment, turn_b):
+    """Alignment turned by (3,) rad in body axes; its covariance is given in the axes before."""
     C = rotation.dcm_from_rotvec(turn_b)
     q_ib = rotation.quat_multiply(alignment.q_ib, rotation.quat_from_rotvec(turn_b))
-    return alignment._replace(q_ib=q_ib, P_theta_b=C.T @ P_theta_b @ C)
+    P = alignment.P_with_biases
+    if len(P):  # the biases are alike in all axes: what ties them to the attitude turns with it
+        C_3 = np.kron(np.eye(3), C)
+        P = C_3.T @ P @ C_3
+    return alignment._replace(q_ib=q_ib, P_theta_b=C.T @ alignment.P_theta_b @ C, P_with_biases=P)
 
 
 class Bank:

@@ -34,6 +34,7 @@ ATT = slice(6, 9)  # dtheta_b [rad]
 BG = slice(9, 12)  # gyro bias [rad/s]
 BA = slice(12, 15)  # accelerometer bias [m/s^2]
 N_CORE = 15
+WITH_BIASES = slice(ATT.start, BA.stop)  # errors of Alignment.P_with_biases
 PVA = slice(0, 9)  # position, velocity, attitude
 CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
 
@@ -242,6 +243,8 @@ def initial(params, order, alignment):
     P[ATT, ATT] = alignment.P_theta_b
     P[BG, BG] = (alignment.sigma_gyro_bias if is_found else params.sigma_gyro_bias) ** 2 * np.eye(3)
     P[BA, BA] = params.sigma_accel_bias**2 * np.eye(3)
+    if len(alignment.P_with_biases):
+        P[WITH_BIASES, WITH_BIASES] = alignment.P_with_biases
     for name in order.names:
         place = order.places[name]
         P[place, place] = initial_covariance(params, name)

@@ -13,6 +13,7 @@ TOGETHER = 7.0  # of the noise, of the mean over the pictures
 FEWEST = 3  # directions
 SHARE = 0.9  # of the pictures in which no star is near
 MOVED_PX = 10.0  # stars have to move between two directions
+STEPS = 20  # of an average over what is not seen
 NEAR_PX = 4.0  # of a star, beside the width of its spot
 
 
@@ -28,7 +29,7 @@ class HotPixels(NamedTuple):
     """What was found."""
 
     row_column: np.ndarray  # (k, 2)
-    excess: np.ndarray  # (k,) grey values, mean over the pictures
+    excess: np.ndarray  # (k,) grey values, mean over the pictures in which no star is near
     sigma: np.ndarray  # (k,)
     directions: int
     why: str  # why nothing can be said; empty where it can
@@ -71,13 +72,14 @@ def find(pictures, covered, direction, size_px):
         words = f"the pictures look in {ways}; from {FEWEST} on stars and hot pixels can be told apart"
         return HotPixels(*nothing, n_directions, words)
     n = size_px[0] * size_px[1]
-    seen, able, total, weight = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    seen, able, total, weight, whole = np.zeros((5, n))
     ways = np.zeros(n, dtype=np.int64)
     for number in range(n_directions):
         here = np.zeros(n, dtype=bool)
         for k in np.flatnonzero(direction == number):
             one, free = pictures[k], ~covered[k].ravel()
             able += free
+            whole += free / one.noise**2
             known = free[one.pixel]
             at = one.pixel[known]
             seen[at] += 1.0
@@ -90,7 +92,29 @@ def find(pictures, covered, direction, size_px):
     hot = (ways >= FEWEST) & (seen >= SHARE * able) & (together > TOGETHER)
     at = np.flatnonzero(hot)
     rows_columns = np.column_stack(np.divmod(at, size_px[0]))
-    return HotPixels(rows_columns, total[at] / weight[at], weight[at] ** -0.5, n_directions, "")
+    excess = _excess(seen[at], able[at], total[at], weight[at], whole[at])
+    return HotPixels(rows_columns, excess, whole[at] ** -0.5, n_directions, "")
+
+
+def _excess(seen, able, total, weight, whole):
+    """Mean over the pictures in which no star is near, with those in which a pixel did not stand out: (k,).
+
+    What is below STANDS_OUT of the noise there is what a Gaussian has below it, step by step (EM algorithm).
+
+    seen, able : how many pictures it stands out in, of how many;  total, weight, whole : sums of excess and
+    of 1, over noise^2, of the former, and of 1 of the latter
+    """
+    from scipy.special import log_ndtr
+
+    mean, hidden = total / weight, np.maximum(whole - weight, 0.0)
+    sigma = np.sqrt(
+        (able - seen) / np.where(hidden > 0.0, hidden, np.inf)
+    )  # of the pictures where it did not
+    for _ in range(STEPS):
+        z = np.where(sigma > 0.0, STANDS_OUT - mean / np.where(sigma > 0.0, sigma, 1.0), 0.0)
+        below = mean - sigma * np.exp(-0.5 * z * z - log_ndtr(z)) / np.sqrt(2.0 * np.pi)
+        mean = (total + hidden * below) / whole
+    return mean
 
 
 def near_stars(xy_px, radius_px, size_px):

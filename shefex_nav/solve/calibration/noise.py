@@ -16,6 +16,7 @@ CLIP_SIGMA, ROUNDS = 4.0, 20  # of differences; a normal distribution loses CLIP
 CLIPPED = 0.00113
 FEWEST = 500  # differences of a tile
 ROUNDING = 1.0 / 12.0  # grey values^2
+WEIGHINGS = 2  # by the fitted line: by its own variance a level counts for more where that came out low
 LEAST_DN = 0.45  # a smaller noise is not seen: rounding does not treat it as a noise of its own
 CERTAIN = 5.0  # sigma that the slope of the variance must differ from zero: gain known to 20 %
 
@@ -76,13 +77,17 @@ def told(levels, black_dn=None, gain=None):
     somebody says it, for the read noise where the levels do not tell it
     """
     mean, variance, sigma = np.array(levels).T
-    W = sigma**-2.0
-    at = float((W * mean).sum() / W.sum())
-    middle = float((W * variance).sum() / W.sum()) - ROUNDING
+    own = np.maximum(variance, ROUNDING)
+    relative, fitted = sigma / own, own  # there is no line yet
+    for _ in range(1 + WEIGHINGS):
+        W = (relative * np.clip(fitted, 0.5 * own, 2.0 * own)) ** -2.0  # [E] a tile that is none of sky
+        at = float((W * mean).sum() / W.sum())
+        middle = float((W * variance).sum() / W.sum()) - ROUNDING
+        slope, slope_sigma, grown = _slope(mean - at, variance - ROUNDING - middle, W)
+        fitted = middle + ROUNDING + slope * (mean - at)
     middle_sigma = float(W.sum() ** -0.5)
     if middle < LEAST_DN**2:
         return None
-    slope, slope_sigma, grown = _slope(mean - at, variance - ROUNDING - middle, W)
     middle_sigma *= grown
     background = np.sqrt(middle), 0.5 * middle_sigma / np.sqrt(middle)
     why, found, range_dn = {}, None, (float(mean.min()), float(mean.max()))

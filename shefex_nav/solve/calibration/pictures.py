@@ -15,11 +15,12 @@ from shefex_nav.solve import background, image, picture, search, told
 from shefex_nav.solve import lens as lenses
 from shefex_nav.solve.calibration import hot_pixels, noise, spots
 from shefex_nav.solve.calibration.lens_fit import Sights
-from shefex_nav.solve.header import Taken, of_header
+from shefex_nav.solve.header import Taken, of_header, says_day
 from shefex_nav.solve.lens import Lens
 
 LOSSY = (".jpg", ".jpeg", ".webp")  # neighbouring pixels share their noise, or lose it
 FAINTEST = 20_000  # stars on the whole sky that a picture may show: to V 7.3
+NO_DAY = "tells no day; aberration changes the focal length by up to 2e-4 from one to another"
 SPOT_PX = 4.0  # radius of a star that was not detected
 
 
@@ -66,6 +67,8 @@ def read(path, given):
         words = "does not say when it was taken, and pictures without a date are refused"
         ways = "give --epoch YEAR, an epoch in the file of --camera, or DATE-OBS in a header"
         raise picture.PictureError(f"{path}: {words}; {ways}")
+    if not says_day(taken.julian_year):
+        raise picture.PictureError(f"{path}: was taken in {taken.julian_year:g}, which {NO_DAY}")
     if given.detector is not None:
         _check_detector(path, values, *given.detector)
     return values, taken

@@ -26,10 +26,10 @@ from shefex_nav.world.columns import truth_of
 GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END, STARS, POINTING = "entry", "end", "stars", "pointing"
 LARGE = np.radians(5.0)  # [E] of an attitude about an axis, 1 sigma: beyond it errors are not linear
-LOOK_S = 10.0  # between two looks at that
+LOOK_S = 1.0  # between two looks at that, as fixes come: thrust tells in seconds what spin has made unknown
 MOST = {"flight": 2, "planned": 2, "moved": 2, "growth": 4}  # that are kept, of what is large
 MOST_OTHERS = 64
-ALONE = (  # sections that GPS fixes and readings of instruments do not depend on
+ALONE = (  # sections that GPS fixes and readings of instruments do not depend on, but for the flight's part
     "imu", "star_camera", "star_tracker", "navigation", "requirements", "log", "campaign", "dispersions",
 )  # fmt: skip
 OF_STARS = "star_camera", "star_tracker"
@@ -107,13 +107,12 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
     key = flight_key(scenario)
     flight = shared.of("flight", key, lambda: prepare.fly_vehicle(scenario, shared.seed))
     scenario = _settled(scenario, shared, key, flight)
-    heard = shared.of(
-        "heard", _others(scenario), lambda: _with_readings(scenario, shared.seed, flight, gps_s)
-    )
+    given = key, _others(scenario)
+    heard = shared.of("heard", given, lambda: _with_readings(scenario, shared.seed, flight, gps_s))
     seen = stars.NONE
     if scenario.star_tracker.enabled:
-        dump = scenario.model_dump(include=set(OF_STARS), exclude={"star_tracker": {"model"}})
-        seen = shared.of("stars", (key, repr(dump)), lambda: _stars(scenario, shared.seed, flight, star_s))
+        given = key, _of_stars(scenario)
+        seen = shared.of("stars", given, lambda: _stars(scenario, shared.seed, flight, star_s))
     along = heard._replace(
         imu=settings(scenario.imu), camera=params.star_camera(scenario), star_fixes=list(seen.fixes)
     )
@@ -203,6 +202,12 @@ def _others(scenario):
     """What decides on GPS fixes and readings of instruments, as a text."""
     dump = scenario.model_dump(exclude=set(ALONE))
     return repr(dump)
+
+
+def _of_stars(scenario):
+    """What decides on star fixes beside the flight, as a text: camera, star tracker, what that is told."""
+    dump = scenario.model_dump(include=set(OF_STARS), exclude={"star_tracker": {"model"}})
+    return repr((dump, scenario.navigation.told))
 
 
 def _with_readings(scenario, seed, flight, gps_s):
