@@ -270,7 +270,7 @@ def _reprocess(nav, first, last, results, recorder=None):
         history.back_to(first - 1)
     else:
         history.go_to(first - 1)
-    if nav.params.lasting_share or nav.params.aids:
+    if nav.params.range_bias_sigma or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
@@ -366,14 +366,11 @@ def rows_used(nav, measurement, z, H, R):
     """
     if measurement.fate == Fate.DOUBTED:
         return z[:0], H[:0], R[:0, :0]
-    if measurement.rows is not None:
-        used = measurement.rows
-        return z[used], H[used], R[np.ix_(used, used)]
-    name, fix = measurement.sensor, measurement.fix
+    name, fix, used = measurement.sensor, measurement.fix, measurement.rows
     R = counted_noise(nav, name, fix, R)
     if nav.sensors[name].counted is not None:
         nav.history.used_s[name] = fix.t_valid_s
-    return z, H, R
+    return (z, H, R) if used is None else (z[used], H[used], R[np.ix_(used, used)])
 
 
 def _used(nav, now, measurement, dx, update, confirmed):

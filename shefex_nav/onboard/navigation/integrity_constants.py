@@ -113,12 +113,11 @@ class Constants:
         if what in (VELOCITY, RATES) and nav.params.vibration_period_s <= LONGEST_S:
             ticks = nav.history.oldest, nav.history.number(now.k)
             motion = _read(nav.history.arrays, *ticks, now.t_s - nav.params.vibration_period_s)
-        less = 0.0  # than m is the mean of z^T S^-1 z, by noise that counts for more than it is
-        if counted is not R:
-            gate, S = S, S - R + counted
-            less = len(z) - float(np.trace(np.linalg.solve(S, gate)))
+        gate, S = S, S if counted is R else S - R + counted
         if used is not None:
-            z, H, S = z[used], H[used], S[np.ix_(used, used)]
+            z, H, S, gate = z[used], H[used], *(one[np.ix_(used, used)] for one in (S, gate))
+        # than m is the mean of z^T S^-1 z, by noise that counts for more than it is
+        less = 0.0 if counted is R else len(z) - float(np.trace(np.linalg.solve(S, gate)))
         clock = nav.layout.places["clock"]
         constant = self.omega_ie_i, nav.params.l_ba_b, -1 if clock is None else clock.start
         seen = Shown(now.x, now.P, z, H, S, *motion, *constant, now.t_s - self.seen_s)

@@ -14,9 +14,9 @@ multipath wander over minutes. The block `range_bias` has a state for each satel
 them share, first-order Gauss-Markov with one sigma and one correlation time for all causes together; then
 innovations are as white and as large as their covariance says. A receiver says how large these errors are
 (`GpsRanges.sigma_lasting`, `sigma_shared`), and each state counts for as much more or less in the range: a
-ray that leads down from orbit crosses the ionosphere twice. Without the block the same variance is added to
-R: each innovation is then as large as R says, but not independent of the one before, and the filter is too
-sure of what it gathers in minutes.
+ray that leads down from orbit crosses the ionosphere twice. Without the block the same covariance is added to
+R: each innovation is then as large as R says, but not independent of the one before. So ranges that have
+passed the gate count with more of it (`counted`), as position fixes do.
 """
 
 import numpy as np
@@ -43,14 +43,14 @@ def pseudoranges(layout, state, ranges, a, sigma_bias=0.0):
 
     Returns
     -------
-    z : (n,) m;  H : (n, layout.n);  R : (n, n) m^2, diagonal
+    z : (n,) m;  H : (n, layout.n);  R : (n, n) m^2
     """
     rho, u, _ = lines_of_sight(ranges, a.r_e)
     H = -u @ a.J_r
     H[:, layout.places["clock"].start] = 1.0
     z = ranges.pseudorange - rho - state.clock[0]
     own, shared = _lasting(ranges, sigma_bias)
-    variance = ranges.sigma_range**2
+    R = np.diag(ranges.sigma_range**2)
     place, has_state = layout.places["range_bias"], ranges.prn <= SATELLITES
     if place is not None:
         rows, slots = np.flatnonzero(has_state), ranges.prn[has_state] - 1
@@ -58,10 +58,23 @@ def pseudoranges(layout, state, ranges, a, sigma_bias=0.0):
         z -= shared * state.range_bias[SATELLITES]
         H[rows, place.start + slots] = own[rows]
         H[:, place.start + SATELLITES] = shared
-        variance = variance + np.where(has_state, 0.0, own * sigma_bias) ** 2
-    else:
-        variance = variance + (own * sigma_bias) ** 2 + (shared * sigma_bias) ** 2
-    return z, H, np.diag(variance)
+        R = R + np.diag(np.where(has_state, 0.0, own * sigma_bias) ** 2)
+    elif sigma_bias:
+        R = R + _covariance(own, shared, sigma_bias)
+    return z, H, R
+
+
+def counted(ranges, R, sigma_bias, factor):
+    """Noise with which ranges count whose errors that last have no state. R (n, n) m^2 as of `pseudoranges`
+
+    factor : `measurements.lasting_factor` of errors that last altogether
+    """
+    return R + (factor - 1.0) * _covariance(*_lasting(ranges, sigma_bias), sigma_bias)
+
+
+def _covariance(own, shared, sigma_bias):
+    """(n, n) m^2 of errors that last. own, shared : as `_lasting`"""
+    return sigma_bias**2 * (np.diag(own**2) + np.outer(shared, shared))
 
 
 def _lasting(ranges, sigma_bias):

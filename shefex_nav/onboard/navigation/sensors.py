@@ -299,16 +299,26 @@ ARRIVALS = {
 
 def table(params):
     """The sensors of a filter: `SENSORS`, and behind them its aids. NavParams -> {name: Sensor}"""
-    position = SENSORS["gps_position"]
+    position, ranges = SENSORS["gps_position"], SENSORS["gps_range"]
     if params.lasting_share:
         position = position._replace(counted=_lasting_position)
-    return SENSORS | {"gps_position": position} | {aid.name: aiding.sensor(aid) for aid in params.aids}
+    if params.range_bias_sigma and "range_bias" not in params.sigma_blocks:
+        ranges = ranges._replace(counted=_lasting_ranges)
+    own = {"gps_position": position, "gps_range": ranges}
+    return SENSORS | own | {aid.name: aiding.sensor(aid) for aid in params.aids}
 
 
 def _lasting_position(nav, fix, R, gap_s):
     """As `Sensor.counted`, of positions a part of whose errors lasts."""
     params = nav.params
     return measurements.lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s) * R
+
+
+def _lasting_ranges(nav, fix, R, gap_s):
+    """As `Sensor.counted`, of ranges whose errors last and have no states."""
+    params = nav.params
+    factor = measurements.lasting_factor(1.0, params.range_bias_time_s, gap_s)
+    return measure_ranges.counted(fix, R, params.range_bias_sigma, factor)
 
 
 def arrivals(nav, arrived):
