@@ -148,7 +148,8 @@ def flights(campaign):
         rows.append(("frames of the window solved", words))
         bound = f"at most {_tiny(star.most_wrong_runs)} of runs, {_tiny(star.most_wrong_fixes)} of fixes"
         share = star.runs_with_wrong
-        wrong = f"{star.wrong} in {share.part} of {share.whole} runs; {bound} (95 %)"
+        alone = "" if star.wrong else ", if those of a run had nothing in common"
+        wrong = f"{star.wrong} in {share.part} of {share.whole} runs; {bound}{alone} (95 %)"
         rows.append(("wrong star fixes", Bold(wrong) if star.wrong else wrong))
     for one in statistics.ellipses(campaign):
         long, short = one.semi_axes_km

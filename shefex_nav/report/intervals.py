@@ -32,6 +32,38 @@ def proportion(k, n, confidence=CONFIDENCE):
     return low, high
 
 
+def clustered(parts, wholes, confidence=CONFIDENCE):
+    """Interval of a share of trials that belong together in clusters, such as the frames of a run.
+
+    That of Clopper and Pearson for as many independent trials as have the variance over the clusters (Korn
+    and Graubard, Survey Methodology 24, 1998, 193), never more than there are. Student's of the ratio ends
+    too early where few clusters differ from the others: with three of 300 it holds 85 % in place of 95 %.
+
+    Parameters
+    ----------
+    parts, wholes : (n,), successes and trials of each cluster, n >= 2, not all trials 0
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    parts, wholes = _numbers(parts), _numbers(wholes)
+    n, whole = len(parts), wholes.sum()
+    if not (n >= 2 and whole > 0.0 and (parts >= 0.0).all() and (parts <= wholes).all()):
+        raise ValueError("expected parts among wholes of two clusters or more")
+    share, tail = parts.sum() / whole, 0.5 * (1.0 - confidence)
+    rest = parts - share * wholes
+    variance, trials = n / (n - 1) * float(rest @ rest) / whole**2, whole
+    if variance > 0.0:
+        known = (stats.t.ppf(tail, whole - 1.0) / stats.t.ppf(tail, n - 1.0)) ** 2 if whole > 1.0 else 1.0
+        trials = min(share * (1.0 - share) / variance * known, whole)
+    k = share * trials
+    low = float(stats.beta.ppf(tail, k, trials - k + 1.0)) if share > 0.0 else 0.0
+    high = float(stats.beta.ppf(1.0 - tail, k + 1.0, trials - k)) if share < 1.0 else 1.0
+    return low, high
+
+
 def paired_shares(only_a, only_b, n, confidence=CONFIDENCE):
     """Interval of the difference B - A of two probabilities, from n pairs (Bonett and Price 2012).
 

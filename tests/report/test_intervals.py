@@ -26,6 +26,35 @@ def test_proportion_covers_for_every_outcome(p):
     assert 0.95 <= coverage < 1.0
 
 
+@pytest.mark.parametrize("bad", [1, 3, 10])
+def test_a_share_of_frames_that_few_runs_lack_is_covered(bad):
+    """Of 300 runs some lose 10 of 1000 frames each: Student's interval of the ratio held 85 % with three."""
+    rng, n, tries, covered = np.random.default_rng(3), 300, 2000, 0
+    wholes, truth = np.full(n, 1000.0), 1.0 - 0.01 * bad / n
+    for _ in range(tries):
+        low, high = intervals.clustered(wholes - 10.0 * (rng.random(n) < bad / n), wholes)
+        covered += low <= truth <= high
+    # of none that loses any, what a run would lose is not known: 5 % of the campaigns of three, 37 % of one
+    without = (1.0 - bad / n) ** n
+    assert covered / tries > (0.95 - 3.0 * np.sqrt(0.95 * 0.05 / tries)) * (1.0 - without)
+
+
+def test_clusters_that_have_nothing_in_common_are_single_trials():
+    assert intervals.clustered([4.0] * 6, [50.0] * 6) == pytest.approx(intervals.proportion(24, 300))
+    assert intervals.clustered([0.0] * 6, [50.0] * 6) == pytest.approx(intervals.proportion(0, 300))
+    # all of one cluster of ten: as one of ten, less what ten do not know of their variance
+    low, high = intervals.clustered([0.0] * 9 + [100.0], [100.0] * 10)
+    trials = 9.0 * (stats.t.ppf(0.025, 999) / stats.t.ppf(0.025, 9)) ** 2
+    assert (low, high) == pytest.approx(
+        (
+            stats.beta.ppf(0.025, 0.1 * trials, 0.9 * trials + 1.0),
+            stats.beta.ppf(0.975, 0.1 * trials + 1.0, 0.9 * trials),
+        )
+    )
+    with pytest.raises(ValueError, match="among wholes"):
+        intervals.clustered([5.0, 1.0], [4.0, 4.0])
+
+
 @pytest.mark.parametrize("q", [50.0, 97.5])
 def test_percentile_covers_whatever_the_distribution(q):
     rng = np.random.default_rng(11)
