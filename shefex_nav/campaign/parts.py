@@ -109,11 +109,12 @@ def errors(campaign):
     if not found:
         return None
     names = (f">{percent:g} %" for percent in statistics.QUANTILES)
-    heads = ("error", "unit", *names, ">worst", ">run", ">runs to add")
+    heads = ("error", "unit", ">runs", *names, ">worst", ">run", ">runs to add")
     rows = tuple(
         (
             one.name,
             one.unit,
+            f"{one.samples:,}",
             *(_with_interval(percentile) for percentile in one.percentiles),
             _short(one.worst),
             str(one.worst_run),
@@ -121,8 +122,13 @@ def errors(campaign):
         )
         for one in found
     )
-    note = "Runs to add: until the 95 % percentile is known to 5 % of itself."
-    return Part("Sizes of errors: percentiles over the runs, with 95 % intervals", heads, rows, (note,))
+    lines = ["Runs to add: until the 95 % percentile is known to 5 % of itself."]
+    if fewer := sum(one.samples < len(campaign) for one in found):
+        which = "all errors" if fewer == len(found) else "some errors"
+        lines.append(
+            f"Of {which} there are fewer than {len(campaign):,} runs: the others failed, or have none."
+        )
+    return Part("Sizes of errors: percentiles over the runs, with 95 % intervals", heads, rows, tuple(lines))
 
 
 def _still(spread):
