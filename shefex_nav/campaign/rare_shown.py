@@ -53,7 +53,8 @@ def lines(found):
         yield f"probability of {words(event)}: {estimate.probability:.2g} ({about})"
     else:
         nearest = words(event, event.sign * estimate.levels[-1].threshold)
-        yield f"{words(event)} is rarer than --smallest; {nearest}: {estimate.probability:.2g} ({about})"
+        likely = f"{estimate.probability:.2g} ({about})"
+        yield f"{words(event)} is rarer than {nearest}, where --smallest ends the search: {likely}"
     if math.isfinite(estimate.plain):
         plain = f"{estimate.plain:.2g}" if estimate.plain >= 1e5 else f"{estimate.plain:.0f}"
         yield f"{estimate.evaluated} flights; plain Monte Carlo needs {plain} for the same coefficient"
@@ -127,7 +128,7 @@ def summary(found):
         "nominal": found.nominal,
         "reached": estimate.reached,
         "probability": estimate.probability if estimate.reached else None,
-        "rarer_than": None if estimate.reached else estimate.probability,
+        "rarer_than": None if estimate.reached else estimate.interval[1],  # what is likely, not the estimate
         "coefficient_of_variation": estimate.variation,
         "interval_95": list(estimate.interval),
         "flights": estimate.evaluated,

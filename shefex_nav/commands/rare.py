@@ -1,6 +1,6 @@
 """`shefex-nav rare`: how probable a rare event of a flight is.
 
-Exit codes: 0 done, also if the event is rarer than --smallest, 2 bad input, or a flight that cannot be.
+Exit codes: 0 done, also if the search ends before the event, 2 bad input, or a flight that cannot be.
 """
 
 from pathlib import Path

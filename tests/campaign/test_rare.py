@@ -193,7 +193,12 @@ def test_the_command(rocket, tmp_path, monkeypatch, capsys):
     code, out, err = command(
         monkeypatch, capsys, *words, "--force", "--smallest", "0.1", "--of", "apogee < 70 km"
     )
-    assert code == 0 and "apogee < 70 km is rarer than --smallest" in out and "the worst of them" in out
+    assert code == 0 and "apogee < 70 km is rarer than apogee < " in out and "the worst of them" in out
+    code, out, _ = command(
+        monkeypatch, capsys, *words, "--force", "--json", "--smallest", "0.1", "--of", "apogee < 70 km"
+    )
+    found = json.loads(out)  # of an event of 1.3e-4 where the search ended at 1e-4, the estimate is below
+    assert not found["reached"] and found["rarer_than"] == found["interval_95"][1] > 0.1
 
 
 def test_a_limit_of_the_requirements(rocket):
