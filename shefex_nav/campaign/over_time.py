@@ -321,8 +321,8 @@ def holm(p):
 def time_averages(series):
     """Mean NEES over time and runs, over its degrees of freedom: dict block -> (value, low, high).
 
-    Each run's average over time is one sample of its own, so the interval is Student's over runs; 99 %, with
-    which the five blocks together hold 1 in 95 % of all cases if the covariance is right.
+    Each run's average over time is one sample of its own, so the interval is over runs; 99 %, with which the
+    five blocks together hold 1 in 95 % of all cases if the covariance is right.
     """
     result = {}
     for b, block in enumerate(BLOCKS):
@@ -331,8 +331,7 @@ def time_averages(series):
         if some.any():
             total = np.where(known, series.nees[:, :, b], 0.0).sum(axis=1)[some]
             each = total / known.sum(axis=1)[some] / DOF
-            low, high = intervals.mean(each, BLOCK_CONFIDENCE)
-            result[block] = (float(each.mean()), max(low, 0.0), high)
+            result[block] = (float(each.mean()), *intervals.mean_square(each, BLOCK_CONFIDENCE))
     return result
 
 

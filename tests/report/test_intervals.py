@@ -85,6 +85,36 @@ def test_rms_covers_normal_and_heavy_tailed_errors(draw):
     assert 0.92 < covered / tries < 0.97
 
 
+@pytest.mark.parametrize("n", [3, 8, 20, 200])
+@pytest.mark.parametrize("dof", [3, 30])
+def test_the_mean_of_squares_is_covered_at_both_ends(n, dof):
+    """Of chi-square over its degrees of freedom; Student's ends lie below 1 in 3.4 % in place of 0.5 %."""
+    tries = 4000
+    ends = [
+        intervals.mean_square(one, 0.99) for one in np.random.default_rng(14).chisquare(dof, (tries, n)) / dof
+    ]
+    low, high = np.transpose(ends)
+    assert stats.binomtest(int((low > 1.0).sum()), tries, 0.006, alternative="greater").pvalue > 1e-3
+    assert stats.binomtest(int((high < 1.0).sum()), tries, 0.006, alternative="greater").pvalue > 1e-3
+    if n > 3:  # of three the ends are so far away that none is missed
+        assert ((low > 1.0) | (high < 1.0)).mean() > 0.005
+
+
+def test_the_mean_of_many_squares_has_student_s_interval():
+    squares = np.random.default_rng(15).chisquare(9.0, 20_000) / 9.0
+    assert intervals.mean_square(squares) == pytest.approx(intervals.mean(squares), abs=1e-4)
+    assert intervals.mean_square([1.5]) == (0.0, np.inf) and intervals.mean_square([1.5, 1.5]) == (1.5, 1.5)
+
+
+@pytest.mark.parametrize("n", [3, 5, 10, 20])
+def test_rms_of_few_normal_errors_is_covered(n):
+    """With Student's interval of the squares it was in 81 % of five errors, in 90 % of twenty."""
+    rng, tries = np.random.default_rng(16), 2000
+    ends = [intervals.rms(rng.normal(size=n)) for _ in range(tries)]
+    covered = sum(low <= 1.0 <= high for low, high in ends)
+    assert stats.binomtest(covered, tries, 0.92, alternative="less").pvalue > 1e-3
+
+
 def test_mean_and_bootstrap_agree_where_both_apply():
     rng = np.random.default_rng(13)
     values = rng.gamma(3.0, size=500)
