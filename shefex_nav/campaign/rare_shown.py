@@ -82,12 +82,16 @@ def _cautions(found):
     if found.failed:
         first, beyond = estimate.levels[0].evaluated, found.estimate.samples
         if found.problem.of_failed == LEFT_OUT:
-            yield f"{found.failed} of the first {first} flights failed; they are left out, as was asked"
+            yield (
+                f"{found.failed} of the first {first} flights failed; they count as flights without the "
+                "event, as was asked: the probability is, of all flights, that one does not fail and is "
+                "beyond the limit"
+            )
         else:
             here = sum(one.value == FAILED for one in beyond)
             yield (
                 f"{found.failed} of the first {first} flights failed, and {here} of the {len(beyond)} beyond "
-                "the last threshold; they count as the event, --without-failed leaves them out"
+                "the last threshold; they count as the event, with --without-failed as flights without it"
             )
 
 

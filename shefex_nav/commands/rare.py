@@ -32,7 +32,7 @@ Place = Annotated[
 Runs = Annotated[int, typer.Option(min=50, max=1_000_000, help="Flights of each level.")]
 Smallest = Annotated[float, typer.Option(min=1e-9, max=0.1, help="Probability at which the search gives up.")]
 WithoutFailed = Annotated[
-    bool, typer.Option("--without-failed", help="Flights that fail do not count as the event.")
+    bool, typer.Option("--without-failed", help="Flights that fail count as flights without the event.")
 ]
 Folder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for the result and the scenarios of the worst.")

@@ -225,6 +225,16 @@ def test_percentiles_say_of_how_many_runs_they_are(folder, tmp_path):
     assert {row[2] for row in whole.rows} == {"5"} and len(whole.lines) == 1
 
 
+def test_what_cannot_be_judged_is_not_drawn_as_missed(folder):
+    campaign = open_campaign(folder)
+    titles = [axis.get_title(loc="left") for axis in figures.draw_convergence(campaign).axes]
+    found = campaign.judgements
+    unjudged = found.judgeable & (np.array(found.names) != "misleading")
+    campaign.__dict__["judgements"] = found._replace(judgeable=unjudged)
+    fewer = [axis.get_title(loc="left") for axis in figures.draw_convergence(campaign).axes]
+    assert set(titles) - set(fewer) == {"misleading: share of runs"}
+
+
 def test_verdicts_of_one_flight_say_so(folder):
     campaign = open_campaign(folder)
     words = "All runs have one and the same flight: what is shown is shown of this flight alone."
