@@ -6,6 +6,7 @@ which of the two is better is known beforehand, and the figures follow from the 
 
 import json
 import re
+import shutil
 
 import keeping
 import numpy as np
@@ -168,6 +169,14 @@ def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
             words = "not judged: A has a solution at 100 % of the ticks, B at 99.8 %"
             assert {cells[name] for name in spoken} == {words}
         assert "not judged" not in cells["ticks with a solution"]
+
+
+def test_runs_of_one_flight_are_told(whole, tmp_path):
+    folder = shutil.copytree(whole[0], tmp_path / "shared")
+    head = json.loads((folder / "campaign.json").read_text())
+    (folder / "campaign.json").write_text(json.dumps(head | {"flight": "shared"}))
+    found = comparison.compare(*sided([whole[0], folder]))
+    assert found.notes == ("B: all runs have one and the same flight: what is seen is of this flight alone",)
 
 
 def test_who_has_no_solution_at_entry_of_the_worst_flights_does_not_win(whole):
