@@ -189,11 +189,11 @@ def draw_convergence(campaign):
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     panels, judged = [], campaign.judgements
-    if len(judged.passed):
-        panels = [
-            (f"{name.replace('_', ' ')}: share of runs", convergence.success_course(judged.passed[:, k]))
-            for k, name in enumerate(judged.names)
-        ]
+    for k, name in enumerate(judged.names):
+        of = judged.judgeable[:, k]
+        if of.any():
+            course = convergence.success_course(judged.passed[of, k])
+            panels.append((f"{name.replace('_', ' ')}: share of runs", course))
     for one in statistics.ERRORS:
         size = np.abs(np.array([campaign.numbers(column) for column in one[1]])).max(axis=0)
         values = size[np.isfinite(size) & campaign.succeeded]
@@ -252,7 +252,8 @@ def draw_sensitivity(campaign):
         axis.set_title(
             f"{one.outcome}: R² {one.r2:.2f} ({one.r2_low:.2f} to {one.r2_high:.2f})", loc="left", fontsize=10
         )
-    _title(figure, "What explains the results: sigmas per sigma of a draw, 95 %; grey: none that is certain")
+    words = "each with its 95 % interval; grey: zero is within"
+    _title(figure, f"What explains the results: sigmas per sigma of a draw, {words}")
     return figure
 
 

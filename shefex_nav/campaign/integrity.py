@@ -2,15 +2,19 @@
 
 Counted are the events of `report.trust`: stretches of more than its time to alert in which a quantity is
 usable although its error is beyond its protection level, per hour of the time in which it is usable, over all
-runs that flew to their end. Events come as a Poisson process; `most` and `least` bound its rate one-sided at
-CONFIDENCE (Garwood 1936). A campaign of T usable hours without an event shows 4.6/T per hour at 99 %: a risk
-of 1e-1 or 1e-2 per hour can be counted (`requirements.integrity_risk`, and the levels are made for it), a
-smaller one cannot. Of that there is an extrapolation alone: largest error over level of each run, r, whose
-square has the tail of an exponential if errors are normal, so that its maximum over a run is Gumbel's. It
-says how often r would exceed 1 if the tail goes on like the body, and knows nothing of faults not flown.
+runs that flew to their end. `most` and `least` bound their rate one-sided at CONFIDENCE, as of a Poisson
+process (Garwood 1936). Where the events of a run come together, they scatter more from run to run than its:
+then events and hours count as so many fewer as have that scatter, as trials do in Korn and Graubard's
+interval (`intervals.clustered`). A campaign of T usable hours without an event shows 4.6/T per hour at 99 %,
+if events come alone: a risk of 1e-1 or 1e-2 per hour can be counted (`requirements.integrity_risk`, and the
+levels are made for it), a smaller one cannot. Of that there is an extrapolation alone: largest error over
+level of each run, r, whose square has the tail of an exponential if errors are normal, so that its maximum
+over a run is Gumbel's. It says how often r would exceed 1 if the tail goes on like the body, and knows
+nothing of faults not flown.
 """
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +23,7 @@ from shefex_nav.records import QUANTITIES
 
 CONFIDENCE = 0.99
 FEWEST_RUNS = 20  # [E] for a tail
-BOOTSTRAPS = 200
+SAMPLES, LARGEST = 4000, 1000  # of Gumbel's distribution that are drawn, and runs in each at most
 WHERE = "summary.navigation.integrity"
 
 
@@ -68,7 +72,8 @@ def _of(quantity, hours, events, over, runs, risk):
     total, k = float(hours.sum()), int(events.sum())
     if not total > 0.0:
         return Counted(quantity, 0.0, k, *[None] * 3, risk, *[None] * 4)
-    least, most = poisson(k, CONFIDENCE)
+    together = _together(events, hours)
+    least, most = (together * end for end in poisson(k / together, CONFIDENCE))
     used = np.isfinite(over)
     worst = int(np.nanargmax(over)) if used.any() else None
     tail = extrapolated(over[used], hours[used]) if used.sum() >= FEWEST_RUNS else (None, None)
@@ -76,6 +81,15 @@ def _of(quantity, hours, events, over, runs, risk):
         quantity, total, k, k / total, least / total, most / total, risk,
         None if worst is None else float(over[worst]), None if worst is None else int(runs[worst]), *tail,
     )  # fmt: skip
+
+
+def _together(events, hours):
+    """How many times as much as a Poisson process events (n,) scatter from run to run; 1 at least."""
+    k, n = float(events.sum()), len(events)
+    if not k or n < 2:
+        return 1.0
+    rest = events - k / float(hours.sum()) * hours
+    return max(n / (n - 1) * float(rest @ rest) / k, 1.0)
 
 
 def poisson(k, confidence):
@@ -89,22 +103,33 @@ def poisson(k, confidence):
 def extrapolated(over, hours):
     """Rate per hour at which errors would exceed their level if the tail went on, and its upper bound.
 
-    over : (n,) largest error over its level of each run;  hours : (n,) usable in it
-    -> rate, bound at CONFIDENCE of a bootstrap over the runs
+    The distribution of the squares of error over level is Gumbel's, by moments. In its scale the level is
+    a above its place, and is exceeded exp(-a) times a run. Were a known, mean + z deviation of a sample would
+    be below it with a probability that depends on z and the size of the sample alone: the bound takes the a
+    at which that of the z that was found is 1 - CONFIDENCE.
+
+    over : (n,) largest error over its level of each run, n > 1;  hours : (n,) usable in it
+    -> rate, bound at CONFIDENCE; None, None of errors that are all alike
     """
-    rng, n = np.random.default_rng(0), len(over)
-    rates = [_rate(over[rng.integers(0, n, n)]) for _ in range(BOOTSTRAPS)]
-    per_hour = 1.0 / float(hours.mean())
-    return _rate(over) * per_hour, float(np.quantile(rates, CONFIDENCE)) * per_hour
+    square, per_hour = over**2, 1.0 / float(hours.mean())
+    deviation = float(square.std(ddof=1))
+    if not deviation > 0.0:
+        return None, None
+    z = (1.0 - float(square.mean())) / deviation
+    likely = np.euler_gamma + z * math.pi / math.sqrt(6.0)
+    means, deviations = _of_gumbel(len(over))
+    least = float(np.quantile(means + z * deviations, 1.0 - CONFIDENCE))
+    return tuple(math.exp(min(-a, 50.0)) * per_hour for a in (likely, least))
 
 
-def _rate(over):
-    """Mean number of times in a run that the square of error over level exceeds one: Gumbel, by moments."""
-    square = over**2
-    scale = math.sqrt(6.0) / math.pi * float(square.std(ddof=1))
-    if not scale > 0.0:
-        return 0.0 if square[0] < 1.0 else math.inf
-    return math.exp(min((float(square.mean()) - np.euler_gamma * scale - 1.0) / scale, 50.0))
+@cache
+def _of_gumbel(n):
+    """Mean and deviation of drawn samples of n of Gumbel's standard distribution: (SAMPLES,), (SAMPLES,)."""
+    size = min(n, LARGEST)
+    rows = np.random.default_rng(0).gumbel(size=(SAMPLES, size))
+    less = math.sqrt(size / n)  # as they scatter less in larger samples
+    found = (rows.mean(axis=1), np.euler_gamma), (rows.std(axis=1, ddof=1), math.pi / math.sqrt(6.0))
+    return tuple(true + less * (one - true) for one, true in found)
 
 
 def summary(campaign):

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.plan import BLOCKS
-from shefex_nav.instruments import TABLE
 from shefex_nav.report import intervals
+from shefex_nav.report.innovations import errors_last
 from shefex_nav.report.nees import chi2_bounds
 
 CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
@@ -183,7 +183,7 @@ def anis(series):
     """Normalised squared innovations: dict sensor -> Normalised, its mean (T,)."""
     result = {}
     for sensor, dof_of_runs in series.nis_dof.items():
-        if sensor in TABLE and TABLE[sensor].errors_last:
+        if errors_last(sensor):
             continue
         total, dof = (one.sum(axis=0, dtype=float) for one in (series.nis_sum[sensor], dof_of_runs))
         mean = np.divide(total, dof, out=np.full(dof.shape, np.nan), where=dof > 0)
@@ -260,7 +260,7 @@ def judge_nis(series):
     Each run's mean is one sample, so the interval is Student's over runs: innovations of one run have its
     draws in common. With thousands of innovations the smallest fault of a model is certain, so a mean that
     is off by less than PRACTICAL is let pass and told as such. Of a single run, whose innovations are all
-    there is, chi-square.
+    there is, chi-square. Where errors last, right sigmas make it less than 1: only more is judged.
     """
     found = []
     for sensor, dof_of_runs in series.nis_dof.items():
@@ -269,11 +269,18 @@ def judge_nis(series):
         total = series.nis_sum[sensor].sum(axis=1, dtype=float)[some]
         words = f"NIS of {sensor.replace('_', ' ')}, mean of the runs"
         if some.sum() > 1:
-            found.append(_student(words, total / dof[some]))
+            one = _student(words, total / dof[some])
         elif some.any():
-            one = chi_square(words, float(total[0]), int(dof[some][0]), 1)
-            found.append(one._replace(practical=PRACTICAL))
+            one = chi_square(words, float(total[0]), int(dof[some][0]), 1)._replace(practical=PRACTICAL)
+        else:
+            continue
+        found.append(_above(one) if errors_last(sensor) else one)
     return with_holm(found)
+
+
+def _above(one):
+    """A Verdict of which only a larger value speaks against the covariance."""
+    return one._replace(low=0.0, p=0.5 * one.p if one.value > 1.0 else 1.0)
 
 
 def _student(what, values):
@@ -314,8 +321,8 @@ def holm(p):
 def time_averages(series):
     """Mean NEES over time and runs, over its degrees of freedom: dict block -> (value, low, high).
 
-    Each run's average over time is one sample of its own, so the interval is Student's over runs; 99 %, with
-    which the five blocks together hold 1 in 95 % of all cases if the covariance is right.
+    Each run's average over time is one sample of its own, so the interval is over runs; 99 %, with which the
+    five blocks together hold 1 in 95 % of all cases if the covariance is right.
     """
     result = {}
     for b, block in enumerate(BLOCKS):
@@ -324,8 +331,7 @@ def time_averages(series):
         if some.any():
             total = np.where(known, series.nees[:, :, b], 0.0).sum(axis=1)[some]
             each = total / known.sum(axis=1)[some] / DOF
-            low, high = intervals.mean(each, BLOCK_CONFIDENCE)
-            result[block] = (float(each.mean()), max(low, 0.0), high)
+            result[block] = (float(each.mean()), *intervals.mean_square(each, BLOCK_CONFIDENCE))
     return result
 
 

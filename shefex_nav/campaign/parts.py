@@ -109,11 +109,12 @@ def errors(campaign):
     if not found:
         return None
     names = (f">{percent:g} %" for percent in statistics.QUANTILES)
-    heads = ("error", "unit", *names, ">worst", ">run", ">runs to add")
+    heads = ("error", "unit", ">runs", *names, ">worst", ">run", ">runs to add")
     rows = tuple(
         (
             one.name,
             one.unit,
+            f"{one.samples:,}",
             *(_with_interval(percentile) for percentile in one.percentiles),
             _short(one.worst),
             str(one.worst_run),
@@ -121,8 +122,13 @@ def errors(campaign):
         )
         for one in found
     )
-    note = "Runs to add: until the 95 % percentile is known to 5 % of itself."
-    return Part("Sizes of errors: percentiles over the runs, with 95 % intervals", heads, rows, (note,))
+    lines = ["Runs to add: until the 95 % percentile is known to 5 % of itself."]
+    if fewer := sum(one.samples < len(campaign) for one in found):
+        which = "all errors" if fewer == len(found) else "some errors"
+        lines.append(
+            f"Of {which} there are fewer than {len(campaign):,} runs: the others failed, or have none."
+        )
+    return Part("Sizes of errors: percentiles over the runs, with 95 % intervals", heads, rows, tuple(lines))
 
 
 def _still(spread):
@@ -148,7 +154,8 @@ def flights(campaign):
         rows.append(("frames of the window solved", words))
         bound = f"at most {_tiny(star.most_wrong_runs)} of runs, {_tiny(star.most_wrong_fixes)} of fixes"
         share = star.runs_with_wrong
-        wrong = f"{star.wrong} in {share.part} of {share.whole} runs; {bound} (95 %)"
+        alone = "" if star.wrong else ", if those of a run had nothing in common"
+        wrong = f"{star.wrong} in {share.part} of {share.whole} runs; {bound}{alone} (95 %)"
         rows.append(("wrong star fixes", Bold(wrong) if star.wrong else wrong))
     for one in statistics.ellipses(campaign):
         long, short = one.semi_axes_km
@@ -257,7 +264,8 @@ def trusted(campaign):
         rows.append((one.quantity, hours, str(one.events), rate, stated, verdict, *worst, tail))
     lines = (
         "Events: error beyond its protection level for more than a second while usable. Worst: largest error "
-        "over its level. Extrapolated: a Gumbel tail of the runs' largest, not counted.",
+        "over its level. Bounds: over the runs, so far as runs with events show how many come together; of "
+        "none, as if each came alone. Extrapolated: a Gumbel tail of the runs' largest, not counted.",
     )
     return Part("Integrity risk", heads, tuple(rows), lines)
 

@@ -6,7 +6,7 @@ the path is drawn at, and the seed of the run, from which the attitude control d
 level 0 is run k of the campaign of the same seed.
 
 A flight that fails has no figure. It counts as the event, as a run that fails meets no requirement, unless it
-is left out: then it is on the other side, and its share of level 0 is told.
+is left out: then it is on the other side, a flight without the event, and its share of level 0 is told.
 """
 
 from concurrent.futures import BrokenExecutor, as_completed

@@ -53,7 +53,8 @@ def lines(found):
         yield f"probability of {words(event)}: {estimate.probability:.2g} ({about})"
     else:
         nearest = words(event, event.sign * estimate.levels[-1].threshold)
-        yield f"{words(event)} is rarer than --smallest; {nearest}: {estimate.probability:.2g} ({about})"
+        likely = f"{estimate.probability:.2g} ({about})"
+        yield f"{words(event)} is rarer than {nearest}, where --smallest ends the search: {likely}"
     if math.isfinite(estimate.plain):
         plain = f"{estimate.plain:.2g}" if estimate.plain >= 1e5 else f"{estimate.plain:.0f}"
         yield f"{estimate.evaluated} flights; plain Monte Carlo needs {plain} for the same coefficient"
@@ -81,12 +82,16 @@ def _cautions(found):
     if found.failed:
         first, beyond = estimate.levels[0].evaluated, found.estimate.samples
         if found.problem.of_failed == LEFT_OUT:
-            yield f"{found.failed} of the first {first} flights failed; they are left out, as was asked"
+            yield (
+                f"{found.failed} of the first {first} flights failed; they count as flights without the "
+                "event, as was asked: the probability is, of all flights, that one does not fail and is "
+                "beyond the limit"
+            )
         else:
             here = sum(one.value == FAILED for one in beyond)
             yield (
                 f"{found.failed} of the first {first} flights failed, and {here} of the {len(beyond)} beyond "
-                "the last threshold; they count as the event, --without-failed leaves them out"
+                "the last threshold; they count as the event, with --without-failed as flights without it"
             )
 
 
@@ -127,7 +132,7 @@ def summary(found):
         "nominal": found.nominal,
         "reached": estimate.reached,
         "probability": estimate.probability if estimate.reached else None,
-        "rarer_than": None if estimate.reached else estimate.probability,
+        "rarer_than": None if estimate.reached else estimate.interval[1],  # what is likely, not the estimate
         "coefficient_of_variation": estimate.variation,
         "interval_95": list(estimate.interval),
         "flights": estimate.evaluated,

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+FEWEST = 4  # results, which a moment of fourth order takes
 EXACT = 10  # results up to which all orders are counted
 ROUND = 1e-9
 
@@ -34,7 +35,7 @@ class Ranked(NamedTuple):
 
 
 def ranked(values):
-    """-> Ranked of values (n,), not all the same, n >= 4"""
+    """-> Ranked of values (n,), not all the same, n >= FEWEST"""
     from scipy import stats
 
     ranks = stats.rankdata(values)

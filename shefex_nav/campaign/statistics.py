@@ -78,7 +78,7 @@ class StarFixes(NamedTuple):
     wrong: int  # of the whole flight, as all that follows
     runs_with_wrong: Share
     most_wrong_runs: float | None  # one-sided 95 % bound of the probability of a run with a wrong fix
-    most_wrong_fixes: float | None  # likewise of a fix, had the fixes of a run nothing in common
+    most_wrong_fixes: float | None  # likewise of a fix; of none that is wrong, as if each were by itself
 
 
 class Ellipse(NamedTuple):
@@ -170,26 +170,31 @@ def star_fixes(campaign):
         int(wrong.sum()),
         runs_with_wrong,
         at_most(k, n),
-        at_most(int(wrong.sum()), int(np.nansum(fixes))),
+        _most_of_fixes(wrong, np.nan_to_num(fixes)),
     )
+
+
+def _most_of_fixes(wrong, fixes):
+    """One-sided 95 % bound of the share of wrong fixes, (n,) of each run; None where there is none.
+
+    Runs with wrong ones say how many of a run come together; of none at all nothing says it.
+    """
+    if not wrong.any():
+        return at_most(0, int(fixes.sum()))
+    return intervals.clustered(wrong, fixes, 2.0 * CONFIDENCE - 1.0)[1] if len(wrong) > 1 else None
 
 
 def pooled(parts, wholes):
     """Share of all parts in all wholes, of runs whose parts have something in common.
 
-    Ratio estimator over the runs (Cochran, Sampling Techniques, 3rd ed., section 6.4); its interval needs at
-    least two runs, and says nothing where every run gives the very same share.
+    Its interval (`intervals.clustered`) needs at least two runs, and says nothing where every run gives the
+    very same share.
     """
     part, whole, n = int(parts.sum()), int(wholes.sum()), len(parts)
     ratio = part / whole
-    rest = parts - ratio * wholes
-    if n < 2 or not rest.any():
+    if n < 2 or not (parts - ratio * wholes).any():
         return Share(part, whole, ratio, None, None)
-    from scipy import stats
-
-    sigma = math.sqrt(n / (n - 1) * float(rest @ rest)) / whole
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)) * sigma
-    return Share(part, whole, ratio, max(ratio - half, 0.0), min(ratio + half, 1.0))
+    return Share(part, whole, ratio, *intervals.clustered(parts, wholes, CONFIDENCE))
 
 
 def at_most(k, n, confidence=CONFIDENCE):

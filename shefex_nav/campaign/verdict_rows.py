@@ -62,6 +62,8 @@ def _lines(campaign, found):
         yield f"Runs that failed: {failed}. They gave no answer and meet no requirement."
     if campaign.lost:
         yield f"Runs that were lost with their workers: {len(campaign.lost)}. They are no samples."
+    if campaign.head.get("flight") == "shared":
+        yield "All runs have one and the same flight: what is shown is shown of this flight alone."
     if campaign.head.get("sampling") == "latin_hypercube":
         yield "The draws are a Latin hypercube, not independent: bounds and verdicts are approximate."
     n, asked = len(campaign), campaign.head["runs"]

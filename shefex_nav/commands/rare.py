@@ -1,6 +1,6 @@
 """`shefex-nav rare`: how probable a rare event of a flight is.
 
-Exit codes: 0 done, also if the event is rarer than --smallest, 2 bad input, or a flight that cannot be.
+Exit codes: 0 done, also if the search ends before the event, 2 bad input, or a flight that cannot be.
 """
 
 from pathlib import Path
@@ -32,7 +32,7 @@ Place = Annotated[
 Runs = Annotated[int, typer.Option(min=50, max=1_000_000, help="Flights of each level.")]
 Smallest = Annotated[float, typer.Option(min=1e-9, max=0.1, help="Probability at which the search gives up.")]
 WithoutFailed = Annotated[
-    bool, typer.Option("--without-failed", help="Flights that fail do not count as the event.")
+    bool, typer.Option("--without-failed", help="Flights that fail count as flights without the event.")
 ]
 Folder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder for the result and the scenarios of the worst.")

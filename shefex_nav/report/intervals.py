@@ -32,6 +32,38 @@ def proportion(k, n, confidence=CONFIDENCE):
     return low, high
 
 
+def clustered(parts, wholes, confidence=CONFIDENCE):
+    """Interval of a share of trials that belong together in clusters, such as the frames of a run.
+
+    That of Clopper and Pearson for as many independent trials as have the variance over the clusters (Korn
+    and Graubard, Survey Methodology 24, 1998, 193), never more than there are. Student's of the ratio ends
+    too early where few clusters differ from the others: with three of 300 it holds 85 % in place of 95 %.
+
+    Parameters
+    ----------
+    parts, wholes : (n,), successes and trials of each cluster, n >= 2, not all trials 0
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    parts, wholes = _numbers(parts), _numbers(wholes)
+    n, whole = len(parts), wholes.sum()
+    if not (n >= 2 and whole > 0.0 and (parts >= 0.0).all() and (parts <= wholes).all()):
+        raise ValueError("expected parts among wholes of two clusters or more")
+    share, tail = parts.sum() / whole, 0.5 * (1.0 - confidence)
+    rest = parts - share * wholes
+    variance, trials = n / (n - 1) * float(rest @ rest) / whole**2, whole
+    if variance > 0.0:
+        known = (stats.t.ppf(tail, whole - 1.0) / stats.t.ppf(tail, n - 1.0)) ** 2 if whole > 1.0 else 1.0
+        trials = min(share * (1.0 - share) / variance * known, whole)
+    k = share * trials
+    low = float(stats.beta.ppf(tail, k, trials - k + 1.0)) if share > 0.0 else 0.0
+    high = float(stats.beta.ppf(1.0 - tail, k + 1.0, trials - k)) if share < 1.0 else 1.0
+    return low, high
+
+
 def paired_shares(only_a, only_b, n, confidence=CONFIDENCE):
     """Interval of the difference B - A of two probabilities, from n pairs (Bonett and Price 2012).
 
@@ -90,9 +122,9 @@ def values_needed(q, confidence=CONFIDENCE):
 def rms(values, confidence=CONFIDENCE):
     """Interval of the root of the mean square of independent values.
 
-    From the scatter of the squares themselves (their mean is nearly normal), so it holds for errors with
-    heavy tails too, where the chi-square interval of a normal distribution is too narrow. One value says
-    nothing of its scatter: the interval has no upper end.
+    From the scatter of the squares themselves (`mean_square`), so it holds for errors with heavy tails too,
+    where the chi-square interval of a normal distribution is too narrow: of 5 to 50 normal ones it covers
+    93 to 94 %, of Laplace's 88 to 91 %. One value says nothing of its scatter: there is no upper end.
 
     Parameters
     ----------
@@ -103,13 +135,8 @@ def rms(values, confidence=CONFIDENCE):
     -------
     low, high : float
     """
-    squares = _numbers(values) ** 2
-    n = len(squares)
-    if n < 2:
-        return 0.0, np.inf
-    half = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1)) * squares.std(ddof=1) / np.sqrt(n)
-    mean = squares.mean()
-    return float(np.sqrt(max(mean - half, 0.0))), float(np.sqrt(mean + half))
+    low, high = mean_square(_numbers(values) ** 2, confidence)
+    return float(np.sqrt(low)), float(np.sqrt(high))
 
 
 def mean(values, confidence=CONFIDENCE):
@@ -120,6 +147,27 @@ def mean(values, confidence=CONFIDENCE):
     half = float(stats.t.ppf(0.5 + 0.5 * confidence, len(values) - 1))
     half *= float(values.std(ddof=1)) / np.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half
+
+
+def mean_square(values, confidence=CONFIDENCE):
+    """Interval of the mean of sums of squares, (n,) >= 0 -> (low, high); 0, infinite of a single one.
+
+    Student's ends too early above them: a sample with a small mean has a small scatter, too. This is that of
+    a gamma distribution, as chi-square is one, with the shape of the ratio of scatter and mean, of which the
+    mean does not depend (Lukacs, Ann. Math. Stat. 26, 1955, 319). What so few values do not know of the shape
+    is allowed for as by Student: with as many sigmas of a normal distribution as he takes.
+    """
+    values = _numbers(values)
+    n, middle = len(values), float(values.mean())
+    if n < 2:
+        return 0.0, np.inf
+    if not (scatter := float(values.std(ddof=1))):
+        return middle, middle
+    dof = 2.0 * n * (middle / scatter) ** 2
+    tail = stats.norm.sf(stats.t.ppf(0.5 + 0.5 * confidence, n - 1))
+    with np.errstate(divide="ignore"):
+        high = middle * dof / stats.chi2.ppf(tail, dof)
+    return float(middle * dof / stats.chi2.isf(tail, dof)), float(high)
 
 
 def bootstrap(statistic, columns, rng, *, resamples=1000, confidence=CONFIDENCE):

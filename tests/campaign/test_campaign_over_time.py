@@ -132,10 +132,10 @@ def test_holm_by_hand():
     assert over_time.holm([0.9, 0.8]).tolist() == [1.0, 1.0]
 
 
-def made_up_nis(sums, dof):
+def made_up_nis(sums, dof, sensor="gps"):
     """Series with nothing but NIS. (R, T), (R, T)"""
     z = np.zeros((len(sums), sums.shape[1], 5, 3))
-    nis = {"gps": np.asarray(sums, float)}, {"gps": np.asarray(dof, float)}
+    nis = {sensor: np.asarray(sums, float)}, {sensor: np.asarray(dof, float)}
     phase = np.full(sums.shape, 2)
     return over_time.Series(np.arange(len(sums)), np.arange(sums.shape[1]), z, z, z[..., 0], phase, *nis)
 
@@ -159,6 +159,17 @@ def test_nis_is_judged_over_runs_and_by_what_matters():
     assert stats.chi2.sf(pooled, 12 * 1500) < 1e-10
     (alone,) = over_time.judge_nis(made_up_nis(1.3 * squares[:1], dof[:1]))
     assert not alone.good and alone.samples == 1
+
+
+def test_nis_below_1_is_right_where_errors_last():
+    """Of right sigmas: half of the variance is one error of the run, which the filter knows after a while."""
+    dof = np.full((40, 5), 300.0)
+    squares = np.random.default_rng(21).chisquare(dof)
+    for factor, good in ((0.3, True), (1.2, False)):
+        (one,) = over_time.judge_nis(made_up_nis(factor * squares, dof, "barometer"))
+        assert one.good is good and one.low == 0.0
+    (alone,) = over_time.judge_nis(made_up_nis(0.3 * squares[:1], dof[:1], "magnetometer"))
+    assert alone.good
 
 
 @pytest.mark.parametrize(

@@ -215,6 +215,34 @@ def test_rates_are_told_of_the_runs_that_flew_and_of_all(folder, said, tmp_path)
     assert "of all" not in " ".join(parts.requirements(good).heads)
 
 
+def test_percentiles_say_of_how_many_runs_they_are(folder, tmp_path):
+    """Runs that failed have no error: those of the others are not those of all."""
+    campaign = open_campaign(folder)
+    part, good = parts.errors(campaign), str(int(campaign.succeeded.sum()))
+    assert part.heads[2] == ">runs" and {row[2] for row in part.rows} == {good} != {str(N)}
+    assert part.lines[1] == f"Of all errors there are fewer than {N} runs: the others failed, or have none."
+    whole = parts.errors(open_campaign(synthetic_campaign.write(tmp_path / "c", 5, with_series=False)))
+    assert {row[2] for row in whole.rows} == {"5"} and len(whole.lines) == 1
+
+
+def test_what_cannot_be_judged_is_not_drawn_as_missed(folder):
+    campaign = open_campaign(folder)
+    titles = [axis.get_title(loc="left") for axis in figures.draw_convergence(campaign).axes]
+    found = campaign.judgements
+    unjudged = found.judgeable & (np.array(found.names) != "misleading")
+    campaign.__dict__["judgements"] = found._replace(judgeable=unjudged)
+    fewer = [axis.get_title(loc="left") for axis in figures.draw_convergence(campaign).axes]
+    assert set(titles) - set(fewer) == {"misleading: share of runs"}
+
+
+def test_verdicts_of_one_flight_say_so(folder):
+    campaign = open_campaign(folder)
+    words = "All runs have one and the same flight: what is shown is shown of this flight alone."
+    assert words not in parts.verified(campaign).lines
+    campaign.head["flight"] = "shared"
+    assert words in parts.verified(campaign).lines
+
+
 def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path, errors_alone):
     mine = tmp_path / "errors.png"
     mine.write_bytes(b"mine")

@@ -1,6 +1,7 @@
 """What explains the results of a campaign in which it is known."""
 
 from itertools import permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -257,3 +258,23 @@ def test_what_breaks_runs_is_named(tmp_path):
     assert first.p_holm < 1e-6 and all(one.p_holm > 0.01 for one in others)
     assert sensitivity.separations(open_campaign(
         synthetic_campaign.write(tmp_path / "good", 10, with_series=False))) == []  # fmt: skip
+
+
+@pytest.mark.parametrize("failed", [1, 2, 5])
+def test_runs_that_fail_by_chance_have_no_word_in_common(failed):
+    rng, found = np.random.default_rng(4), 0
+    for _ in range(200):
+        words = np.array([f"w{k}" for k in rng.integers(20, size=200)], dtype=object)
+        numbers = rng.choice([100.0, 250.0, 500.0], p=[0.98, 0.01, 0.01], size=200)
+        succeeded = np.ones(200, bool)
+        succeeded[rng.permutation(200)[:failed]] = False
+        one = SimpleNamespace(succeeded=succeeded, draws={"words": words, "numbers": numbers})
+        found += sensitivity.separations(one)[0].p_holm < sensitivity.SIGNIFICANT
+    assert stats.binom.sf(found - 1, 200, sensitivity.SIGNIFICANT) > 1e-3  # it was 93 % of one failed run
+
+
+def test_a_word_that_fails_is_found_with_fisher_s_p():
+    words, succeeded = np.array(["a"] * 190 + ["b"] * 10, dtype=object), np.ones(200, bool)
+    succeeded[190:196] = False
+    (one,) = sensitivity.separations(SimpleNamespace(succeeded=succeeded, draws={"camera": words}))
+    assert one.p_holm == pytest.approx(stats.fisher_exact([[6, 0], [4, 190]]).pvalue)

@@ -113,6 +113,19 @@ def test_wrong_fixes_outside_the_window_and_a_window_without_gaps(campaign, monk
     assert found.availability.low is None and found.most_gaps == pytest.approx(1.0 - 0.05 ** (1.0 / n))
 
 
+def test_wrong_fixes_of_one_run_come_together(campaign, monkeypatch):
+    """Runs that go wrong have a hundred wrong fixes: as if each were by itself the bound held 60 %."""
+    rng, n, held, tries = np.random.default_rng(7), len(campaign), 0, 300
+    for _ in range(tries):
+        wrong = 100.0 * (rng.random(n) < 4.0 / n)
+        other = {"solved": 900.0, "in_window": 900.0, "fixes": 1000.0, "wrong": wrong}
+        columns = {f"summary.star_tracker.{name}": value + np.zeros(n) for name, value in other.items()}
+        monkeypatch.setattr(campaign, "columns", dict(campaign.columns) | columns)
+        found = statistics.star_fixes(campaign)
+        held += found.most_wrong_fixes >= 0.1 * 4.0 / n or not found.wrong
+    assert stats.binomtest(held, tries, 0.95, alternative="less").pvalue > 1e-3
+
+
 def test_the_interval_of_a_share_knows_that_frames_of_a_run_belong_together():
     # availability of each run drawn from 90 to 100 %: the pooled share scatters far more than frames alone
     rng = np.random.default_rng(6)

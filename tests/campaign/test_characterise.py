@@ -157,6 +157,10 @@ def test_judgement_passes_what_agrees_and_notices_what_does_not(runs):
     assert [test.what for test in wrong] == ["correlation of a star's error from frame to frame"]
 
     one, other = [[judge.of_frames(part.frames) for part in group] for group in (fresh, noisy)]
+    (few,) = [test for test in judge.fixes(one, one, WRONG) if not test.good]
+    assert few.what.startswith("wrong attitudes: 0 rendered, 0 stat") and few.verdict == judge.TOO_FEW
+    assert few.reach == pytest.approx(0.31, abs=0.005)  # per cent: none of 1200 frames, 3.7 / n
+    one, other = 4 * one, 4 * other
     assert all(test.good for test in judge.fixes(one, one, WRONG))
     assert {test.what for test in judge.fixes(one, other, WRONG) if not test.good} == {
         "scatter of attitudes across the boresight, statistical over rendered",

@@ -6,6 +6,7 @@ which of the two is better is known beforehand, and the figures follow from the 
 
 import json
 import re
+import shutil
 
 import keeping
 import numpy as np
@@ -168,6 +169,34 @@ def test_who_says_nothing_when_it_is_difficult_does_not_win(whole):
             words = "not judged: A has a solution at 100 % of the ticks, B at 99.8 %"
             assert {cells[name] for name in spoken} == {words}
         assert "not judged" not in cells["ticks with a solution"]
+
+
+def test_runs_of_one_flight_are_told(whole, tmp_path):
+    folder = shutil.copytree(whole[0], tmp_path / "shared")
+    head = json.loads((folder / "campaign.json").read_text())
+    (folder / "campaign.json").write_text(json.dumps(head | {"flight": "shared"}))
+    found = comparison.compare(*sided([whole[0], folder]))
+    assert found.notes == ("B: all runs have one and the same flight: what is seen is of this flight alone",)
+
+
+def test_who_has_no_solution_at_entry_of_the_worst_flights_does_not_win(whole):
+    """B is better by half in the pairs that are left, and has nothing to say in one of eight."""
+    (a,) = sided([whole[0]])
+    entry, (one, *_) = "navigation.at_entry.position_error_m", a.runs.values()
+
+    def flown(factor, missing=()):
+        errors = {k: None if k in missing else factor * (1.0 + 0.01 * k) for k in range(8)}
+        return {k: one._replace(get=lambda path, k=k: errors[k] if path == entry else None) for k in errors}
+
+    for missing, verdict in (((), paired.B_BETTER), ((6,), paired.NOT_JUDGED)):
+        sides_of_both = (
+            a._replace(letter=x, runs=y)
+            for x, y in zip("AB", (flown(1.0), flown(0.5, missing)), strict=False)
+        )
+        found = comparison.compare(*sides_of_both)
+        (told,) = (one for one in found.rows if one.quantity.name == "position at entry")
+        assert told.difference.verdict == verdict and told.difference.n == 8 - len(missing)
+        assert told.why == ("A alone has it in 1 of 8 pairs" if missing else "")
 
 
 def test_campaigns_of_one_seed_are_paired_by_seed_and_what_differs_is_told(whole, scenario, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from shefex_nav import prepare
-from shefex_nav.campaign import draws, rare, rare_events, running
+from shefex_nav.campaign import draws, rare, rare_events, rare_shown, running
 from shefex_nav.campaign.impact import landing
 from shefex_nav.commands.app import main
 from shefex_nav.report import geodesic
@@ -115,6 +115,7 @@ def test_flights_that_fail_are_left_out(rocket, monkeypatch):
     found = rare.study(problem, nominal, asked)
     assert not found.estimate.reached and found.failed > 0
     assert all(one.value >= 78.718e3 for one in found.worst)
+    assert any("of all flights, that one does not fail" in line for line in rare_shown.lines(found))
 
 
 def test_a_flight_of_the_worst_can_be_flown_again(rocket):
@@ -193,7 +194,12 @@ def test_the_command(rocket, tmp_path, monkeypatch, capsys):
     code, out, err = command(
         monkeypatch, capsys, *words, "--force", "--smallest", "0.1", "--of", "apogee < 70 km"
     )
-    assert code == 0 and "apogee < 70 km is rarer than --smallest" in out and "the worst of them" in out
+    assert code == 0 and "apogee < 70 km is rarer than apogee < " in out and "the worst of them" in out
+    code, out, _ = command(
+        monkeypatch, capsys, *words, "--force", "--json", "--smallest", "0.1", "--of", "apogee < 70 km"
+    )
+    found = json.loads(out)  # of an event of 1.3e-4 where the search ended at 1e-4, the estimate is below
+    assert not found["reached"] and found["rarer_than"] == found["interval_95"][1] > 0.1
 
 
 def test_a_limit_of_the_requirements(rocket):

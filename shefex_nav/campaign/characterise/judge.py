@@ -19,6 +19,7 @@ import numpy as np
 from shefex_nav.campaign.characterise import fit
 from shefex_nav.campaign.characterise.fit import CLIP, joined, of_sources
 from shefex_nav.records import Reason
+from shefex_nav.report import intervals
 
 VARIANCE = (0.8, 1.25)  # of a ratio of variances: 12 % of a sigma
 SIGMA = (0.9, 1.1)  # of a ratio of sigmas
@@ -43,17 +44,18 @@ class Test(NamedTuple):
     samples: int
     error: float = 0.0  # standard error over the runs that judge; NaN: nothing is known of it
     runs: int = 0  # that judge; 0: there is no chance in the figure
+    least: float = 0.0  # how far chance moves it though no run differs from another: of none of n frames
 
     @property
     def reach(self):
         """How far chance moves the figure; infinite if nothing is known of it."""
         from scipy.special import stdtrit
 
-        if not self.runs or self.error == 0.0:
+        if not self.runs:
             return 0.0
-        return (
-            float(stdtrit(self.runs - 1, 0.5 + 0.5 * LIKELY)) * self.error if isfinite(self.error) else np.inf
-        )
+        if not isfinite(self.error):
+            return np.inf
+        return max(float(stdtrit(self.runs - 1, 0.5 + 0.5 * LIKELY)) * self.error, self.least)
 
     @property
     def verdict(self):
@@ -213,15 +215,17 @@ def _fixes(rendered, statistical, limit_wrong, reasons):
         words = f"sigma as reported {name}, statistical over rendered"
         tests.append(Test(words, ratio, *SIGMA, n))
     all_one, all_other = joined(rendered), joined(statistical)
+    never = 100.0 * intervals.proportion(0, len(all_one.reason))[1]  # of what was in no frame
     for reason in reasons:
         shares = [100.0 * (part.reason == reason).mean() for part in (all_one, all_other)]
         name = "with an attitude" if reason == Reason.NONE else f"without, {reason.name.lower()}"
         words = f"frames {name}: {shares[0]:.2f} % rendered; points more statistical"
-        tests.append(Test(words, shares[1] - shares[0], -POINTS, POINTS, len(all_one.reason)))
+        apart = shares[1] - shares[0]
+        tests.append(Test(words, apart, -POINTS, POINTS, len(all_one.reason), least=never))
     wrong = [int((np.linalg.norm(part.error, axis=1) > limit_wrong).sum()) for part in (all_one, all_other)]
     apart = 100.0 * (wrong[1] - wrong[0]) / len(all_one.reason)
     words = f"wrong attitudes: {wrong[0]} rendered, {wrong[1]} statistical; per cent of the frames more"
-    tests.append(Test(words, apart, -0.1, 0.1, len(all_one.reason)))
+    tests.append(Test(words, apart, -0.1, 0.1, len(all_one.reason), least=never))
     ratio = _ratio(all_other.exposure_s, all_one.exposure_s)
     tests.append(Test("mean exposure, statistical over rendered", ratio, *EXPOSURE, len(all_one.reason)))
     ratio = _ratio(all_other.objects, all_one.objects)

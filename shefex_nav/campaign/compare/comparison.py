@@ -104,7 +104,7 @@ def _row(quantity, a, b, seeds):
     found = paired.difference(x, y, larger_is_better=quantity.better == LARGER)
     if quantity.better == NEITHER:
         found = _only_told(found)
-    elif why := _unfair(quantity, a, b, named):
+    elif why := _unfair(quantity, a, b, named) or _alone(a, b, figures):
         found = found._replace(verdict=paired.NOT_JUDGED, why=why)
     return Row(quantity, *samples, found, named, np.array(y) - np.array(x), found.why)
 
@@ -130,6 +130,18 @@ def _unfair(quantity, a, b, seeds):
     return (
         f"{a.letter} has a solution at {100.0 * of_a:.4g} % of the ticks, {b.letter} at {100.0 * of_b:.4g} %"
     )
+
+
+def _alone(a, b, figures):
+    """Why pairs that both have a figure are not all pairs; '' if they are. figures : of a, of b, or None
+
+    Who has no solution at entry in the worst flights would win by those that are left.
+    """
+    here = [[value is not None for value in side] for side in figures]
+    of_one = [(side, sum(x and not y for x, y in zip(*both, strict=True)))
+              for side, both in ((a, here), (b, here[::-1]))]  # fmt: skip
+    pairs = sum(x or y for x, y in zip(*here, strict=True))
+    return ", ".join(f"{side.letter} alone has it in {n} of {pairs} pairs" for side, n in of_one if n)
 
 
 def _failed(a, b, seeds):

@@ -156,6 +156,8 @@ def _of_campaign(folder, letter, label):
     lost = campaign.lost
     notes = (f"{letter}: {len(lost)} runs were lost and are not there",) if lost else ()
     head = read_head(folder)
+    if head["flight"] == "shared":
+        notes += (f"{letter}: all runs have one and the same flight: what is seen is of this flight alone",)
     return Side(
         letter, label, folder, CAMPAIGN, head["source"], software_in(head["source"]), head["versions"],
         flown, notes=notes, sensors=_sensors(name.removeprefix(results.SUMMARY) for name in campaign.columns),

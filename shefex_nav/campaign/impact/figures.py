@@ -111,7 +111,7 @@ def _panel(axes, result, one):
         )
         share = f"{k} σ: {n} of {len(north)} inside"
         if not one.not_normal:
-            share += f"; {100 * ellipsing.share(k):.1f} % of a normal distribution"
+            share += f"; {100 * one.holds(k):.1f} % of a normal distribution"
         axes.plot(
             s * along + c * across, c * along - s * across, color=style.BLACK, lw=1.2, ls=dash, label=share
         )

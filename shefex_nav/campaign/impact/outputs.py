@@ -105,7 +105,7 @@ def _ellipse(one):
         "azimuth_of_longer_deg": math.degrees(one.azimuth),
         "normality": _normality(one),
         "levels": [
-            {"sigma": k, "contains_of_normal": ellipsing.share(k), "landings_inside": n}
+            {"sigma": k, "contains_of_normal": one.holds(k), "landings_inside": n}
             for k, n in zip(ellipsing.SIGMAS, one.inside, strict=True)
         ],
     }  # fmt: skip
@@ -229,7 +229,7 @@ def _held(one, k):
     """What the ellipse of k sigma holds: of a normal distribution, or counted where the landings are not."""
     if one.not_normal:
         return f"not normal: {one.inside[ellipsing.SIGMAS.index(k)]} of {len(one.offsets)} landings"
-    return f"{100 * ellipsing.share(k):.1f} %"
+    return f"{100 * one.holds(k):.1f} %"
 
 
 def _of_places(places, height):
