@@ -8,7 +8,7 @@ from shefex_nav.scenario.data_table import DataError, Table
 
 FEWEST = 4  # rows
 MOST_DIGITS = 12  # after the point
-CHECKED = 5000  # numbers of a column whose digits are counted
+CHECKED = 5000  # numbers of a column whose digits are counted, evenly over all of it
 
 
 class Attitudes(NamedTuple):
@@ -49,13 +49,21 @@ def ascending(table, t_s):
 def rounding(values):
     """Half of the last digit with which numbers are written, 0 if they are written in full.
 
-    (N, k) -> that of the column written most finely: the others may have come out even
+    (N, k) -> that of the column written most finely: the others may have come out even. Only numbers that
+    change tell: a vehicle that waits at zero says nothing of the digits of its flight.
     """
-    found = [_half_a_digit(column[:CHECKED]) for column in values.T if np.any(column)]
-    return min(found, default=0.0)
+    changing = [column[_changes(column)] for column in values.T]
+    return min((_half_a_digit(one) for one in changing if len(one)), default=0.0)
+
+
+def _changes(column):
+    """(N,) bool: numbers that differ from one beside them."""
+    steps = np.diff(column) != 0.0
+    return np.append(steps, False) | np.append(False, steps)
 
 
 def _half_a_digit(column):
+    column = column[:: max(1, len(column) // CHECKED)]
     for digits in range(MOST_DIGITS):
         scaled = column * 10.0**digits
         if np.max(np.abs(scaled)) > 1e15:
@@ -68,7 +76,7 @@ def _half_a_digit(column):
 def clock_rounding(values):
     """Half of the last digit of times (N,), 0 if they are evenly spaced, and so exact."""
     steps = np.diff(values)
-    return 0.0 if np.ptp(steps) <= 1e-6 * steps.mean() else _half_a_digit(values[:CHECKED])
+    return 0.0 if np.ptp(steps) <= 1e-6 * steps.mean() else _half_a_digit(values)
 
 
 def moved(v, clock_s):

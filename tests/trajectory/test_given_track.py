@@ -90,6 +90,16 @@ def test_the_digits_of_columns():
     assert rows.rounding(np.array([[100.0, 0.0], [20.0, 0.0]])) == pytest.approx(0.5)
     assert rows.rounding(np.array([[np.pi], [np.e]])) == 0.0
     assert rows.rounding(np.zeros((5, 1))) == 0.0
+    assert rows.rounding(np.full((5, 1), 69.0)) == 0.0, "what never changes says nothing"
+
+
+def test_the_digits_are_those_of_the_flight_and_not_of_the_pad():
+    """A vehicle that waits at zero for longer than the numbers that are looked at."""
+    waits = np.zeros((2 * rows.CHECKED, 3))
+    moves = np.round(np.outer(np.linspace(0.0, 900.0, rows.CHECKED), [1.0, 0.3, 0.1]), 3)
+    assert rows.rounding(np.concatenate([waits, moves])) == pytest.approx(5e-4)
+    clock = np.concatenate([np.arange(1.0 - 2.0 * rows.CHECKED, 1.0), np.arange(1, rows.CHECKED) / 100.0])
+    assert rows.clock_rounding(clock) == pytest.approx(5e-3)
 
 
 @pytest.mark.slow
