@@ -197,6 +197,12 @@ BROKEN = {
         f"{STAGE}.aerodynamics.axial",
         "angle_of_attack is not given",
     ),
+    "air that pushes": (
+        "axial: [0.45,",
+        "axial: [@-0.45,",
+        f"{STAGE}.aerodynamics.axial.0",
+        "-0.45 at Mach 0 and 0 deg makes a drag coefficient of -0.45: the air would push the vehicle along",
+    ),
     "a letter in a list of lists": (
         AXIAL,
         "axial: [[0.4, @x], [0.4, 0.5]]",
