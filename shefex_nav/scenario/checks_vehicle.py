@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import thrust
-from shefex_nav.scenario.checks_flight import earliest, increasing, seconds, within
+from shefex_nav.scenario.checks_flight import SAME_S, earliest, increasing, seconds, within
 from shefex_nav.scenario.motor import Grain, ShapedMotor, TabulatedPropellant
 
 CLOSURE = 0.02  # between total impulse, propellant mass and specific impulse
@@ -79,7 +79,7 @@ def _order(scenario):
                 (*path, "ignition"),
                 f"the motor burns until {seconds(burn_out)}, past mission.time_limit, {limit}",
             )
-        if drop is not None and drop.at < burn_out:
+        if drop is not None and drop.at < burn_out - SAME_S:
             words = f"{seconds(drop.at)} is before the burn-out of its motor, {seconds(burn_out)}"
             yield (*path, "separation", "at"), words
         elif drop is not None:
