@@ -137,6 +137,30 @@ def test_the_digits_of_columns():
     assert rows.rounding(np.full((5, 1), 69.0)) == 0.0, "what never changes says nothing"
 
 
+@pytest.mark.parametrize("form", ["{:.6e}", "{:.7g}", "{:.4e}"])
+def test_significant_digits_are_those_of_the_largest_number(form):
+    """From millimetres on the pad to tens of kilometres, in three columns of another size each."""
+    t_s = np.arange(0.0, 100.0, 0.01)
+    exact = np.outer(0.5 * 7.123457 * t_s**2, [1.0, 0.0517, 0.0123])
+    told = np.array([[float(form.format(one)) for one in row] for row in exact])
+    digit = rows.rounding(told)
+    assert np.abs(told - exact).max() == pytest.approx(digit, rel=0.1)
+    decimals = np.round(exact, 3)
+    assert rows.rounding(decimals) == pytest.approx(5e-4)
+    assert rows.rounding(exact) < 1e-11
+
+
+def test_what_significant_digits_leave_open_is_not_flown():
+    """In free fall, told to 1 cm at 30 km by rows every 10 ms: no rest of the positions pushes it about."""
+    t_s = np.arange(0.0, 60.0, 0.01)
+    r = np.column_stack([800.0 * t_s - 4.905 * t_s**2, 40.01 * t_s, 0.0 * t_s])
+    v = np.column_stack([800.0 - 9.81 * t_s, 40.01 + 0.0 * t_s, 0.0 * t_s])
+    told = [np.array([[float(f"{one:.6e}") for one in row] for row in values]) for values in (r, v)]
+    curve = track.Track(t_s, *told, None, *map(rows.rounding, told))
+    _, _, a = curve.at(np.arange(1.0, 59.0, 0.0025))
+    assert np.abs(a - [-9.81, 0.0, 0.0]).max() < 0.1
+
+
 def test_the_digits_are_those_of_the_flight_and_not_of_the_pad():
     """A vehicle that waits at zero for longer than the numbers that are looked at."""
     waits = np.zeros((2 * rows.CHECKED, 3))
