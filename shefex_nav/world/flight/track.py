@@ -90,6 +90,10 @@ class Track:
         rest = [self._rest(t_s, order) for order in range(3)]
         return self._r_0 + self._way(t_s) + rest[0], self._v(t_s) + rest[1], self._v(t_s, 1) + rest[2]
 
+    def pushes(self, t_s):
+        """Part (n, 3) m/s^2 of the acceleration that positions have on top of what the velocities say."""
+        return self._rest(t_s, 2)
+
 
 def _rest(t_s, values, rounding):
     """Curve near values (N, 3) m at times (N,) s, by as few as their rounding, m, allows: PPoly."""
