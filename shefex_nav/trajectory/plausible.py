@@ -90,7 +90,8 @@ def _first_speed(rows, earth):
 
 def found(rows, flight, earth):
     """list of Oddity. flight : Flight along the rows"""
-    out = [*_disagree(rows, earth), *_steps(rows, earth), *_coarse(rows), *_rough(rows)]
+    out = [*_disagree(rows, earth), *_steps(rows, earth)]
+    out += list(_coarse(rows)) or list(_rough(rows))  # too few rows are rough by themselves
     if rows.attitudes is not None:
         out += _turns(rows.attitudes)
     return [*out, *_astray(rows, flight), *_late(flight)]
