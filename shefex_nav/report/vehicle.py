@@ -116,6 +116,16 @@ def _profile(flight, configurations, earth):
     every = flight.trajectory
     step = max(1, round(1.0 / (RATE * (every.t_s[1] - every.t_s[0]))))
     rows = _rows(every, slice(int(np.searchsorted(every.t_s, 0.0)), None, step))
+    dropped, found = _over(flight, configurations, rows)
+    return Profile(
+        t_s=rows.t_s, phase=rows.phase, height=earth_fixed(earth, rows).height, configuration=dropped,
+        mass=rows.mass_kg, thrust=rows.thrust_n, dynamic_pressure=rows.dynamic_pressure_pa, mach=rows.mach,
+        spin=rows.omega_ib_b[:, 0], **found,
+    )  # fmt: skip
+
+
+def _over(flight, configurations, rows):
+    """At samples of a flight: how many stages have been dropped (n,), columns of Profile {name: (n,)}."""
     n = len(rows.t_s)
     dropped = np.zeros(n, dtype=int)
     for k in range(1, len(configurations)):
@@ -129,11 +139,7 @@ def _profile(flight, configurations, earth):
             for name, values in _of_configuration(one, _rows(rows, part)).items():
                 found[name][part] = values
     found["drag"] += _parachute(flight, configurations[0].parachute, rows)
-    return Profile(
-        t_s=rows.t_s, phase=rows.phase, height=earth_fixed(earth, rows).height, configuration=dropped,
-        mass=rows.mass_kg, thrust=rows.thrust_n, dynamic_pressure=rows.dynamic_pressure_pa, mach=rows.mach,
-        spin=rows.omega_ib_b[:, 0], **found,
-    )  # fmt: skip
+    return dropped, found
 
 
 def _parachute(flight, row, rows):
@@ -212,16 +218,25 @@ def summary(looked):
         "rail_exit_speed_m_s": looked.rail_exit_speed,
         "wind_at_launcher_m_s": looked.wind_speed,
         "rail_exit_speed_over_wind": share,
-        "largest_thrust_n": float(profile.thrust.max()),
-        "largest_drag_n": float(profile.drag.max()),
-        "largest_dynamic_pressure_pa": float(profile.dynamic_pressure[profile.t_s < _top(looked)].max()),
-        "largest_spin_hz": float(np.abs(profile.spin).max() / (2.0 * np.pi)),
+        **_largest(looked),
         "motors": [_of_motor(*stage) for stage in looked.scenario.vehicle.stages.items()],
         "configurations": [_of_one(looked, k) for k in flown],
         "resonances": [
             {"at_s": t, "spin_hz": hz, "within_10_percent_s": stays} for t, hz, stays in resonances(looked)
         ],
         "warnings": [{"field": dotted(one.field), "text": one.text} for one in warnings(looked)],
+    }
+
+
+def _largest(looked):
+    """Loads by all samples of the flight: what lasts some hundredths of a second is missed by the Profile."""
+    rows = _rows(looked.flight.trajectory, looked.flight.trajectory.t_s >= 0.0)
+    _, found = _over(looked.flight, looked.configurations, rows)
+    return {
+        "largest_thrust_n": float(rows.thrust_n.max()),
+        "largest_drag_n": float(found["drag"].max()),
+        "largest_dynamic_pressure_pa": float(rows.dynamic_pressure_pa[rows.t_s < _top(looked)].max()),
+        "largest_spin_hz": float(np.abs(rows.omega_ib_b[:, 0]).max() / (2.0 * np.pi)),
     }
 
 
@@ -287,7 +302,7 @@ def resonances(looked):
 def warnings(looked):
     """What an engineer should look at: tuple of programme.Warned, each with its field of the scenario."""
     scenario = looked.scenario
-    found = [*of_parts(scenario), *_unstable(looked), *_rail(looked)]
+    found = [*of_parts(scenario), *_unstable(looked), *_rail(looked), *_beyond_tables(looked)]
     for t, hz, stays in resonances(looked):
         words = f"the spin passes the resonance with the pitch motion at T{t:+.1f} s, {hz:.2f} Hz"
         words += f", and stays within {100 * NEAR:.0f} % of it for {stays:.1f} s; angles of attack grow there"
@@ -320,6 +335,28 @@ def _unstable(looked):
         words = f"the static margin falls to {least['calibres']:.2f} calibres ({state}) on the way up, at "
         words += f"T{least['at_s']:+.1f} s, Mach {least['mach']:.2f}; 1 to 2 calibres are usual"
         yield Warned((*_stage(looked, k), "aerodynamics"), words)
+
+
+def _beyond_tables(looked):
+    """A Warned for each configuration that feels air at angles of attack beyond its table."""
+    scenario, t = looked.scenario, looked.flight.trajectory
+    stages = [stage.aerodynamics for stage in scenario.vehicle.stages.values()]
+    drops = [one.t_s for one in looked.flight.dropped]
+    number = np.searchsorted(drops, t.t_s, side="right")
+    for k, aero in enumerate([*stages, scenario.vehicle.payload.aerodynamics]):
+        if aero is None or aero.angle_of_attack is None:
+            continue
+        last = aero.angle_of_attack[-1]
+        beyond = (number == k) & (t.dynamic_pressure_pa >= FELT) & (t.angle_of_attack > last + 1e-6)
+        beyond &= t.t_s > at(looked.flight, "rail_exit")
+        if beyond.any():
+            largest = math.degrees(t.angle_of_attack[beyond].max())
+            lasts = beyond.sum() * (t.t_s[1] - t.t_s[0])
+            words = (
+                f"the air is felt for {lasts:.1f} s at angles of attack of up to {largest:.0f} deg, and its "
+            )
+            words += f"table ends at {math.degrees(last):.0f} deg: forces and moments there are a guess"
+            yield Warned((*_stage(looked, k), "aerodynamics"), words)
 
 
 def _rail(looked):

@@ -58,7 +58,8 @@ class Coefficients(CoefficientBase):
         default=None,
         min_length=2,
         description="total angles of attack, increasing from 0 deg; axial, normal_slope, pressure_station "
-        "and drag are then one list for each angle",
+        "and drag are then one list for each angle; beyond the last the axial force turns round as without "
+        "angles, the others hold",
     )
     axial: column(Number("0.62", at_least=-LARGEST, at_most=LARGEST)) = Field(
         description="axial force; without angles of attack that at zero, which goes with the cosine squared"

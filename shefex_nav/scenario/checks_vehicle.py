@@ -5,11 +5,12 @@ from itertools import pairwise
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import thrust
-from shefex_nav.scenario.checks_flight import earliest, increasing, seconds, within
+from shefex_nav.scenario.checks_flight import SAME_S, earliest, increasing, seconds, within
 from shefex_nav.scenario.motor import Grain, ShapedMotor, TabulatedPropellant
 
 CLOSURE = 0.02  # between total impulse, propellant mass and specific impulse
 RATED = 0.02  # between the propellant mass and that of the motor file
+LEAST_DRAG = 1e-9  # below zero: rounding
 IMPULSES = (
     20.0,
     500.0,
@@ -78,7 +79,7 @@ def _order(scenario):
                 (*path, "ignition"),
                 f"the motor burns until {seconds(burn_out)}, past mission.time_limit, {limit}",
             )
-        if drop is not None and drop.at < burn_out:
+        if drop is not None and drop.at < burn_out - SAME_S:
             words = f"{seconds(drop.at)} is before the burn-out of its motor, {seconds(burn_out)}"
             yield (*path, "separation", "at"), words
         elif drop is not None:
@@ -187,7 +188,8 @@ def _coefficients(path, aero):
     yield from increasing((*path, "mach"), aero.mach, "Mach numbers", "")
     if aero.damping_mach is not None:
         yield from increasing((*path, "damping_mach"), aero.damping_mach, "Mach numbers", "")
-    yield from _lengths(path, aero)
+    wrong = list(_lengths(path, aero))
+    yield from wrong or _pushed(path, aero)
     angles = aero.angle_of_attack
     if angles is not None:
         yield from increasing((*path, "angle_of_attack"), angles, "angles", "deg", 180.0 / math.pi)
@@ -199,6 +201,22 @@ def _coefficients(path, aero):
             "there are no fins that it could turn: roll_by_cant is zero or missing; give it, or 0 deg here"
         )
         yield (*path, "fin_cant"), words
+
+
+def _pushed(path, aero):
+    """The first place of the tables where the air would push a body along its velocity, not brake it."""
+    one = aero.angle_of_attack is None
+    axial, normal = (([rows] if one else rows) for rows in (aero.axial, aero.normal_slope))
+    drag = [[0.0] * len(aero.mach)] * len(axial) if aero.drag is None else [aero.drag] if one else aero.drag
+    for k, angle in enumerate(aero.angle_of_attack or [0.0]):
+        for j, mach in enumerate(aero.mach):
+            braked = axial[k][j] * math.cos(angle) + normal[k][j] * math.sin(angle) ** 2 + drag[k][j]
+            if braked < -LEAST_DRAG:
+                words = f"{axial[k][j]:g} at Mach {mach:g} and {math.degrees(angle):g} deg makes a drag "
+                words += f"coefficient of {braked:.3g}: the air would push the vehicle along"
+                words += "; tail first, beyond 90 deg, the axial force is negative" * (angle > 0.5 * math.pi)
+                yield (*path, "axial", *(() if one else (k,)), j), words
+                return
 
 
 def _lengths(path, aero):

@@ -75,10 +75,12 @@ class _Columns:
         return self.table.columns[name] * self._unit[name]
 
     def stack(self, *names):
-        """(N, k) in SI, and their rounding. They have one unit."""
-        return np.column_stack([self[name] for name in names]), self._unit[names[0]] * rounding(
-            self.table.stack(names)
-        )
+        """(N, k) in SI, and their rounding: that of the coarsest unit, of whose columns the finest tells."""
+        of_unit = {}
+        for name in names:
+            of_unit.setdefault(self._unit[name], []).append(name)
+        digits = [unit * rounding(self.table.stack(alike)) for unit, alike in of_unit.items()]
+        return np.column_stack([self[name] for name in names]), max(digits)
 
     def time(self, given):
         """Mission times (N,) s."""

@@ -21,6 +21,7 @@ ODD = 0.02
 MOVES = 5.0  # m/s, above which velocities are held against positions
 STEP_M, STEP_SHARE = 1.0, 0.2  # a position that steps aside by this, and this share of the way of a row
 TURN, MOST_TURN = np.radians(60.0), np.radians(150.0)  # between two rows: odd, refused
+ROUGH = 1.0  # m/s^2
 COARSE_M = 1.0  # by which the curve between rows may be off
 ASTRAY, FAST = np.radians(60.0), 50.0  # angle of attack of a vehicle that climbs at this speed, m/s
 LATE_S = 0.5  # between lift-off and the mission time zero
@@ -89,7 +90,8 @@ def _first_speed(rows, earth):
 
 def found(rows, flight, earth):
     """list of Oddity. flight : Flight along the rows"""
-    out = [*_disagree(rows, earth), *_steps(rows, earth), *_coarse(rows)]
+    out = [*_disagree(rows, earth), *_steps(rows, earth)]
+    out += list(_coarse(rows)) or list(_rough(rows))  # too few rows are rough by themselves
     if rows.attitudes is not None:
         out += _turns(rows.attitudes)
     return [*out, *_astray(rows, flight), *_late(flight)]
@@ -153,6 +155,18 @@ def _coarse(rows):
         yield Oddity(
             ("trajectory", "file"), f"{words}: positions between them are off by about {off[k]:.2g} m"
         )
+
+
+def _rough(rows):
+    """Positions that scatter about the way that their velocities lead: each row pushes to another side."""
+    motion = rows.t_s, rows.r_i, rows.v_i, rows.a_i
+    curve = track.Track(*motion, rows.rounding_m, rows.rounding_m_s)
+    quarter = rows.t_s[:-1] + 0.25 * np.diff(rows.t_s)  # where a step between two rows pushes most
+    push = float(np.percentile(np.linalg.norm(curve.pushes(quarter), axis=1), 90.0))
+    if push > ROUGH:
+        words = f"positions scatter about the way of their velocities, which pushes by {push:.2g} m/s2 "
+        words += "between rows (in one of ten by more); give more digits, or fewer rows"
+        yield Oddity(("trajectory", "file"), words)
 
 
 def _turns(attitudes):

@@ -4,11 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry.elementary import log10
 from shefex_nav.scenario.data_table import DataError, Table
 
 FEWEST = 4  # rows
 MOST_DIGITS = 12  # after the point
-CHECKED = 5000  # numbers of a column whose digits are counted
+LEAST_SIGNIFICANT, TELLING = 4, 20  # digits, and numbers, by which a number of digits is no chance
+CHECKED = 5000  # numbers of a column whose digits are counted, evenly over all of it
 
 
 class Attitudes(NamedTuple):
@@ -49,10 +51,49 @@ def ascending(table, t_s):
 def rounding(values):
     """Half of the last digit with which numbers are written, 0 if they are written in full.
 
-    (N, k) -> that of the column written most finely: the others may have come out even
+    (N, k) -> that of the column written most finely: the others may have come out even; of numbers with so
+    many significant digits (3.857421e+04) that of the largest. Only numbers that change tell: a vehicle that
+    waits at zero says nothing of the digits of its flight.
     """
-    found = [_half_a_digit(column[:CHECKED]) for column in values.T if np.any(column)]
-    return min(found, default=0.0)
+    changing = [_some(column[_changes(column)]) for column in values.T]
+    after_point = min((_half_a_digit(one) for one in changing if len(one)), default=0.0)
+    return max(after_point, _half_a_digit_of_largest(np.concatenate([*changing, np.zeros(0)])))
+
+
+def _changes(column):
+    """(N,) bool: numbers that differ from one beside them."""
+    steps = np.diff(column) != 0.0
+    return np.append(steps, False) | np.append(False, steps)
+
+
+def _some(column):
+    """Up to some CHECKED numbers of a column, evenly over all of it."""
+    return column[:: max(1, len(column) // CHECKED)]
+
+
+def _half_a_digit_of_largest(numbers):
+    """Half of the last digit of the largest of numbers (N,) that have as many significant digits; else 0."""
+    size = np.abs(numbers[numbers != 0.0])
+    if len(size) < TELLING:
+        return 0.0
+    exponent = np.floor(log10(size))
+    after_point = _digits(size)
+    significant = _digits(size / 10.0**exponent) + 1
+    most, finest = significant.max(), after_point.max()
+    if not LEAST_SIGNIFICANT <= most <= MOST_DIGITS or np.mean(significant == most) < 0.5:
+        return 0.0
+    if finest > 0 and np.mean(after_point == finest) >= 0.5:  # they have as many after the point
+        return 0.0
+    return 0.5 * 10.0 ** (exponent.max() - most + 1.0)
+
+
+def _digits(size):
+    """(N,) digits after the point that numbers need, MOST_DIGITS where these are not enough."""
+    found = np.full(len(size), MOST_DIGITS)
+    for digits in reversed(range(MOST_DIGITS)):
+        scaled = size * 10.0**digits
+        found[np.abs(scaled - np.rint(scaled)) <= 1e-6 + 1e-15 * scaled] = digits
+    return found
 
 
 def _half_a_digit(column):
@@ -68,7 +109,7 @@ def _half_a_digit(column):
 def clock_rounding(values):
     """Half of the last digit of times (N,), 0 if they are evenly spaced, and so exact."""
     steps = np.diff(values)
-    return 0.0 if np.ptp(steps) <= 1e-6 * steps.mean() else _half_a_digit(values[:CHECKED])
+    return 0.0 if np.ptp(steps) <= 1e-6 * steps.mean() else _half_a_digit(_some(values))
 
 
 def moved(v, clock_s):

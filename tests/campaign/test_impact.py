@@ -27,6 +27,7 @@ dispersions:
   vehicle.stages.Orion.motor.thrust_factor: {normal: 1 %}
 """
 NO_AIR = ["atmosphere.density=1e-9 %", "wind=none", "vehicle.parachute=null", "gps.outages=[]"]
+NO_AIR += ["vehicle.yo_yo=null"]  # what is not spun up would unwind it for minutes
 KML = "{http://www.opengis.net/kml/2.2}"
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from shefex_nav.report.figures import style
 from shefex_nav.report.figures import vehicle as figures
 from shefex_nav.scenario import load
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 STORM = "wind={height: [0 m, 20 km], speed: [15 m/s, 15 m/s], from: [0 deg, 0 deg]}"
 
 
@@ -72,6 +74,23 @@ def test_a_rocket_swings_with_the_frequency_that_is_told(swinging):
     assert turned / np.pi == pytest.approx(len(crossings) - 1, rel=0.05)
 
 
+def test_the_largest_loads_are_those_of_all_samples():
+    """A peak of the igniter of 40 ms, and a parachute that fills at once."""
+    curve = (
+        "{time: [0 s, 0.02 s, 0.03 s, 0.06 s, 10 s, 26 s], force: [0 N, 150 kN, 200 kN, 30 kN, 29 kN, 0 N]}"
+    )
+    motor = f"{{thrust: {curve}, measured_at: vacuum, exit_area: 0.03 m2, exit_station: 5.6 m}}"
+    told = [f"vehicle.stages.Orion.motor={motor}", "vehicle.parachute.inflation=10 ms"]
+    looked = vehicle.look(load.load("rexus_like", told))
+    found = vehicle.summary(looked)
+    assert 196e3 < found["largest_thrust_n"] < 200e3
+    trajectory, open_s = looked.flight.trajectory, vehicle.at(looked.flight, "parachute")
+    opening = (trajectory.t_s > open_s) & (trajectory.t_s < open_s + 0.02)
+    pressure = trajectory.dynamic_pressure_pa[opening]
+    canopy = 27.0 * pressure * np.clip((trajectory.t_s[opening] - open_s) / 0.01, 0.0, 1.0)
+    assert canopy.max() < found["largest_drag_n"] < 1.1 * canopy.max()
+
+
 def test_the_spin_passes_the_resonance_where_the_curves_cross(rexus):
     (t_s, hz, stays), *more = vehicle.resonances(rexus)
     seen = rexus.profile
@@ -96,6 +115,18 @@ def test_a_rocket_without_spin_passes_no_resonance(swinging):
 def test_what_is_wrong_is_told_with_its_field(told, field, words):
     found = vehicle.warnings(vehicle.look(load.load("rexus_like", told)))
     assert any(".".join(one.field) == field and words in one.text for one in found), found
+
+
+def test_angles_beyond_the_table_are_told_and_brake_all_the_same(tmp_path):
+    """A payload that tumbles, with a table that ends at 30 deg."""
+    lines = (SCENARIOS / "data" / "rexus_payload_aero.csv").read_text().splitlines()
+    rows = [one for one in lines if not one[:1].isdigit() or float(one.split(",")[1]) <= 30.0]
+    (tmp_path / "short.csv").write_text("\n".join(rows) + "\n")
+    told = [f"vehicle.payload.aerodynamics.file={tmp_path / 'short.csv'}"]
+    looked = vehicle.look(load.load("rexus_like", told))
+    assert looked.profile.drag.min() >= 0.0
+    found = [one for one in vehicle.warnings(looked) if "its table ends at 30 deg" in one.text]
+    assert [one.field for one in found] == [("vehicle", "payload", "aerodynamics")]
 
 
 def test_a_good_rocket_is_told_its_resonance_alone(rexus):

@@ -56,6 +56,11 @@ BAD_COEFFICIENTS = {
         "6:1: mach: there is no row for Mach 2 at 20 deg",
     ),
     "row twice": (AERO + "0, 20, 0.4, 2, 1, 0\n", "8:1: mach: Mach 0 at 20 deg stands in line 3 already"),
+    "pushed tail first": (
+        AERO.replace("2, 20, 0.61,", "2, 180, 0.61,").replace(", 20, ", ", 180, "),
+        "3:9: vehicle.stages.S40M.aerodynamics.axial.1.0: 0.41 at Mach 0 and 180 deg makes a drag "
+        "coefficient of -0.41",
+    ),
     "angles from 5": (
         AERO.replace(", 0, 0.", ", 5, 0."),
         "2:4: vehicle.stages.S40M.aerodynamics.angle_of_attack.0: the angles must start at 0 deg, not at",

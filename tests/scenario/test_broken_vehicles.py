@@ -3,6 +3,10 @@
 import pytest
 from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
+from shefex_nav.scenario import params
+from shefex_nav.scenario.load import load
+from shefex_nav.world.flight import timeline
+
 STAGE = "vehicle.stages.S40M"
 MOTOR = """        specific_impulse: 272 s # [E] assumed
         burn_time: 56 s # [E] assumed
@@ -197,6 +201,12 @@ BROKEN = {
         f"{STAGE}.aerodynamics.axial",
         "angle_of_attack is not given",
     ),
+    "air that pushes": (
+        "axial: [0.45,",
+        "axial: [@-0.45,",
+        f"{STAGE}.aerodynamics.axial.0",
+        "-0.45 at Mach 0 and 0 deg makes a drag coefficient of -0.45: the air would push the vehicle along",
+    ),
     "a letter in a list of lists": (
         AXIAL,
         "axial: [[0.4, @x], [0.4, 0.5]]",
@@ -332,6 +342,14 @@ def test_a_rocket_without_a_stage():
         ["vehicle.stages={}", payload, "imu.vibration.boost=[]", "gps.outages=[]"],
     )
     assert said == "--set vehicle.stages: is empty; a rocket on its rail needs a stage with a motor"
+
+
+def test_a_stage_may_be_dropped_at_its_burn_out():
+    """0.1 s + 1.1 s is more than 1.2 s by rounding."""
+    curve = "{time: [0 s, 0.1 s, 1.1 s], force: [0 N, 1.2 MN, 0 N]}"
+    told = ["vehicle.stages.Orion.ignition=0.1 s", "vehicle.stages.Orion.separation.at=1.2 s"]
+    told += [f"vehicle.stages.Orion.motor={{thrust: {curve}, exit_area: 0.03 m2, exit_station: 5.6 m}}"]
+    timeline.check(params.flight_params(load("rexus_like", told)))
 
 
 def test_every_fault_of_a_vehicle_at_once():

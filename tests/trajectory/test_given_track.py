@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from given_flight import EXAMPLE, at, reckoned
 from made import EARTH, J2, ROLL, rocket, thrust
+from scipy.integrate import cumulative_trapezoid
 
 from shefex_nav import prepare
 from shefex_nav.environment import gravity
@@ -85,11 +86,88 @@ def test_rounded_rows_are_passed_by():
     assert np.abs(careful[:, 0] + 9.81).max() < 0.02
 
 
+def boost(t_s):
+    """Heights, speeds and accelerations (N,) of a burn from 5 s to 15 s that sets in and ends in 0.5 s."""
+    a = 50.0 * np.clip(np.minimum(t_s - 5.0, 15.0 - t_s) / 0.5, 0.0, 1.0)
+    v = cumulative_trapezoid(a, t_s, initial=0.0)
+    return cumulative_trapezoid(v, t_s, initial=0.0), v, a
+
+
+@pytest.mark.parametrize("digits", [2, 1, 0])
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_curve_comes_near_the_rows_that_it_passes_by(digits, alone):
+    """Rows every 10 ms, rounded so much that seconds lie between those that are used where it is calm."""
+    t_s = np.arange(0.0, 30.0, 0.01)
+    h, v, a = boost(t_s)
+    r_told, v_told = (np.round(np.column_stack([one, 0.1 * one, 0.0 * one]), digits) for one in (h, v))
+    step = 0.5 * 10.0**-digits
+    if alone:
+        v_told = track.velocity(t_s, r_told, step)
+    curve = track.Track(t_s, r_told, v_told, None, step, 0.0 if alone else step)
+    r_at, v_at, a_at = curve.at(t_s)
+    assert np.abs(r_at[:, 0] - h).max() < 6.0 * step
+    calm = np.abs(t_s - 5.0) > 2.0
+    calm &= (np.abs(t_s - 15.0) > 2.0) & (t_s > 1.0) & (t_s < 29.0)
+    assert np.abs(v_at[calm, 0] - v[calm]).max() < 6.0 * max(step, 0.02)
+    assert np.abs(a_at[calm, 0] - a[calm]).max() < 6.0
+
+
+def test_an_attitude_comes_near_the_rows_that_it_passes_by():
+    """A body that begins to cone, told to four digits: 0.01 deg, by which no row may be far off."""
+    t_s = np.arange(0.0, 60.0, 0.01)
+    lean = 0.05 * np.clip((t_s - 20.0) / 2.0, 0.0, 1.0)
+    phi = np.column_stack([0.0 * t_s, lean * np.cos(t_s), lean * np.sin(t_s)])
+    true = np.array([rotation.quat_from_rotvec(one) for one in phi])
+    told = np.round(true, 4)
+    digit = 2.0 * rows.rounding(told)
+    turning = track.Turning(t_s, told / np.linalg.norm(told, axis=1)[:, None], digit)
+    attitude, _ = turning.at(t_s)
+    off = [
+        np.linalg.norm(rotation.rotvec_between(q, one))
+        for q, one in zip(true[::10], np.roll(attitude.as_quat()[::10], 1, axis=1), strict=True)
+    ]
+    assert max(off) < 6.0 * digit
+
+
 def test_the_digits_of_columns():
     assert rows.rounding(np.array([[0.5], [1.25]])) == pytest.approx(0.005)
     assert rows.rounding(np.array([[100.0, 0.0], [20.0, 0.0]])) == pytest.approx(0.5)
     assert rows.rounding(np.array([[np.pi], [np.e]])) == 0.0
     assert rows.rounding(np.zeros((5, 1))) == 0.0
+    assert rows.rounding(np.full((5, 1), 69.0)) == 0.0, "what never changes says nothing"
+
+
+@pytest.mark.parametrize("form", ["{:.6e}", "{:.7g}", "{:.4e}"])
+def test_significant_digits_are_those_of_the_largest_number(form):
+    """From millimetres on the pad to tens of kilometres, in three columns of another size each."""
+    t_s = np.arange(0.0, 100.0, 0.01)
+    exact = np.outer(0.5 * 7.123457 * t_s**2, [1.0, 0.0517, 0.0123])
+    told = np.array([[float(form.format(one)) for one in row] for row in exact])
+    digit = rows.rounding(told)
+    assert np.abs(told - exact).max() == pytest.approx(digit, rel=0.1)
+    decimals = np.round(exact, 3)
+    assert rows.rounding(decimals) == pytest.approx(5e-4)
+    assert rows.rounding(exact) < 1e-11
+
+
+def test_what_significant_digits_leave_open_is_not_flown():
+    """In free fall, told to 1 cm at 30 km by rows every 10 ms: no rest of the positions pushes it about."""
+    t_s = np.arange(0.0, 60.0, 0.01)
+    r = np.column_stack([800.0 * t_s - 4.905 * t_s**2, 40.01 * t_s, 0.0 * t_s])
+    v = np.column_stack([800.0 - 9.81 * t_s, 40.01 + 0.0 * t_s, 0.0 * t_s])
+    told = [np.array([[float(f"{one:.6e}") for one in row] for row in values]) for values in (r, v)]
+    curve = track.Track(t_s, *told, None, *map(rows.rounding, told))
+    _, _, a = curve.at(np.arange(1.0, 59.0, 0.0025))
+    assert np.abs(a - [-9.81, 0.0, 0.0]).max() < 0.1
+
+
+def test_the_digits_are_those_of_the_flight_and_not_of_the_pad():
+    """A vehicle that waits at zero for longer than the numbers that are looked at."""
+    waits = np.zeros((2 * rows.CHECKED, 3))
+    moves = np.round(np.outer(np.linspace(0.0, 900.0, rows.CHECKED), [1.0, 0.3, 0.1]), 3)
+    assert rows.rounding(np.concatenate([waits, moves])) == pytest.approx(5e-4)
+    clock = np.concatenate([np.arange(1.0 - 2.0 * rows.CHECKED, 1.0), np.arange(1, rows.CHECKED) / 100.0])
+    assert rows.clock_rounding(clock) == pytest.approx(5e-3)
 
 
 @pytest.mark.slow

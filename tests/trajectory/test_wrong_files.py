@@ -164,6 +164,17 @@ def test_odd_rows_are_warned_of(tmp_path):
     assert "changed.csv:301: the position steps by 40 m beside its velocity" in said
 
 
+def test_single_precision_is_warned_of(tmp_path):
+    """Written with all digits of a double, so that nothing tells that most of them mean nothing."""
+    path = rocket(until_s=30.0, step_s=0.01)
+    names = ("t_s", "east_m", "north_m", "up_m", "ve_m_s", "vn_m_s", "vu_m_s", "qw", "qx", "qy", "qz")
+    for kind, found in ((np.float32, 1), (float, 0)):
+        r_l = path.r_l.astype(kind).astype(float)
+        csv(tmp_path / "rows.csv", names, (path.t_s, r_l, path.v_l, path.q_lb), 15)
+        said = warned(COLUMNS | {"file": tmp_path / "rows.csv"})
+        assert sum("scatter about the way of their velocities" in one for one in said) == found, said
+
+
 @pytest.mark.slow
 def test_coarse_rows_and_turns_are_warned_of(tmp_path):
     few = slice(None, None, 25)

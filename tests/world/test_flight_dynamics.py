@@ -372,6 +372,28 @@ def test_tables_over_the_angle_hold_beyond_their_ends():
         assert np.all(np.isfinite(aux))
 
 
+@pytest.mark.parametrize("last_deg", [4.0, 60.0, 89.0, 90.0, 130.0, 177.0])
+def test_air_at_angles_beyond_a_table_never_pushes(last_deg):
+    """Power of the air on a body that does not turn: negative at any angle; tail first as nose first."""
+    given = np.radians([0.0, 0.5 * last_deg, last_deg])
+    axial = np.array([0.4, 0.6]) * np.maximum(np.cos(given), -1.0)[:, None]
+    aero = LIFTING._replace(
+        mach=np.array([0.0, 5.0]), alpha=given, axial=axial.T, normal_slope=np.full((2, 3), 3.0),
+        pressure_station_m=np.full((2, 3), 3.0), drag=np.zeros((2, 3)), pitch_damping=np.zeros(2),
+        roll_damping=np.zeros(2), roll_by_cant=np.zeros(2),
+    )  # fmt: skip
+    c, r_i = body(aerodynamics=aero, imu=AT_CG), [wgs84.A + 5e3, 0.0, 0.0]
+    braked = []
+    for angle in np.radians(np.arange(0.0, 180.5, 0.5)):
+        v_i = 600.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        _, aux = derivative(0.0, state(r_i, v_i), dynamics.FREE, c, world(air=STANDARD))
+        braked.append(-aux[:3] @ v_i / 600.0)
+    assert min(braked) > 0.0
+    assert np.abs(np.diff(braked)).max() < 0.1 * max(braked), "no jump at the end of the table"
+    if last_deg < 170.0:
+        assert braked[-1] == pytest.approx(braked[0], rel=1e-9)
+
+
 def test_all_sections_use_one_compiled_kernel():
     # one signature: a second one would double the compile time
     fly.fly(PARAMS._replace(sample_rate_hz=50.0, t_start_s=-1.0, gravity=fields.load("egm96", 4)), STILL)

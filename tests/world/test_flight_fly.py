@@ -328,6 +328,12 @@ STEERED = ROCKET._replace(stages=(SEPARATING,), programme=(("hold", task(tasks.H
             ROCKET._replace(yo_yo=YoYo(at=0.0, mass=0.3, cord_length=4.0, radius=0.2)),
             "yo-yo .* does not spin",
         ),
+        (  # its law is that of one body, whose inertia the stage takes with it
+            ROCKET._replace(
+                stages=(dropped(STAGE, 100.1),), yo_yo=YoYo(at=100.0, mass=0.3, cord_length=4.0, radius=0.178)
+            ),
+            "separation_1 .* while the yo-yo unwinds, until T.10",
+        ),
         (
             STEERED._replace(
                 attitude=p.PRESCRIBED,

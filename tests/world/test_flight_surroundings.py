@@ -10,7 +10,7 @@ from shefex_nav.environment import gravity
 from shefex_nav.environment.atmosphere import us76
 from shefex_nav.environment.gravity import GM_EGM96, RADIUS_EGM96, gravity_e, gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.world.flight import dynamics, integrate, scene, surroundings
+from shefex_nav.world.flight import dynamics, given, integrate, scene, surroundings
 from shefex_nav.world.flight.params import Air
 
 WGS84 = np.array([wgs84.A, wgs84.E2])
@@ -96,6 +96,12 @@ def test_air_of_a_table():
     assert surroundings.air(s, tables, 20e3)[0] == pytest.approx(1.1 * 0.09, rel=1e-12)
     assert surroundings.air(s, tables, -50.0) == pytest.approx((1.1 * 1.2, 1e5, 340.0), rel=1e-12)
     assert surroundings.air(s, tables, 20e3 + 1.0) == (0.0, 0.0, 295.0)
+    # a flight along a given trajectory has the same: the vacuum above the table, too
+    heights, speed = np.array([-50.0, 12.5e3, 20e3, 20e3 + 1.0, 150e3]), np.full(5, 2700.0)
+    of_kernel = np.array([surroundings.air(s, tables, h) for h in heights])
+    mach, dynamic = given._in_the_air(Air(table, 1.1), heights, speed)
+    assert np.allclose(mach, speed / of_kernel[:, 2], rtol=1e-12)
+    assert np.allclose(dynamic, 0.5 * of_kernel[:, 0] * speed**2, rtol=1e-12)
 
 
 def test_air_without_a_table_is_the_standard():

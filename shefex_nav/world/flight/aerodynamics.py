@@ -5,7 +5,9 @@ and moment about the centre of mass in body axes.
 
 The vehicle is taken to be symmetric about the roll axis: what counts is the Mach number and the total angle
 of attack alpha between roll axis and velocity, 0 to pi. Axial and normal force and the moment lie in the
-plane of both. Tables are bilinear in Mach number and angle, and constant beyond their ends.
+plane of both. Tables are bilinear in Mach number and angle, and constant beyond their ends; but a table over
+the angle that ends before 180 deg goes on to there, with an axial force that turns round as the flow does:
+held constant, what brakes nose first would push tail first.
 """
 
 from typing import NamedTuple
@@ -14,6 +16,8 @@ import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.world.flight.lookup import mixed, place
+
+FROM_TAIL = np.radians(5.0)  # rad, between angles that are added to a table: cos^2 to 0.002
 
 
 class AeroTables(NamedTuple):
@@ -48,6 +52,7 @@ def tables(aero):
     shape = (mach.size, alpha.size)
     names = ("axial", "normal_slope", "pressure_station_m", "drag")
     grids = {name: np.array(getattr(a, name), dtype=float).reshape(shape) for name in names}
+    alpha, grids = _to_the_tail(alpha, grids)
     columns = (a.pitch_damping, a.pitch_damping, a.roll_damping, a.roll_by_cant)
     damping = np.column_stack([np.array(column, dtype=float) for column in columns])
     if mach.size == 1:  # a kernel interpolates between two rows at least
@@ -69,6 +74,29 @@ def tables(aero):
         drag=grids["drag"],
         damping=np.ascontiguousarray(damping),
     )
+
+
+def _to_the_tail(alpha, grids):
+    """Angles (k,) and {name: (n, k)} of a table over the angle, carried on to 180 deg.
+
+    Beyond its last angle the axial force goes over to that of a table without angles, C_A(0) cos |cos|, until
+    90 deg, or 180 deg if the table ends between; the others hold.
+    """
+    last = alpha[-1]
+    if alpha.size == 1 or last >= np.pi - 1e-6:
+        return alpha, grids
+    more = np.append(np.arange(last + FROM_TAIL, np.pi - 0.5 * FROM_TAIL, FROM_TAIL), np.pi)
+    fades = 0.5 * np.pi if last < 0.5 * np.pi else np.pi
+    left = np.clip((fades - more) / (fades - last), 0.0, 1.0)
+    nose, end = grids["axial"][:, :1], grids["axial"][:, -1:]
+    axial = nose * _cosines(more) + (end - nose * _cosines(last)) * left
+    held = {name: np.repeat(grid[:, -1:], more.size, axis=1) for name, grid in grids.items()}
+    held["axial"] = axial
+    return np.append(alpha, more), {name: np.hstack([grid, held[name]]) for name, grid in grids.items()}
+
+
+def _cosines(alpha):
+    return np.cos(alpha) * np.abs(np.cos(alpha))
 
 
 @inner(forceinline=True)

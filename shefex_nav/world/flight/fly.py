@@ -269,6 +269,9 @@ class _Run:
     def _separate(self, stage, number, as_told):
         """Leave a stage behind; a prescribed attitude is not disturbed by it."""
         before, after = self.configuration, self.vehicles[number]
+        if before.yo_yo[0] <= self.t_s < before.yo_yo[1] - EPS:
+            until = f"until T+{before.yo_yo[1]:.2f} s"
+            raise FlightError(f"separation_{number} is due while the yo-yo unwinds, {until}")
         lever_b = np.array([-stage.dry.station, *before.offset]) - before.imu
         v_b = np.cross(self.x[10:13], lever_b) - [stage.separation.impulse / stage.dry.mass, 0.0, 0.0]
         r_i, v_i = self.x[0:3] + self._C_ib() @ lever_b, self.x[3:6] + self._C_ib() @ v_b

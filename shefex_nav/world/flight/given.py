@@ -142,7 +142,8 @@ def _in_the_air(air, height, speed):
     """Mach number and dynamic pressure (N,) Pa in air at rest."""
     if len(air.table):
         rows = [np.interp(height, air.table[:, 0], column) for column in air.table[:, 1:].T]
-        density, sound = exp(rows[0]), rows[2]
+        vacuum = height > air.table[-1, 0]  # as in `surroundings.air`
+        density, sound = np.where(vacuum, 0.0, exp(rows[0])), rows[2]
     else:
         grid = np.arange(height.min() - AIR_M, height.max() + 2.0 * AIR_M, AIR_M)
         standard = np.array([us76(float(one)) for one in grid])

@@ -126,7 +126,7 @@ def _check_stages(params, earliest):
             raise ValueError(f"{stage.name}: the times of its thrust have to increase from 0")
         if burn.t_0 < gone:
             raise ValueError(f"{stage.name}: ignition at {burn.t_0} s is before {below} at {gone} s")
-        if stage.drops_at < burn.t_1:
+        if stage.drops_at < burn.t_1 - EPS:
             raise ValueError(
                 f"{stage.name}: separation at {stage.drops_at} s is before its burn-out at {burn.t_1} s"
             )

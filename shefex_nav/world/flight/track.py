@@ -25,7 +25,7 @@ NOISE_BY_VELOCITY = 1e-2  # m/s^2, of velocities
 NOISE_ALONE = 0.2  # m/s^2, where positions alone say how it moves
 NOISE_OF_RATE = 2e-4  # rad/s, by the rounding of an attitude
 LARGEST_TURN = 0.3  # rad between rows of an attitude that are used, if there are rows between them
-MISSED, TINY_M = 4.0, 1e-9  # roundings, and m, by which a row may be missed
+MISSED, TINY = 4.0, 1e-9  # roundings, and m, m/s or rad, by which a row may be missed
 CURVED = 12.0  # second derivative of a spline whose rows alternate by one, times their distance squared
 
 
@@ -56,9 +56,13 @@ def velocity(t_s, r, rounding):
 
     rounding : m, of the positions
     """
+
+    def through(rows):
+        degree = min(5, 2 * ((len(rows) - 1) // 2) + 1, len(rows) - 1)
+        return make_interp_spline(t_s[rows], r[rows], k=degree)
+
     rows = spread(t_s, np.sqrt(CURVED * rounding / NOISE_ALONE))
-    curve = make_interp_spline(t_s[rows], r[rows], k=min(5, 2 * ((len(rows) - 1) // 2) + 1, len(rows) - 1))
-    return curve.derivative()(t_s)
+    return _near(t_s, r, rows, rounding, through).derivative()(t_s)
 
 
 class Track:
@@ -69,12 +73,15 @@ class Track:
     """
 
     def __init__(self, t_s, r_i, v_i, a_i, rounding_m, rounding_m_s, first_a_i=None):
+        begin = "not-a-knot" if first_a_i is None else (1, first_a_i)
+
+        def through(rows):
+            if a_i is None:
+                return CubicSpline(t_s[rows], v_i[rows], bc_type=(begin, "not-a-knot"))
+            return CubicHermiteSpline(t_s[rows], v_i[rows], a_i[rows])
+
         rows = spread(t_s, rounding_m_s / NOISE_BY_VELOCITY)
-        if a_i is None:
-            begin = "not-a-knot" if first_a_i is None else (1, first_a_i)
-            self._v = CubicSpline(t_s[rows], v_i[rows], bc_type=(begin, "not-a-knot"))
-        else:
-            self._v = CubicHermiteSpline(t_s[rows], v_i[rows], a_i[rows])
+        self._v = _near(t_s, v_i, rows, rounding_m_s, through)
         self._way, self._r_0 = self._v.antiderivative(), r_i[0]
         self._rest = _rest(t_s, r_i - self._r_0 - self._way(t_s), rounding_m)
 
@@ -83,19 +90,37 @@ class Track:
         rest = [self._rest(t_s, order) for order in range(3)]
         return self._r_0 + self._way(t_s) + rest[0], self._v(t_s) + rest[1], self._v(t_s, 1) + rest[2]
 
+    def pushes(self, t_s):
+        """Part (n, 3) m/s^2 of the acceleration that positions have on top of what the velocities say."""
+        return self._rest(t_s, 2)
+
 
 def _rest(t_s, values, rounding):
     """Curve near values (N, 3) m at times (N,) s, by as few as their rounding, m, allows: PPoly."""
     rows = spread(t_s, np.sqrt(CURVED * rounding / NOISE_BY_POSITION))
+    return _near(t_s, values, rows, rounding, lambda rows: _steps(t_s[rows], values[rows]))
+
+
+def _near(t_s, values, rows, rounding, through):
+    """Curve through some rows and those that it would miss, see `_through`. values : (N, 3), times (N,) s"""
+    return _through(rows, rounding, through, lambda curve: np.abs(curve(t_s) - values).max(axis=1))
+
+
+def _through(rows, rounding, through, off):
+    """Curve through some rows, and through more where it would miss others by more than their rounding.
+
+    rows : numbers of those to begin with;  through : function of rows that gives a curve
+    off : function of a curve that gives by how much it misses each row, (N,)
+    """
     while True:
-        curve = _steps(t_s[rows], values[rows])
-        off = np.abs(curve(t_s) - values).max(axis=1)
-        off[rows] = 0.0
-        missed = np.flatnonzero(off > MISSED * rounding + TINY_M)
+        curve = through(rows)
+        misses = off(curve)
+        misses[rows] = 0.0
+        missed = np.flatnonzero(misses > MISSED * rounding + TINY)
         if not len(missed):
             return curve
         between = np.searchsorted(rows, missed)  # which two rows; the worst there is taken
-        order = np.lexsort((-off[missed], between))
+        order = np.lexsort((-misses[missed], between))
         worst = np.unique(between[order], return_index=True)[1]
         rows = np.union1d(rows, missed[order][worst])
 
@@ -137,7 +162,13 @@ class Turning:
         if rounding > 0.0:
             fastest = float(np.max(turns(q_ib) / np.diff(t_s)))
             rows = spread(t_s, min(rounding / NOISE_OF_RATE, LARGEST_TURN / max(fastest, 1e-9)))
-        self._curve = RotationSpline(t_s[rows], Rotation.from_quat(xyzw(q_ib[rows])))
+        told = Rotation.from_quat(xyzw(q_ib))
+        self._curve = _through(
+            rows,
+            rounding,
+            lambda rows: RotationSpline(t_s[rows], told[rows]),
+            lambda curve: (told.inv() * curve(t_s)).magnitude(),
+        )
 
     def at(self, t_s):
         """Attitude and rate at times (n,) s: Rotation, (n, 3) rad/s in body axes."""
