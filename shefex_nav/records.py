@@ -105,12 +105,7 @@ class Alignment(NamedTuple):
     P_theta_b: matrix("rad^2", "covariance of the attitude error, body axes")
     gyro_bias: number("rad/s", "gyro bias found while aligning, if any", (-1,)) = np.empty(0)
     sigma_gyro_bias: number("rad/s", "its standard deviation, each axis") = 0.0
-    P_with_biases: number(
-        "",
-        "covariance of attitude error [rad], gyro bias [rad/s] and accelerometer bias [m/s^2], body axes, "
-        "9 x 9 row by row; none where the attitude was not found by these sensors",
-        (-1, 9),
-    ) = np.empty((0, 9))
+    P_with_biases: number("", "covariance: attitude, gyros, accelerometers", (-1, 9)) = np.empty((0, 9))
 
 
 class ImuBlock(NamedTuple):

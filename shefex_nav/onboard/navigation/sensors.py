@@ -299,13 +299,12 @@ ARRIVALS = {
 
 def table(params):
     """The sensors of a filter: `SENSORS`, and behind them its aids. NavParams -> {name: Sensor}"""
-    position, ranges = SENSORS["gps_position"], SENSORS["gps_range"]
+    found = SENSORS | {aid.name: aiding.sensor(aid) for aid in params.aids}
     if params.lasting_share:
-        position = position._replace(counted=_lasting_position)
+        found["gps_position"] = found["gps_position"]._replace(counted=_lasting_position)
     if params.range_bias_sigma and "range_bias" not in params.sigma_blocks:
-        ranges = ranges._replace(counted=_lasting_ranges)
-    own = {"gps_position": position, "gps_range": ranges}
-    return SENSORS | own | {aid.name: aiding.sensor(aid) for aid in params.aids}
+        found["gps_range"] = found["gps_range"]._replace(counted=_lasting_ranges)
+    return found
 
 
 def _lasting_position(nav, fix, R, gap_s):
