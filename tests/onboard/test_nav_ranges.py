@@ -184,7 +184,7 @@ def told(message):
 
 
 def test_a_receiver_says_how_large_the_errors_that_last_are():
-    """Each satellite's own, and what all share: of states of 2 m or of noise, the same variance."""
+    """Each satellite's own, and what all share: of states of 2 m or of noise, the same covariance."""
     state, plain = state_of(), layout(("gyro_roll_column", "mounting", "clock"))
     message = told(measured(state))
     z, H, R = measure_ranges.pseudoranges(LAYOUT, state, message, antenna_of(LAYOUT, state), 2.0)
@@ -196,7 +196,7 @@ def test_a_receiver_says_how_large_the_errors_that_last_are():
     untold = measure_ranges.pseudoranges(LAYOUT, state, measured(state), antenna_of(LAYOUT, state), 2.0)
     np.testing.assert_allclose(z, untold[0] - moved, atol=1e-7)
     _, _, R = measure_ranges.pseudoranges(plain, state, message, antenna_of(plain, state), 2.0)
-    np.testing.assert_allclose(R, 1.5**2 * np.eye(5) + np.diag(np.diag(expected)))
+    np.testing.assert_allclose(R, 1.5**2 * np.eye(5) + expected)
 
 
 def test_jacobian_with_what_the_receiver_says():

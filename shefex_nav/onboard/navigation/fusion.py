@@ -270,7 +270,7 @@ def _reprocess(nav, first, last, results, recorder=None):
         history.back_to(first - 1)
     else:
         history.go_to(first - 1)
-    if nav.params.range_bias_sigma or nav.params.aids:
+    if nav.params.lasting_share or nav.params.range_bias_sigma or nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
