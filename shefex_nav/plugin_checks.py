@@ -9,8 +9,9 @@ from typing import get_type_hints
 import numpy as np
 
 from shefex_nav import instruments
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import models
-from shefex_nav.errors import CodeError
+from shefex_nav.errors import CodeError, shown
 from shefex_nav.instruments import faults
 from shefex_nav.instruments.instrument import (
     Column,
@@ -18,10 +19,12 @@ from shefex_nav.instruments.instrument import (
     Equation,
     Fault,
     FaultKind,
+    Measured,
     Plot,
     Sampled,
     StateBlock,
 )
+from shefex_nav.onboard.navigation.aid import Aid, Linearised
 from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
 from shefex_nav.settings import REQUIRED, Settings, declared
 
@@ -163,11 +166,8 @@ def _block(one, settings):
 
 def _checked_block(words, size, block):
     """A Block of so many errors, its arrays as numbers; CodeError says what is wrong with it."""
-    P, walk = _numbers(f"{words}: P", block.P, (size, size)), _numbers(f"{words}: walk", block.walk, (size,))
+    P, walk = _covariance(f"{words}: P", block.P, size), _numbers(f"{words}: walk", block.walk, (size,))
     F = None if block.F is None else _numbers(f"{words}: F", block.F, (size, size))
-    slack = ROUNDING * np.trace(P)
-    if not (np.abs(P - P.T).max() <= slack and np.linalg.eigvalsh(P)[0] >= -slack):
-        raise CodeError(f"{words}: P must be a covariance, got {P.tolist()}")
     if (walk < 0.0).any():
         raise CodeError(f"{words}: walk must not be negative, got {walk.tolist()}")
     if F is not None and np.abs(F).sum(axis=1).max() > FASTEST:
@@ -183,6 +183,15 @@ def _drives(words, size, drives, sensed):
     """As Block.drives."""
     words = f"{words}: drives, T{sensed.t_s:+.2f} s"
     return _numbers(words, _called(words, drives, sensed), (6, size))
+
+
+def _covariance(words, value, size):
+    """A value of the plug-in as a covariance, which may have no rank. words : what it is"""
+    P = _numbers(words, value, (size, size))
+    slack = ROUNDING * np.trace(P)
+    if not (np.abs(P - P.T).max() <= slack and np.linalg.eigvalsh(P)[0] >= -slack):
+        raise CodeError(f"{words} must be a covariance, got {P.tolist()}")
+    return P
 
 
 def _numbers(words, value, shape):
@@ -246,19 +255,25 @@ def _called(words, function, *given):
 def _measure(one, settings, truth, rng):
     """As Instrument.measure."""
     words = f"instrument '{one.name}': measure"
-    measured = _called(words, one.measure, settings, truth, rng)
+    measured = _of_type(words, Measured, _called(words, one.measure, settings, truth, rng))
+    if not isinstance(measured.readings, list | tuple):
+        raise CodeError(f"{words}: readings must be a list, got {shown(measured.readings)}")
     if not all(type(reading) is one.record for reading in measured.readings):
         raise CodeError(f"{words} must give readings of {one.record.__name__}")
     times = np.reshape([reading[:2] for reading in measured.readings], (-1, 2))
     if not np.isfinite(times).all() or (np.diff(times, axis=0) < 0.0).any():
         raise CodeError(f"{words}: times of its readings must be numbers in ascending order")
+    if (early := times[:, 1] < times[:, 0] - SAME_S).any():
+        valid_s, available_s = times[np.argmax(early)]
+        late = f"the reading of T{valid_s:+.3f} s is there at T{available_s:+.3f} s, before it is measured"
+        raise CodeError(f"{words}: {late}")
     return measured
 
 
 def _aid(one, given, use, known):
     """As Instrument.aid."""
     words = f"instrument '{one.name}'"
-    aid = _called(f"{words}: aid", one.aid, given, use, known)
+    aid = _of_type(f"{words}: aid", Aid, _called(f"{words}: aid", one.aid, given, use, known))
     found = [(block.name, block.size) for block in aid.blocks]
     said = [(block.name, block.size) for block in one.states]
     if (aid.name, aid.record, found) != (one.name, one.record, said):
@@ -278,7 +293,7 @@ def _aid(one, given, use, known):
 def _expect(words, expect, here, reading):
     """As Aid.expect."""
     words = f"{words}: expect, T{reading.t_valid_s:+.2f} s"
-    seen = _called(words, expect, here, reading)
+    seen = _of_type(words, Linearised, _called(words, expect, here, reading))
     m, n = np.size(seen.z), here.rows(1).shape[1]
     shapes = [np.shape(one) for one in (seen.z, seen.H, seen.R, *(one for one, _ in seen.lasting))]
     if shapes != [(m,), (m, n), *[(m, m)] * (1 + len(seen.lasting))]:
@@ -289,7 +304,11 @@ def _expect(words, expect, here, reading):
         raise CodeError(
             f"{words}: z and H must be numbers and the variances in R greater than zero, got {seen}"
         )
-    return seen
+    R = _covariance(f"{words}: R", seen.R, m)
+    lasting = tuple((_covariance(f"{words}: what lasts", one, m), float(s)) for one, s in seen.lasting)
+    if not all(lasts_s > 0.0 for _, lasts_s in lasting):
+        raise CodeError(f"{words}: what lasts must do so for more than 0 s, got {seen.lasting}")
+    return seen._replace(R=R, lasting=lasting)
 
 
 def checked_gravity(one):
@@ -347,5 +366,5 @@ def _wind(one, heights, t_s, site):
 def _of_type(words, kind, given):
     """What a function gives, of the type that it must be."""
     if not isinstance(given, kind):
-        raise CodeError(f"{words}: expected {kind.__name__}({', '.join(kind._fields)}), got {given!r}")
+        raise CodeError(f"{words}: expected {kind.__name__}({', '.join(kind._fields)}), got {shown(given)}")
     return given

@@ -18,7 +18,7 @@ from shefex_nav.onboard import own_conventions, own_levels, own_records
 from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
-from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault
+from shefex_nav.onboard.own_software import OwnSoftware, covariance_fault, sealed
 from shefex_nav.onboard.startracker.tracker import NO_CONTEXT, Context
 from shefex_nav.records import QUANTITIES, Doubt, GateResult, NavCovariance, NavHealth, NavSolution, row
 
@@ -291,17 +291,6 @@ class OwnNavigation:
 
     def _error(self, words):
         return self._own.error(self.now_s, words)
-
-
-def sealed(record):
-    """The same record, with arrays that cannot be written: what flies must not change what is logged."""
-    if isinstance(record, np.ndarray):
-        view = record.view()
-        view.flags.writeable = False
-        return view
-    if isinstance(record, tuple) and hasattr(record, "_fields"):
-        return type(record)(*map(sealed, record))
-    return record
 
 
 def solution(estimate, t_s, omega_ib_b, earth):

@@ -113,6 +113,17 @@ class OwnSoftware:
         return q / norm
 
 
+def sealed(record):
+    """The same record, with arrays that cannot be written: what flies must not change what is logged."""
+    if isinstance(record, np.ndarray):
+        view = record.view()
+        view.flags.writeable = False
+        return view
+    if isinstance(record, tuple) and hasattr(record, "_fields"):
+        return type(record)(*map(sealed, record))
+    return record
+
+
 def _are_numbers(array):
     """Whether an array of objects holds numbers alone, such as fractions; float() takes text, too."""
     return array.dtype.kind == "O" and not any(isinstance(one, NO_NUMBERS) for one in array.flat)

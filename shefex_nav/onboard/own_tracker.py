@@ -8,7 +8,7 @@ import numpy as np
 from shefex_nav.errors import shown
 from shefex_nav.fields import integer, matrix, member, number, vector
 from shefex_nav.onboard import own_conventions
-from shefex_nav.onboard.own_software import MOST_WHOLE, OwnSoftware, covariance_fault
+from shefex_nav.onboard.own_software import MOST_WHOLE, OwnSoftware, covariance_fault, sealed
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
 
@@ -48,11 +48,11 @@ class OwnTracker:
     def __init__(self, software, name, mission):
         self._own = OwnSoftware(software, f"star tracker software {name}")
         self._answers = Answers(self._own, mission.sheets["star_tracker"])
-        self._own.ask(mission.start_s, "start", mission)
+        self._own.ask(mission.start_s, "start", sealed(mission))
 
     def step(self, tracker, state, frame, context):
         """As of `tracker.step`."""
-        solved = self._own.ask(frame.t_available_s, "step", frame, context)
+        solved = self._own.ask(frame.t_available_s, "step", sealed(frame), sealed(context))
         if not isinstance(solved, Solved):
             raise self._own.error(frame.t_available_s, f"must give a Solved, got {shown(solved)}")
         available_s = frame.t_available_s + tracker.params.settings.latency

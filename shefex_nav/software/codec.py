@@ -27,6 +27,7 @@ class Codec:
             for number, field in enumerate(self.topic.fields, start=2)  # 1: the time stamp
         ]
         self._readers = {number: _reader(field) for number, field in enumerate(self.topic.fields, start=2)}
+        self._arrays = {number for number, field in enumerate(self.topic.fields, start=2) if field.shape}
         self._nothing = {field.source: _nothing(field) for field in self.topic.fields}
         self._nothing |= topic.record._field_defaults
         self._made = wire.assembler(topic.record, self._nothing)
@@ -37,7 +38,7 @@ class Codec:
 
     def decode(self, body):
         """The record of a message; ValueError if it is none."""
-        values, at, end = self._nothing.copy(), 0, len(body)
+        values, pieces, at, end = self._nothing.copy(), {}, 0, len(body)
         try:
             while at < end:
                 tag, at = _varint(body, at)
@@ -47,9 +48,17 @@ class Codec:
                 else:
                     size, at = _varint(body, at) if kind == _LENGTH else (8 if kind == _EIGHT else 4, at)
                     value, at = body[at : at + size], at + size
-                if (reader := self._readers.get(tag >> 3)) is not None:
+                number = tag >> 3
+                if number in self._arrays:  # in one piece or several, or each number by itself
+                    pieces.setdefault(number, []).append(value)
+                elif (reader := self._readers.get(number)) is not None:
                     source, read = reader
                     values[source] = read(value)
+            if at > end:
+                raise ValueError("a field that goes on beyond the end")
+            for number, data in pieces.items():
+                source, read = self._readers[number]
+                values[source] = read(b"".join(data))
         except (IndexError, struct.error, TypeError, ValueError) as error:
             raise ValueError(f"not a message {self.topic.schema}") from error
         return self._made(values)

@@ -96,6 +96,22 @@ def test_an_attitude_in_another_convention_is_told_at_once(tmp_path, given, word
         flown("night_sky", f"star_tracker.software={path}:Seen", until_s=3.0)
 
 
+@pytest.mark.parametrize(
+    "here",
+    [
+        "frame.image_dn[:] = 0",
+        "self.mission.C_bc[:] = 0",
+        "context.velocity_i is None or context.velocity_i.fill(0)",
+    ],
+)
+def test_a_tracker_does_not_write_into_what_is_logged_or_flies(tmp_path, here):
+    path = tmp_path / "seen.py"
+    text = SEEN.replace("HERE", f"{here}\n        return Solved()")
+    path.write_text(text.replace("self.frames = 0", "self.frames, self.mission = 0, mission"))
+    with pytest.raises(SoftwareError, match="read-only"):
+        flown("night_sky", f"star_tracker.software={path}:Seen", until_s=3.0)
+
+
 def test_statistics_are_of_the_built_in_tracker(tmp_path):
     path = tmp_path / "seen.py"
     path.write_text(SEEN.replace("HERE", "return Solved()"))

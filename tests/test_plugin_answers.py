@@ -1,0 +1,83 @@
+"""What the functions of an instrument of a user's own give is looked at before it reaches the filter."""
+
+import re
+from types import SimpleNamespace
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pytest
+
+from shefex_nav import plugin_checks
+from shefex_nav.errors import CodeError
+from shefex_nav.instruments.instrument import Column, Instrument, Measured, Sampled, Use
+from shefex_nav.onboard.navigation.aid import Aid, Linearised
+
+HERE = SimpleNamespace(rows=lambda m: np.zeros((m, 15)))
+READING = SimpleNamespace(t_valid_s=7.0)
+
+
+class Height(NamedTuple):
+    t_valid_s: float
+    t_available_s: float
+    height: Annotated[float, Column("m", "height")]
+
+
+def instrument(measured=None, aid=None, seen=None):
+    """A checked instrument whose functions give these."""
+    given = Aid("mine", Height, lambda here, reading: seen) if aid is None else aid[0]
+    one = Instrument(
+        "mine", Sampled, Height, lambda *_: measured, aid=lambda *_: given, use=Use, equation=None
+    )
+    return plugin_checks.checked(one)
+
+
+def expected(**changes):
+    """What the filter gets of two numbers whose noise is alike, with changes."""
+    seen = Linearised(np.zeros(2), np.zeros((2, 15)), 4.0 * np.eye(2))._replace(**changes)
+    return instrument(seen=seen).aid(None, None, None).expect(HERE, READING)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"R": [[4.0, 12.0], [12.0, 4.0]]}, "R must be a covariance, got [[4.0, 12.0], [12.0, 4.0]]"),
+        ({"R": [[4.0, 3.6], [-3.6, 4.0]]}, "R must be a covariance"),
+        ({"R": [[4.0, np.nan], [np.nan, 4.0]]}, "R must be numbers, shape (2, 2), got some that are not"),
+        ({"lasting": ((-3.6 * np.eye(2), 10.0),)}, "what lasts must be a covariance"),
+        ({"lasting": ((np.eye(2), 0.0),)}, "what lasts must do so for more than 0 s"),
+        ({"lasting": ((np.eye(2), np.nan),)}, "what lasts must do so for more than 0 s"),
+    ],
+)
+def test_noise_that_there_cannot_be_is_refused(changes, words):
+    with pytest.raises(CodeError, match=re.escape(f"'mine': expect, T+7.00 s: {words}")):
+        expected(**changes)
+
+
+def test_noise_may_lack_a_direction_and_errors_may_last_for_ever():
+    """A unit vector has no noise along itself."""
+    seen = expected(R=[[4.0, 4.0], [4.0, 4.0]], lasting=((np.zeros((2, 2)), np.inf),))
+    np.testing.assert_array_equal(seen.R, 4.0 * np.ones((2, 2)))
+
+
+@pytest.mark.parametrize(
+    ("measured", "words"),
+    [
+        (None, "measure: expected Measured(readings, errors, sensed), got None"),
+        ([Height(1.0, 1.0, 5.0)], "measure: expected Measured(readings, errors, sensed), got [Height("),
+        (Measured(None), "measure: readings must be a list, got None"),
+        (
+            Measured([Height(1.0, 1.0, 5.0), Height(2.0, 1.5, 5.0)]),
+            "measure: the reading of T+2.000 s is there at T+1.500 s, before it is measured",
+        ),
+    ],
+)
+def test_readings_that_there_cannot_be_are_refused(measured, words):
+    with pytest.raises(CodeError, match=re.escape(f"instrument 'mine': {words}")):
+        instrument(measured=measured).measure(None, None, None)
+
+
+def test_an_answer_of_another_type_is_told():
+    with pytest.raises(CodeError, match=re.escape("'mine': aid: expected Aid(name, record,")):
+        instrument(aid=[None]).aid(None, None, None)
+    with pytest.raises(CodeError, match=re.escape("'mine': expect, T+7.00 s: expected Linearised(z, H,")):
+        instrument(seen=None).aid(None, None, None).expect(HERE, READING)
