@@ -89,3 +89,13 @@ def test_on_the_pad_the_pressure_altitude_is_off_by_the_day_and_the_sensor(flown
     r_e = frames.dcm_ie(data.mission.earth, -5.0).T @ data.truth.r_i[500]
     assert 1.0 < abs(h.mean() - wgs84.geodetic_from_ecef(r_e)[2]) < 250.0
     assert h.std() < 2.0
+
+
+def test_the_filter_remembers_as_far_back_as_readings_come_late():
+    """A second, which is longer than a fix of the receiver is late."""
+    scenario = load.load(load.file_of("baro_2d_gps"), ["barometer.latency=1 s"])
+    world = prepare.build_world(scenario, 3)
+    given = simulate.route(world, scenario, 3, until_s=-2.0)
+    gates = [one for one in given if isinstance(one, GateResult) and one.sensor == "barometer"]
+    used = [gate.accepted for gate in gates if gate.note != "not after the start of the filter"]
+    assert len(used) > 50 and all(used)

@@ -18,7 +18,7 @@ from shefex_nav.log import reader
 from shefex_nav.log.topics import ATTACHMENT, LogError
 from shefex_nav.onboard.navigator import Columns
 from shefex_nav.records import Frame, FrameTruth, StarFix
-from shefex_nav.scenario import load
+from shefex_nav.scenario import load, software
 from shefex_nav.statistical import is_wanted
 from shefex_nav.world.camera import motion
 
@@ -110,6 +110,17 @@ def shots(flight, path=None, from_s=-math.inf, until_s=math.inf, every=1):
             if n % every == 0:
                 yield _shot(world, frame, truth, record)
             n += 1
+    if software.own(flight.scenario.computer) is not None:
+        _all_answered(one for one in frames.values() if from_s <= one.t_valid_s <= last_s)
+
+
+def _all_answered(frames):
+    """FramesError if there are Frames of which a computer of somebody's own has given no Solved."""
+    if numbers := [one.number for one in frames]:
+        words = f"frame {numbers[0]}" if len(numbers) == 1 else f"{len(numbers)} frames from {numbers[0]} on"
+        raise FramesError(
+            f"computer.software gave no Solved of {words}, not written; let it give one for each"
+        )
 
 
 def _shot(world, frame, truth, fix):

@@ -89,6 +89,7 @@ class OwnNavigation:
         self.now_s, self._imu, self._ticks = alignment.t_valid_s, None, 0
         self._alignment = alignment  # until the first Estimate has been held against it
         self._kept, self._blocks = deque(maxlen=KEPT), deque(maxlen=KEPT)
+        self._P_theta_b = None  # of the Estimate of this tick
         self._ask("start", sealed(alignment), sealed(mission))
 
     def advance(self, blocks, first, last):
@@ -99,6 +100,7 @@ class OwnNavigation:
 
     def update(self, arrived):
         """As of `driving.Software`."""
+        self._P_theta_b = None
         given = self._ask("step", self._imu, [sealed(one) for one in arrived])
         given = [] if given is None else [given] if isinstance(given, tuple) else given
         if not isinstance(given, list):
@@ -186,7 +188,9 @@ class OwnNavigation:
         self._blocks.append(self._imu)
         if solution is None or not self._imu.valid or solution.do_not_use_attitude:
             return
-        P_theta_b = np.diag(solution.sigma_theta_b**2)
+        P_theta_b = self._P_theta_b
+        if P_theta_b is None:  # a whole NavSolution says nothing of correlations
+            P_theta_b = np.diag(solution.sigma_theta_b**2)
         known = solution.r_i, solution.v_i, solution.q_ib
         has_P = bool(np.isfinite(P_theta_b).all())
         self._kept.append(_Kept(self.now_s, self._imu, *known, P_theta_b if has_P else None))
@@ -199,6 +203,7 @@ class OwnNavigation:
         told = solution(estimate, self.now_s, omega_b, self._mission.earth)
         if estimate.levels_of_P:
             told = own_levels.added(told, estimate.P, self._wanted, self._mission.earth)
+        self._P_theta_b = None if estimate.P is None else estimate.P[6:, 6:].copy()
         outputs = [told]
         if self._ticks % COVARIANCE_TICKS == 0:
             outputs.append(covariance(estimate, self.now_s))

@@ -98,6 +98,7 @@ def nav_params(scenario):
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, False, shaken)
     white, walk = params.clock(scenario).densities
     told, period_s = _beforehand(scenario), 1.0 / scenario.imu.vibration.lowest_frequency
+    late_s = max(scenario.gps.latency, aboard.longest_latency(scenario))
     return NavParams(
         imu=_imu_model(scenario, told),
         sigma_gyro_bias=_given(sensors.gyro_bias, float(np.hypot(gyro.bias, gyro.in_run_bias))),
@@ -108,7 +109,7 @@ def nav_params(scenario):
         l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
         C_bc=mounting(scenario),
         **params_filter.common(scenario, integrity),
-        history_s=params_filter.memory_s(navigation.history, scenario.gps.latency, period_s),
+        history_s=params_filter.memory_s(navigation.history, late_s, period_s),
         motors=_motors(scenario),
         vibration_period_s=period_s,
         swing_at_rest=_swings(scenario.imu.vibration, scenario.imu.vibration.coast),

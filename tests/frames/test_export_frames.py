@@ -267,3 +267,27 @@ def test_wcs_has_the_distortion_in_its_polynomials():
     np.testing.assert_allclose(found, at[on], atol=0.01)
     plain = np.column_stack([333.1 + 2520.2 * xy[:, 0], 240.7 + 2520.2 * xy[:, 1]])
     assert np.abs(plain - at)[on].max() > 3.0
+
+
+COMPUTER = """
+from shefex_nav.records import CameraCommand, Frame
+from shefex_nav.software import Estimate, Solved
+
+
+class Half:
+    def start(self, alignment, mission):
+        self.known, self.is_on = Estimate(alignment.r_i, alignment.v_i, alignment.q_ib), False
+
+    def step(self, imu, arrived):
+        given, self.is_on = [] if self.is_on else [CameraCommand(imu.t_valid_s, 0.05, 24.0)], True
+        frames = [one for one in arrived if isinstance(one, Frame)]
+        return [*given, self.known, *(Solved(number=one.number) for one in frames if one.number != 3)]
+"""
+
+
+def test_frames_that_a_computer_has_not_answered_are_named(tmp_path):
+    (tmp_path / "half.py").write_text(COMPUTER)
+    own = f"computer.software={tmp_path / 'half.py'}:Half"
+    done = command("night_sky", "--frames", tmp_path / "out", "--until", "1.6s", "--trust", "--set", own)
+    words = " ".join(done.stderr.replace("│", " ").split())
+    assert done.exit_code == 2 and "gave no Solved of frame 3, not written" in words

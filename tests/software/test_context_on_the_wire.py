@@ -2,11 +2,16 @@
 
 import numpy as np
 import pytest
+from own_flights import reckoning
 
+from shefex_nav import prepare, simulate
 from shefex_nav.onboard.navigation.mean_rate import SEEN
+from shefex_nav.onboard.navigator import PREDICTION_FLOOR
 from shefex_nav.onboard.own_navigation import besides_mean_rate, covered
+from shefex_nav.onboard.startracker import tracker
 from shefex_nav.onboard.startracker.tracker import Context
 from shefex_nav.records import ImuBlock
+from shefex_nav.scenario.load import load
 from shefex_nav.software import messages
 
 TABLE = np.array([[-0.05, 1e-5, 0.0, -2e-5], [0.0, 0.0, 0.0, 0.0], [0.05, 1e-5, 0.0, -2e-5]])
@@ -56,3 +61,29 @@ def test_blocks_with_a_gap_say_nothing():
     assert covered(whole, 0.001, 0.199)
     assert not covered(whole[1:], 0.001, 0.199) and not covered(whole[:-1], 0.001, 0.199)
     assert not covered([*whole[:5], *whole[6:]], 0.001, 0.199)
+
+
+def test_what_is_predicted_of_a_picture_has_the_correlations_of_the_attitude(tmp_path):
+    """Along (1, 1, 1) the errors of three axes that go together add up: three times the variance."""
+    path = reckoning(
+        tmp_path,
+        """P = numpy.diag([1.0, 1, 1, 1, 1, 1, 4e-6, 4e-6, 4e-6])
+        P[6:, 6:] += 3.9e-6 * (1.0 - numpy.eye(3))
+        return Estimate(self.r, self.v, self.q, P)""",
+    )
+    path.write_text("import numpy\n" + path.read_text())
+    override = f"navigation.software={path}:Reckoning"
+    scenario = prepare.settled(load("night_sky", [override], trust=True))
+    seen, world = [], prepare.build_world(scenario, 1)
+
+    def step(*given):
+        seen.append(given[3])
+        return tracker.step(*given)
+
+    for _ in simulate.route(world, scenario, 1, until_s=1.5, step=step):
+        pass
+    C_bc = world.computer.nav.C_bc
+    P_theta_b = 1e-7 * np.eye(3) + 3.9e-6 * np.ones((3, 3))
+    mounting = scenario.star_camera.mounting.error
+    wanted = C_bc.T @ P_theta_b @ C_bc + (mounting**2 + PREDICTION_FLOOR**2) * np.eye(3)
+    np.testing.assert_allclose(seen[-1].P_c, wanted, rtol=1e-6, atol=1e-14)
