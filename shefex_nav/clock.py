@@ -8,6 +8,7 @@ in two ways differs in its last digits.
 TICK_HZ = 100  # of the on-board computer
 SAMPLES_PER_TICK = 4  # of the IMU
 IMU_HZ = TICK_HZ * SAMPLES_PER_TICK
+SAME_EVENT_S = 1e-9  # rounding of sums of times in a scenario: events that are closer together are one
 SAME_S = 1e-6  # rounding of instants: those that are closer together are one
 
 

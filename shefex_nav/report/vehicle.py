@@ -352,10 +352,8 @@ def _beyond_tables(looked):
         if beyond.any():
             largest = math.degrees(t.angle_of_attack[beyond].max())
             lasts = beyond.sum() * (t.t_s[1] - t.t_s[0])
-            words = (
-                f"the air is felt for {lasts:.1f} s at angles of attack of up to {largest:.0f} deg, and its "
-            )
-            words += f"table ends at {math.degrees(last):.0f} deg: forces and moments there are a guess"
+            words = f"the air is felt for {lasts:.1f} s at angles of attack of up to {largest:.0f} deg, and "
+            words += f"its table ends at {math.degrees(last):.0f} deg: forces and moments there are a guess"
             yield Warned((*_stage(looked, k), "aerodynamics"), words)
 
 

@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 from itertools import pairwise
 
+from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.scenario import sounding_checks, surroundings, thrust
 from shefex_nav.scenario.mission import WindTable
 
@@ -10,7 +11,6 @@ STARTS = ("launch", "orbit", "ground", "trajectory")
 ONE_OF = "a flight starts from exactly one of launch, orbit and ground"
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
 IN_ORBIT = ("point_nadir", "turn_with_orbit")  # kinds of tasks
-SAME_S = 1e-9  # closer instants are one: sums of times are rounded
 DEVICES = ("spin_motors", "yo_yo", "cold_gas", "parachute")
 PART = "run --until shows a part of this one"
 
@@ -112,7 +112,7 @@ def _burning(scenario, path, t_s):
     """Complaint about a device that is released while a motor burns."""
     for name, stage in scenario.vehicle.stages.items():
         burn_out = stage.ignition + thrust.burn_time(stage.motor)
-        if stage.ignition <= t_s < burn_out - SAME_S:
+        if stage.ignition <= t_s < burn_out - SAME_EVENT_S:
             yield path, f"{seconds(t_s)} is before the burn-out of {name}, {seconds(burn_out)}"
 
 

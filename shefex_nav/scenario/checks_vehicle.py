@@ -3,9 +3,10 @@
 import math
 from itertools import pairwise
 
+from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import thrust
-from shefex_nav.scenario.checks_flight import SAME_S, earliest, increasing, seconds, within
+from shefex_nav.scenario.checks_flight import earliest, increasing, seconds, within
 from shefex_nav.scenario.motor import Grain, ShapedMotor, TabulatedPropellant
 
 CLOSURE = 0.02  # between total impulse, propellant mass and specific impulse
@@ -79,7 +80,7 @@ def _order(scenario):
                 (*path, "ignition"),
                 f"the motor burns until {seconds(burn_out)}, past mission.time_limit, {limit}",
             )
-        if drop is not None and drop.at < burn_out - SAME_S:
+        if drop is not None and drop.at < burn_out - SAME_EVENT_S:
             words = f"{seconds(drop.at)} is before the burn-out of its motor, {seconds(burn_out)}"
             yield (*path, "separation", "at"), words
         elif drop is not None:

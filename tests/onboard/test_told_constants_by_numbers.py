@@ -287,11 +287,11 @@ def take(one, name="gps_position", fate=Fate.USED, t_s=1.0, blind=False, z=0.0, 
     )  # fmt: skip
     known, R = 1.0 if lasts is None else 1e-3, np.eye(3)
     gap_s = np.inf if np.isnan(one.seen_s) else t_s - one.seen_s
-    counted = R if lasts is None else lasting_factor(lasts, LASTS_S, gap_s) * R
     now = SimpleNamespace(x=packed(), P=known * np.eye(N), k=40, t_s=t_s)
     H = rows(VEL if "velocity" in name else POS)
     innovation = sensor.Innovation(z + np.zeros(3), H, R, (1.0 + known) * np.eye(3), np.nan, np.nan)
-    one.take(nav, now, name, innovation, counted, SimpleNamespace(fate=fate, rows=used))
+    S = innovation.S if lasts is None else innovation.S - R + lasting_factor(lasts, LASTS_S, gap_s) * R
+    one.take(nav, now, name, innovation, S, SimpleNamespace(fate=fate, rows=used))
     assert reported in ([], [(t_s, "gps_constants", one.found)])
     return reported
 

@@ -26,7 +26,7 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import LENGTHS, WHITE, Window, neighbours
 from shefex_nav.onboard.navigation.quantity import POSITION, RATES, VECTORS, VELOCITY, fix_of
-from shefex_nav.onboard.navigation.sensor import counted_noise
+from shefex_nav.onboard.navigation.sensor import counted_covariance
 from shefex_nav.records import NavHealth
 
 WATCHED = VECTORS  # sensors whose windows are kept: one fix, three numbers
@@ -289,7 +289,7 @@ def carry(nav):
 
 def _learn(nav, now, innovation, measurement, fate):
     """What a measurement says of the share of process noise; the factor when there are enough."""
-    z, H, R, S, *_ = innovation
+    z, H, _, S, *_ = innovation
     name, number = measurement.sensor, nav.history.number(now.k)
     noise, share = nav.noise, nav.noise.share
     if fate not in (Fate.USED, Fate.RESET) or H.shape[0] == 0:
@@ -300,8 +300,7 @@ def _learn(nav, now, innovation, measurement, fate):
     if fate == Fate.USED:
         if name in RATES or (name in JUDGED and _alone(nav)):
             share.innovation(z, H, S)
-        counted = counted_noise(nav, name, measurement.fix, R)
-        share.corrected(now.P, H, S if counted is R else S - R + counted)
+        share.corrected(now.P, H, counted_covariance(nav, measurement, innovation))
     found = share.estimate()
     if found is None or found.count < FEWEST:
         return

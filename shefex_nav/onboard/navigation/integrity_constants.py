@@ -23,8 +23,8 @@ vibration, and the velocity is off by what z is to correct. With fixes 20 ms apa
 are what the sensors have read until the longest period of the vibration before, after which swings do not
 correlate, and a time shows only in a vehicle that moves. Where the memory does not reach so far back, or that
 period is longer than `LONGEST_S`, velocities show nothing. B is followed through position, velocity, attitude
-and clock only; that makes h less sharp, not the chance of a false alarm larger. Positions whose errors last
-are not white: they count with the noise that the filter gives them (`Sensor.counted`). Whoever else is at
+and clock only; that makes h less sharp, not the chance of a false alarm larger. Fixes whose errors last are
+not white: they count with the noise that the filter gives them (`Sensor.counted`). Whoever else is at
 fault leaves innovations of another form: a constant is found only where it explains most of what is more than
 chance in all innovations since the start. Where a sensor was believed against the filter, something else may
 be wrong, and what was gathered says nothing any more: `QUIET_S` after the last such time the sums begin anew.
@@ -101,9 +101,9 @@ class Constants:
         """Take a measurement in, before it corrects the state.
 
         nav : Filter;  now : Moment;  innovation : sensor.Innovation
-        counted : (m, m) `sensor.counted_noise`;  verdict : fate, and rows that are used, None: all
+        counted : (m, m) `sensor.counted_covariance`;  verdict : fate, and rows that are used, None: all
         """
-        (z, H, R, S, *_), fate, used = innovation, verdict.fate, verdict.rows
+        (z, H, _, gate, *_), fate, used, S = innovation, verdict.fate, verdict.rows, counted
         if self.B is None:
             self.B, self.omega_ie_i = np.zeros((H.shape[1], 4)), frames.omega_ie_i(nav.earth)
         what = SHOWS.get(name, NOTHING)
@@ -113,11 +113,10 @@ class Constants:
         if what in (VELOCITY, RATES) and nav.params.vibration_period_s <= LONGEST_S:
             ticks = nav.history.oldest, nav.history.number(now.k)
             motion = _read(nav.history.arrays, *ticks, now.t_s - nav.params.vibration_period_s)
-        gate, S = S, S if counted is R else S - R + counted
         if used is not None:
             z, H, S, gate = z[used], H[used], *(one[np.ix_(used, used)] for one in (S, gate))
         # than m is the mean of z^T S^-1 z, by noise that counts for more than it is
-        less = 0.0 if counted is R else len(z) - float(np.trace(np.linalg.solve(S, gate)))
+        less = 0.0 if counted is innovation.S else len(z) - float(np.trace(np.linalg.solve(S, gate)))
         clock = nav.layout.places["clock"]
         constant = self.omega_ie_i, nav.params.l_ba_b, -1 if clock is None else clock.start
         seen = Shown(now.x, now.P, z, H, S, *motion, *constant, now.t_s - self.seen_s)

@@ -48,7 +48,7 @@ from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import calibration, protected
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, chi_square_limit
 from shefex_nav.onboard.navigation.quantity import POSITION, about, fix_of
-from shefex_nav.onboard.navigation.sensor import counted_noise
+from shefex_nav.onboard.navigation.sensor import counted_covariance
 from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R, X_V, rearranged
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun
@@ -305,10 +305,10 @@ def _says_all(name, z, rows):
 
 def _judged(nav, now, innovation, measurement, verdict, drift):
     """Followed if a reading shows a Drift of its instrument, or None; the other arguments as of `weigh`."""
-    name, fix, (z, H, R, S, _, _) = measurement.sensor, measurement.fix, innovation
+    name, fix, (z, H, R, *_) = measurement.sensor, measurement.fix, innovation
     if verdict.fate == Fate.USED:
         drift.refused = None
-        S = S - R + counted_noise(nav, name, fix, R)
+        S = counted_covariance(nav, measurement, innovation)
         return drift.judge(now.t_s, z, H, S, drift.bend_of(fix))
     if verdict.fate not in (Fate.REJECTED, Fate.RESET):
         return None

@@ -102,6 +102,13 @@ def counted_noise(nav, name, fix, R):
     return counted(nav, fix, R, fix.t_valid_s - nav.history.used_s.get(name, -np.inf))
 
 
+def counted_covariance(nav, measurement, innovation):
+    """S of an Innovation with the noise that its Measurement counts with; S itself if errors do not last."""
+    R, S = innovation.R, innovation.S
+    counted = counted_noise(nav, measurement.sensor, measurement.fix, R)
+    return S if counted is R else S - R + counted
+
+
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(Release(rejections=np.inf, duration=np.inf), None, None)

@@ -107,9 +107,8 @@ def _excess(seen, able, total, weight, whole):
     from scipy.special import log_ndtr
 
     mean, hidden = total / weight, np.maximum(whole - weight, 0.0)
-    sigma = np.sqrt(
-        (able - seen) / np.where(hidden > 0.0, hidden, np.inf)
-    )  # of the pictures where it did not
+    # of the pictures where it did not
+    sigma = np.sqrt((able - seen) / np.where(hidden > 0.0, hidden, np.inf))
     for _ in range(STEPS):
         z = np.where(sigma > 0.0, STANDS_OUT - mean / np.where(sigma > 0.0, sigma, 1.0), 0.0)
         below = mean - sigma * np.exp(-0.5 * z * z - log_ndtr(z)) / np.sqrt(2.0 * np.pi)

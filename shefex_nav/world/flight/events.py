@@ -6,6 +6,7 @@ stage at every sample, and the events in order of time.
 
 import numpy as np
 
+from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.geometry import frames
 from shefex_nav.records import Event, Phase
 from shefex_nav.world.flight import settings, tasks, timeline
@@ -24,7 +25,7 @@ def burning(params, t_s):
 
 def between(t_s, t_0, t_1):
     """Slice of the equally spaced times t_s (N,) with t_0 <= t < t_1."""
-    return slice(*np.searchsorted(t_s, (t_0 - timeline.EPS, t_1 - timeline.EPS)))
+    return slice(*np.searchsorted(t_s, (t_0 - SAME_EVENT_S, t_1 - SAME_EVENT_S)))
 
 
 def phases(params, t_s, stage, instants):

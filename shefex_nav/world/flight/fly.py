@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_EVENT_S as EPS
 from shefex_nav.errors import UserError
 from shefex_nav.geometry import rotation
 from shefex_nav.records import Trajectory
@@ -30,7 +31,7 @@ from shefex_nav.world.flight import (
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Vehicle, integrate
 from shefex_nav.world.flight.record import MEMORY, Record
-from shefex_nav.world.flight.timeline import EPS, Kind
+from shefex_nav.world.flight.timeline import Kind
 
 REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the other way round
 STOPPED = 0.01  # rad/s; slower than that a yo-yo does not unwind

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight import settings, tasks
 
-EPS = 1e-9  # s, instants closer than this are one
 LOOP = 0.5  # bandwidth times period up to which a sampled double pole is well damped
 
 
@@ -126,7 +126,7 @@ def _check_stages(params, earliest):
             raise ValueError(f"{stage.name}: the times of its thrust have to increase from 0")
         if burn.t_0 < gone:
             raise ValueError(f"{stage.name}: ignition at {burn.t_0} s is before {below} at {gone} s")
-        if stage.drops_at < burn.t_1 - EPS:
+        if stage.drops_at < burn.t_1 - SAME_EVENT_S:
             raise ValueError(
                 f"{stage.name}: separation at {stage.drops_at} s is before its burn-out at {burn.t_1} s"
             )
