@@ -264,8 +264,8 @@ def trusted(campaign):
         rows.append((one.quantity, hours, str(one.events), rate, stated, verdict, *worst, tail))
     lines = (
         "Events: error beyond its protection level for more than a second while usable. Worst: largest error "
-        "over its level. Bounds: over the runs, so far as runs with events show how many come together; of "
-        "none, as if each came alone. Extrapolated: a Gumbel tail of the runs' largest, not counted.",
+        "over its level. Bounds allow for several events in one run; without any event they assume that "
+        "each comes alone. Extrapolated: a Gumbel tail of the runs' largest, not counted.",
     )
     return Part("Integrity risk", heads, tuple(rows), lines)
 

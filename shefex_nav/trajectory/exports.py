@@ -75,7 +75,7 @@ class _Columns:
         return self.table.columns[name] * self._unit[name]
 
     def stack(self, *names):
-        """(N, k) in SI, and their rounding: that of the coarsest unit, of whose columns the finest tells."""
+        """(N, k) in SI, and their rounding: that of the finest column of each unit, of these the coarsest."""
         of_unit = {}
         for name in names:
             of_unit.setdefault(self._unit[name], []).append(name)
