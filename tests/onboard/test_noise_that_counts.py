@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import Stream
 from shefex_nav.onboard.navigation.integrity_share import Estimate
+from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.onboard.navigation.state import ATT, layout
 
 USED = Verdict(Fate.USED, None, None, "", True)
@@ -275,7 +276,7 @@ def learn(nav, **estimate):
 
 
 def seen(nav, name="gps_velocity", fate=Fate.USED, rows=3, k=1):
-    innovation = np.zeros(rows), np.zeros((rows, 15)), np.eye(rows), np.eye(rows), 0.0
+    innovation = Innovation(np.zeros(rows), np.zeros((rows, 15)), np.eye(rows), np.eye(rows), 0.0, np.nan)
     nav.sensors = {name: SimpleNamespace(counted=None)}
     measurement = SimpleNamespace(sensor=name, fix=None)
     adaptation._learn(nav, SimpleNamespace(k=k, P=P), innovation, measurement, fate)
