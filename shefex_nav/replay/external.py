@@ -20,6 +20,7 @@ from shefex_nav.replay import (
     align,
     clocks,
     dataset,
+    felt,
     gyro_unit,
     meeting,
     own,
@@ -81,7 +82,7 @@ def prepare(scenario, files):
     if not len(blocks.t_valid_s):
         raise DataError(f"{files['imu']}: {_too_short(scenario, data.imu.t_s, alignment.t_valid_s)}")
     ends_s = np.append(alignment.t_valid_s, blocks.t_valid_s)
-    truth = None if data.truth is None else reference.at(data.truth, earth, ends_s)
+    truth = None if data.truth is None else felt.at(data.truth, earth, data.imu, ends_s)
     start = said.alignment(alignment, earth, scenario.alignment.method, since_s)
     return Replay(scenario, data, earth, alignment, blocks, truth, tuple(oddities), start, common)
 

@@ -31,6 +31,11 @@ def at(truth, earth, t_s):
     return States(t_s[known], *out)
 
 
+def at_rows(truth, earth):
+    """States of a TruthSeries at its own rows."""
+    return States(truth.t_s, *_resample(earth, truth.t_s, truth.r_e, truth.v_e, truth.angles, truth.t_s))
+
+
 def covered(truth, t_s):
     """Whether there is truth near each time: (N,) s -> (N,) bool."""
     k = np.clip(np.searchsorted(truth.t_s, t_s), 1, len(truth.t_s) - 1)
