@@ -1,4 +1,4 @@
-"""What of a flight the inertial measurement unit cannot show: rates and forces beyond its ranges.
+"""What of a flight the inertial measurement unit cannot show: what is beyond its ranges, or below its counts.
 
 In: the largest rate and specific force about each body axis, second by second, of the rigid body: vibration
 comes on top. At the end of its range a sensor keeps silent about the rest, and the attitude, or the velocity,
@@ -13,6 +13,7 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 
 STRETCH_S = 1.0
 AXES = "xyz"
+TURNS = 5  # that a spin lasts
 
 
 class Motion(NamedTuple):
@@ -56,3 +57,23 @@ def beyond(imu, flown):
             f"{words}, first at T{begin_s:+.0f} s: {reached}; {consequence}, until another sensor shows it"
         )
         yield ("imu", name, "range"), words
+
+
+def coarse(imu, flown):
+    """Warnings, as of `beyond`, of counts of the gyros that stay the same for a whole turn of the body.
+
+    A remainder of a count is counted when the body has turned. White noise of density N^2 makes a new one of
+    it in q^2/(2 pi^2 N^2) (`onboard.navigation.process_noise`); where that is longer than a turn, the swing of
+    a spin meets the same counts at each turn, and what is rounded away adds up instead of averaging out.
+    """
+    quantum, walk = imu.gyro.quantum, imu.gyro.random_walk
+    spin = np.sort(flown.rate.max(axis=1))[::-1]
+    lasts_s = STRETCH_S * np.arange(1, len(spin) + 1)
+    spin = spin[spin * lasts_s >= 2.0 * np.pi * TURNS]
+    if not len(spin) or quantum <= (limit := walk * np.sqrt(4.0 * np.pi**3 / spin[0])):
+        return
+    words = (
+        f"at a spin of {np.degrees(spin[0]):.0f} deg/s, counts above {np.degrees(limit) * 3600.0:.2g} arcsec "
+    )
+    words += "are the same turn after turn, since the noise does not mix them: what they leave out adds up, "
+    yield ("imu", "gyro", "quantum"), words + "and the attitude error may be many times what `trade` predicts"

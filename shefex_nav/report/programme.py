@@ -151,7 +151,8 @@ def _by_flight(scenario, flown):
     elif scenario.orbit is not None:
         found += _of_sight(scenario, flown)
     if flown.motion is not None:
-        found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, flown.motion)]
+        for limits in (imu_range.beyond, imu_range.coarse):
+            found += [Warned(path, text) for path, text in limits(scenario.imu, flown.motion)]
     if flown.track is not None:
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):

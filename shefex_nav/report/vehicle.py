@@ -309,7 +309,8 @@ def warnings(looked):
         found.append(Warned(_spinning(looked, t), words))
     trajectory = looked.flight.trajectory
     moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
-    found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, moved)]
+    for limits in (imu_range.beyond, imu_range.coarse):
+        found += [Warned(path, text) for path, text in limits(scenario.imu, moved)]
     return tuple(found)
 
 

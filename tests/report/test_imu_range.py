@@ -29,5 +29,29 @@ def test_check_tells_what_the_unit_cannot_show(default_scenario, setting, words)
     assert all(word in warned.text for word in words)
 
 
+@pytest.mark.parametrize(("quantum", "is_told"), [("5 arcsec", False), ("20 arcsec", True)])
+def test_counts_that_are_the_same_turn_after_turn_are_told(default_scenario, quantum, is_told):
+    """Flown, the attitude at entry was 1.0 times the predicted one with 5 arcsec, 1.7 times with 20."""
+    warned = programme.foreseen(load.load(default_scenario, [f"imu.gyro.quantum={quantum}"]))
+    assert [one.field for one in warned] == [("imu", "gyro", "quantum")] * is_told
+    assert all("540 deg/s" in one.text and "6.5 arcsec" in one.text for one in warned)
+
+
+def test_counts_stay_for_a_turn_where_noise_needs_longer_to_walk_through_one(default_scenario):
+    """The phase 2 pi theta/q of a walk theta loses its memory at 2 pi^2 N^2/q^2 a second: by 4000 walks."""
+    gyro, turn_s = load.load(default_scenario).imu.gyro, 2.0 * np.pi / 6.0
+    rate = np.zeros((20, 3))
+    rate[:, 0] = 6.0
+    moved = imu_range.Motion(np.arange(20.0), rate, rate)
+    walked = gyro.random_walk * np.sqrt(turn_s) * np.random.default_rng(3).standard_normal(4000)
+    for share, told in ((0.9, False), (1.1, True)):
+        quantum = share * gyro.random_walk * np.sqrt(4.0 * np.pi**3 / 6.0)
+        imu = load.load(default_scenario, [f"imu.gyro.quantum={np.degrees(quantum) * 3600.0} arcsec"]).imu
+        assert bool(list(imu_range.coarse(imu, moved))) == told
+        kept = np.mean(np.cos(2.0 * np.pi * walked / quantum))
+        assert kept == pytest.approx(np.exp(-1.0 / share**2), abs=0.04)
+    assert not list(imu_range.coarse(imu, moved._replace(t_s=moved.t_s[:4], rate=rate[:4], force=rate[:4])))
+
+
 def test_the_default_mission_stays_within_its_ranges(default_scenario):
     assert programme.foreseen(load.load(default_scenario)) == ()
