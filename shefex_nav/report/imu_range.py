@@ -62,9 +62,9 @@ def beyond(imu, flown):
 def coarse(imu, flown):
     """Warnings, as of `beyond`, of counts of the gyros that stay the same for a whole turn of the body.
 
-    A remainder of a count is counted when the body has turned. White noise of density N^2 makes a new one of
-    it in q^2/(2 pi^2 N^2) (`onboard.navigation.process_noise`); where that is longer than a turn, the swing of
-    a spin meets the same counts at each turn, and what is rounded away adds up instead of averaging out.
+    A remainder of a count is counted when the body has turned. White noise of density N^2 makes a new one
+    of it in q^2/(2 pi^2 N^2) (`onboard.navigation.process_noise`). Where that is longer than a turn, a spin
+    meets the same counts at each turn: what is rounded away adds up instead of averaging out.
     """
     quantum, walk = imu.gyro.quantum, imu.gyro.random_walk
     spin = np.sort(flown.rate.max(axis=1))[::-1]
