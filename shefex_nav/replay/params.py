@@ -26,6 +26,8 @@ def nav_params(scenario, dt_s):
         vibration_period_s=VIBRATION_S,
         motors=np.zeros((0, 2)),
         aids=aboard.aids(scenario),
+        lasting_share=scenario.gnss.lasting_share,
+        range_bias_time_s=scenario.gnss.lasting_time,
     )
 
 

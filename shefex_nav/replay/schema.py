@@ -97,6 +97,10 @@ class ReplayGnss(Block):
     fewest_satellites: Count("5", "with which a fix counts, where data.gnss.satellites says", at_least=0) = 4
     position_noise: Annotated[Vector("m", "5 m", "", positive=True, at_most="10000 km") | None, NED] = None
     velocity_noise: Annotated[Vector("m/s", "0.1 m/s", "", positive=True) | None, NED] = None
+    lasting_share: Quantity(
+        "", "50 %", "of the variance of positions, of errors that last", non_negative=True, at_most="100 %"
+    ) = "0 %"
+    lasting_time: Quantity("s", "300 s", "correlation time of them", positive=True) = "300 s"
 
 
 class ReplayGyro(Gyro):
