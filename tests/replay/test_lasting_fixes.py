@@ -1,4 +1,4 @@
-"""Fixes whose errors last: drives with drawn errors of that kind, and the sigmas of the filter that is told."""
+"""Fixes whose errors last: drives with drawn errors of that kind, and the sigmas of a filter told of it."""
 
 import drive
 import numpy as np
