@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.fields import EQUAL
-from shefex_nav.files import whole
+from shefex_nav.files import text_of, whole
 from shefex_nav.instruments import TABLE, outer_states
 from shefex_nav.log.run_data import ARRAYS, LISTS
 from shefex_nav.log.topics import of_record
@@ -270,12 +270,15 @@ def arrow(columns):
 
 
 def write(data, folder, kind):
-    """Write all tables of a RunData into a folder, which is there. kind : one of KINDS. -> list of Path"""
+    """Write all tables of a RunData into a folder, which is there. kind : one of KINDS. -> list of Path
+
+    Tables of an earlier export that this flight does not have are taken away: they are of another one.
+    """
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet
 
-    written, listed = [], []
+    earlier, written, listed = _listed(folder), [], []
     for name, columns in _each(data):
         table, path = arrow(columns), Path(folder) / f"{name}.{kind}"
         with whole(path) as half:
@@ -291,4 +294,16 @@ def write(data, folder, kind):
     written.append(Path(folder) / COLUMNS)
     with whole(written[-1]) as half:
         pa.csv.write_csv(listing, half)
+    for name in earlier - {name for name, _, _ in listed}:
+        (Path(folder) / f"{name}.{kind}").unlink(missing_ok=True)
     return written
+
+
+def _listed(folder):
+    """Names of the tables that COLUMNS in a folder lists: set, empty where there is none that can be read."""
+    try:
+        lines = text_of(Path(folder) / COLUMNS).splitlines()
+    except (OSError, ValueError):
+        return set()
+    names = (line.partition(",")[0].strip('"') for line in lines[1:])
+    return {name for name in names if name.isidentifier()}
