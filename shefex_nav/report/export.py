@@ -7,6 +7,8 @@ table with a row for each element. What a column is, with frame and unit, stands
 tables, and in the metadata of the fields of a Parquet file.
 """
 
+import csv
+import io
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +23,7 @@ from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.report.navigation_errors import navigation_errors
 
 KINDS = ("csv", "parquet")
-COLUMNS = "columns.csv"
+COLUMNS, HEADS = "columns.csv", ("table", "column", "comment")
 _SOURCES = {  # table -> field of RunData
     "truth": "truth",
     "attitude_control": "control",
@@ -290,7 +292,7 @@ def write(data, folder, kind):
         listed += [(name, c.name, c.comment) for c in columns]
         del table, columns  # before the next is made: of a log of many hours each takes a gigabyte
     listing = pa.table([list(column) for column in zip(*listed, strict=True)] if listed else [[], [], []],
-                       names=["table", "column", "comment"])  # fmt: skip
+                       names=HEADS)  # fmt: skip
     written.append(Path(folder) / COLUMNS)
     with whole(written[-1]) as half:
         pa.csv.write_csv(listing, half)
@@ -300,10 +302,10 @@ def write(data, folder, kind):
 
 
 def _listed(folder):
-    """Names of the tables that COLUMNS in a folder lists: set, empty where there is none that can be read."""
+    """Names of the tables that COLUMNS in a folder lists: set, empty where there is none of an export."""
     try:
-        lines = text_of(Path(folder) / COLUMNS).splitlines()
-    except (OSError, ValueError):
+        head, *rows = csv.reader(io.StringIO(text_of(Path(folder) / COLUMNS)))
+    except (OSError, ValueError, csv.Error):
         return set()
-    names = (line.partition(",")[0].strip('"') for line in lines[1:])
-    return {name for name in names if name.isidentifier()}
+    names = {row[0] for row in rows if len(row) == len(HEADS)}
+    return {name for name in names if name.isidentifier()} if tuple(head) == HEADS else set()

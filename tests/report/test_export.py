@@ -144,6 +144,9 @@ def test_no_table_of_another_flight_is_left(data, tmp_path, kind):
     found = {path.name for path in tmp_path.iterdir()} - {"mine.csv", "mine.parquet", "truth.txt"}
     assert found == {path.name for path in again}
     assert len(list(tmp_path.glob("mine.*"))) == 2
+    (tmp_path / export.COLUMNS).write_text("name,unit,note\nmine,m,\n")  # somebody's own list of columns
+    export.write(less, tmp_path, kind)
+    assert len(list(tmp_path.glob("mine.*"))) == 2
 
 
 @pytest.fixture(scope="module")
