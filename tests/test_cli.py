@@ -415,6 +415,14 @@ def test_an_old_log_is_not_called_what_was_flown(tmp_path, written, capsys):
     assert ("what was flown until now" in capsys.readouterr().err) == written
 
 
+@pytest.mark.parametrize("name", ["run", "show"])
+def test_a_seed_that_no_reader_of_logs_takes_is_refused_before_the_flight(command, name):
+    """It was flown, and its log could not be read."""
+    result = command(name, "rexus_like", "--seed", "1" + 30 * "0")
+    assert (result.code, result.out) == (2, "")
+    assert "--seed" in result.err and "30 digits at most" in result.err
+
+
 def test_version_is_told(command):
     from shefex_nav import __version__
 

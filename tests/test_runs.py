@@ -246,6 +246,7 @@ def test_a_notebook_shows_the_closing_table(sky):
         ({"scenario": 7}, "path of one or the name"),
         ({"seed": 1.5}, "whole number"),
         ({"seed": -1}, "whole number"),
+        ({"seed": 10**30}, "30 digits at most, which a log can say"),
         ({"until_s": -50.0}, "after the start"),
         ({"until_s": "5 s"}, "until_s '5 s': expected a time"),
         ({"until_s": float("nan")}, "after the start"),

@@ -5,9 +5,12 @@ from shefex_nav.campaign.table import of_draw
 
 
 def as_numbers(sampler, runs):
-    """Seed and draws of each run: list of plain dicts for JSON. draws.Sampler, int"""
+    """Seed and draws of each run, and units of those that have one: dict for JSON. draws.Sampler, int"""
     jobs = [sampler.job(run) for run in range(runs)]
-    return [{"run": job.run, "seed": job.seed, "draws": writable(job.draws)} for job in jobs]
+    return {
+        "units": {one.name: one.measure for one in sampler.dispersed if one.measure},
+        "runs": [{"run": job.run, "seed": job.seed, "draws": writable(job.draws)} for job in jobs],
+    }
 
 
 def rows(sampler, runs):

@@ -90,7 +90,7 @@ def campaign(
     request = running.Request(loaded, runs, seed, workers, address, kept)
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     if dry_run:
-        _print_draws(running.prepared(loaded, running.checked(request).runs, seed)[1], runs, json)
+        _print_draws(running.prepared(loaded, running.checked(request).runs, seed)[1], request, json)
         return
     if until_verified:
         raise typer.Exit(_fly_until_verified(request, folder, json))
@@ -148,17 +148,18 @@ def _parsed(option, parse, value):
         raise typer.BadParameter(str(error), param_hint=option) from None
 
 
-def _print_draws(sampler, runs, as_json):
-    """Draws of all runs on stdout."""
+def _print_draws(sampler, request, as_json):
+    """Draws of all runs on stdout. request : running.Request"""
     from shefex_nav.campaign import drawn_table
 
     if as_json:
-        print_json(drawn_table.as_numbers(sampler, runs))
+        of = {"scenario": request.scenario.mission.name, "seed": request.seed}
+        print_json(of | drawn_table.as_numbers(sampler, request.runs))
         return
     import csv
     import sys
 
-    csv.writer(sys.stdout, lineterminator="\n").writerows(drawn_table.rows(sampler, runs))
+    csv.writer(sys.stdout, lineterminator="\n").writerows(drawn_table.rows(sampler, request.runs))
 
 
 def _fly(request, folder):

@@ -18,7 +18,7 @@ from shefex_nav.log.mcap_file import is_log
 from shefex_nav.progress import bar
 from shefex_nav.stopping import wishes
 
-FIRST_SEED = 1  # as of `shefex-nav run`
+FIRST_SEED, PNG = 1, "png"  # the seed as of `shefex-nav run`
 TABLES, MAPS = ("csv", "parquet", "replay"), ("kml", "geojson")
 IN_FOLDERS = {  # endings of what is written into each
     "--csv": (".csv",),
@@ -32,7 +32,7 @@ class _Frames(NamedTuple):
     """What the options say of frames, as the user wrote it."""
 
     folder: object  # Path or None
-    format: str
+    format: str | None
     from_: str | None
     until: str | None
     every: int
@@ -62,7 +62,9 @@ def export(
         Path | None,
         typer.Option(help="Folder for the star camera's frames, whole, with truth.csv and camera.yaml."),
     ] = None,
-    format: Annotated[str, typer.Option(help="Of the frames: png (8 or 16 bits) or fits.")] = "png",
+    format: Annotated[
+        str | None, typer.Option(help="Of the frames: png (8 or 16 bits) or fits; default png.")
+    ] = None,
     from_: Annotated[
         str | None,
         typer.Option("--from", metavar="TIME", help="Frames from this mission time on, e.g. 240s."),
@@ -161,11 +163,12 @@ def _check_frames(wanted, *, of_log, alone):
     """Refuse options that do not go together. of_log : the source is a log; alone : nothing else is wanted"""
     from shefex_nav.frames.picture_files import FORMATS
 
-    if wanted.format not in FORMATS:
+    if wanted.format is not None and wanted.format not in FORMATS:
         raise typer.BadParameter(
             f"expected one of {', '.join(FORMATS)}, got {wanted.format!r}", param_hint="--format"
         )
-    given = {"--from": wanted.from_, "--until": wanted.until, "--seed": wanted.seed}
+    given = {"--format": wanted.format, "--from": wanted.from_, "--until": wanted.until}
+    given |= {"--seed": wanted.seed}
     given |= {"--every": None if wanted.every == 1 else wanted.every, "--set": wanted.overrides or None}
     for option, value in given.items():
         if value is not None and wanted.folder is None:
@@ -205,9 +208,9 @@ def _write_frames(source, wanted, *, of_log):
         raise flown.FramesError(f"{source}: {error}") from None
     shots = flown.shots(flight, source, from_s, until_s, wanted.every)
     wanted.folder.mkdir(exist_ok=True)
-    n = 0
+    n, written = 0, export.write(wanted.folder, flight, shots, wanted.format or PNG)
     with wishes() as asked:
-        for _ in _watched(export.write(wanted.folder, flight, shots, wanted.format), flight, from_s, until_s):
+        for _ in _watched(written, flight, from_s, until_s):
             n += 1
             if asked:
                 say(f"{wanted.folder}: {n} frames until now")

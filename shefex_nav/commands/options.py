@@ -12,7 +12,20 @@ DispersedScenario = Annotated[
     str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_dispersed.")
 ]
 Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+
+
+def seed_of_log(given):
+    """A seed of a flight, whose log says it; BadParameter of one that no reader of logs takes."""
+    if given is None or given.bit_length() < 64:
+        return given  # so that most commands need not load what follows
+    from shefex_nav.log.described import MOST_DIGITS
+
+    if given >= 10**MOST_DIGITS:
+        raise typer.BadParameter(f"expected a whole number of {MOST_DIGITS} digits at most")
+    return given
+
+
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.", callback=seed_of_log)]
 RootSeed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
 MOST_SEEDS = 100_000  # of a study that keeps all of its flights in memory
 FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]

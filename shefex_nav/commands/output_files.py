@@ -138,6 +138,13 @@ def check_pictures(folder, names, option, *, force):
     check_writable(folder, option)
 
 
+def take_away_pictures(folder, names, written):
+    """Take away those of these pictures (PNG) that have not been written now: they are of something else."""
+    for path in (folder / f"{name}.png" for name in names):
+        if path not in written:
+            path.unlink(missing_ok=True)
+
+
 def check_folder(folder, names, option, *, force, given=()):
     """Refuse a folder in which one of these files would be overwritten, or cannot be written.
 

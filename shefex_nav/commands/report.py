@@ -7,7 +7,13 @@ import typer
 
 from shefex_nav.commands.flights import say_if_cut, say_missing_plugins, show_campaign, show_run
 from shefex_nav.commands.options import Json
-from shefex_nav.commands.output_files import check_apart, check_file, check_pictures, make_folder
+from shefex_nav.commands.output_files import (
+    check_apart,
+    check_file,
+    check_pictures,
+    make_folder,
+    take_away_pictures,
+)
 from shefex_nav.commands.printing import print_json, say
 
 
@@ -41,6 +47,13 @@ def _picture_names(log):
     return ["glance", *(entry.name for entry in figures.catalogue())]
 
 
+def _say_written(figures, log, written):
+    """Say which pictures have been written; others in their folder would be taken for those of this log."""
+    take_away_pictures(figures, _picture_names(log), written)
+    for path in written:
+        say(f"wrote {path}")
+
+
 def _glance(run):
     """The run in one Figure; None where its log keeps no pixels or no truth."""
     try:
@@ -70,8 +83,7 @@ def _of_run(log, html, figures, as_json):
     if figures is not None:
         from shefex_nav.report import figures as pictures
 
-        for path in pictures.save_all(data, figures, glance=glance):
-            say(f"wrote {path}")
+        _say_written(figures, log, pictures.save_all(data, figures, glance=glance))
     show_run(metrics.summarise(data, log=log), as_json, data)
 
 
@@ -98,5 +110,4 @@ def _of_campaign(folder, html, figures, as_json):
     if figures is not None:
         from shefex_nav.campaign import figures as pictures
 
-        for path in pictures.save_all(campaign, series, figures):
-            say(f"wrote {path}")
+        _say_written(figures, folder, pictures.save_all(campaign, series, figures))

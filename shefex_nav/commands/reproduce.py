@@ -49,6 +49,8 @@ def reproduce(
 
     'report' runs nothing: it makes one HTML page of what is in the folder of --out. 'all' ends with it.
     """
+    if name is None or name == REPORT:
+        _nothing_runs(name, {"--samples": samples, "--keep": keep, "--json": json or None})
     if name is None:
         typer.echo(f"Experiments, each of them or 'all':\n{registry.listing()}")
         return
@@ -72,6 +74,14 @@ def reproduce(
         outcome = _run(one, size, seed, out, folder, dict(done), show=not json)
         done.append((one, outcome))
     _close(done, out, name == "all", json)
+
+
+def _nothing_runs(name, given):
+    """Refuse options {name: value, or None} of an experiment where none is run. name : REPORT, or None"""
+    for option, value in given.items():
+        if value is not None:
+            words = f"{REPORT} is the page of what there is" if name else "without NAME they are listed"
+            raise typer.BadParameter(f"goes with an experiment or 'all'; {words}", param_hint=option)
 
 
 def _close(done, out, every, json):

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands.flights import about, watched
-from shefex_nav.commands.options import quantity
+from shefex_nav.commands.options import quantity, seed_of_log
 from shefex_nav.commands.printing import say, stdout
 from shefex_nav.log.mcap_file import is_log
 
@@ -25,7 +25,8 @@ def show(
         bool, typer.Option("--display", help="Show them: serve the screen to a browser on this machine.")
     ] = False,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of a scenario that is flown; default 1.")
+        int | None,
+        typer.Option(min=0, help="Seed of a scenario that is flown; default 1.", callback=seed_of_log),
     ] = None,
     collimator: Annotated[
         str | None,

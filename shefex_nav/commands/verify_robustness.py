@@ -12,12 +12,16 @@ from shefex_nav.commands.options import Json, StudyOverrides, Workers
 from shefex_nav.commands.output_files import check_writable
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
+FLIGHTS = 25  # of each cell
+
 
 def robustness(
     scenarios: Annotated[
         list[str], typer.Argument(metavar="SCENARIO...", help="Scenarios, files or names of shipped ones.")
     ],
-    flights: Annotated[int, typer.Option(min=1, help="How many flights of each cell.")] = 25,
+    flights: Annotated[
+        int | None, typer.Option(min=1, help=f"How many flights of each cell; default {FLIGHTS}.")
+    ] = None,
     cells: Annotated[
         str | None, typer.Option(metavar="LIST", help="Cells of the design, e.g. 0-19,35; default all.")
     ] = None,
@@ -38,14 +42,15 @@ def robustness(
     """Fly the stress matrix: told wrongly, sensors that fail, every phase, grade of IMU and rocket."""
     if resume and out is None:
         raise typer.BadParameter("needs --out FOLDER, where the flights are", param_hint="--resume")
-    if random_faults and cells is not None:
-        raise typer.BadParameter("random faults have no cells of the design", param_hint="--cells")
+    for option, given in (("--cells", cells), ("--flights", flights)):
+        if random_faults and given is not None:
+            raise typer.BadParameter("random faults have no cells of the design", param_hint=option)
     chosen = _cells(cells)
     from shefex_nav.verify.robustness import running, store
 
     if out is not None:
         check_writable(out, "--out")
-    request = running.request(scenarios, overrides or (), flights, chosen, seed, random_faults)
+    request = running.request(scenarios, overrides or (), flights or FLIGHTS, chosen, seed, random_faults)
     waiting, head = running.jobs(request), store.head(request)
     with store.Store(out, head, resume) as kept:
         interrupted = _fly(waiting, jobs, kept)

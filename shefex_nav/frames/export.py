@@ -20,12 +20,12 @@ def write(folder, flight, shots, kind="png"):
     ------
     Shot, each when its file is written; truth and cameras are written at the end, of an early end too
     """
-    for name in (name for ending in picture_files.FORMATS for name in folder.glob(f"frame_*.{ending}")):
-        name.unlink()  # those of another flight would have no truth
     scenario, mission = flight.scenario, flight.scenario.mission
     camera, rows = lens_of(camera_file.of_scenario(scenario)), []
     try:
         for shot in shots:
+            if not rows:
+                _take_away(folder)
             name = f"frame_{shot.frame.number:06d}.{kind}"
             told = header.keywords(shot, mission, flight.seed) | header.angles(shot.truth.q_ic, camera)
             if kind == "fits":
@@ -39,3 +39,10 @@ def write(folder, flight, shots, kind="png"):
             for name, true in ((TOLD, False), (TRUE, True)):
                 text = camera_file.written(scenario, flight.world, true=true)
                 put(folder / name, text)
+
+
+def _take_away(folder):
+    """Frames of an earlier export: those of another flight would have no truth."""
+    for ending in picture_files.FORMATS:
+        for name in folder.glob(f"frame_*.{ending}"):
+            name.unlink()

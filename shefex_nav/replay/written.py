@@ -17,6 +17,7 @@ from shefex_nav.files import put, whole
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.instruments import BUILT_IN
 from shefex_nav.replay import load, schema
+from shefex_nav.report import configured, local_level
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.scenario import layers
 
@@ -37,8 +38,9 @@ class NoDataError(UserError):
 
 def write(data, folder):
     """Write the CSVs and the replay file of a RunData into a folder. -> names of the files"""
-    if not len(data.truth.t_s):
-        raise NoDataError("is of a replay without truth, whose data are in files already")
+    if not len(data.truth.t_s) or local_level.is_replay(data):
+        with_truth = "" if len(data.truth.t_s) else " without truth"
+        raise NoDataError(f"is of a replay{with_truth}, whose data are in files already")
     if not any(fix.valid for fix in data.gps):
         raise NoDataError("has no GPS fix")
     imu, gap_s = _imu(data.imu)
@@ -58,7 +60,7 @@ def write(data, folder):
 
 
 def remarks(data):
-    """What the mission knew of the fixes of a RunData and a replay cannot be told: list of str."""
+    """What the mission knew of vibration and fixes of a RunData and a replay cannot be told: list of str."""
     said, found = layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, []
     if any((said["gps"].get("errors") or {}).values()):
         words = "gps.errors: errors of the fixes last; a replay takes those of one fix and the next for"
@@ -66,6 +68,10 @@ def remarks(data):
     if (said.get("navigation", {}).get("told") or {}).get("gps"):
         words = "navigation.told.gps: the noise of the fixes is that of the receiver, not what the filter was"
         found.append(f"{words} told of it")
+    scenario = configured.configured(data).scenario
+    if scenario is not None and any(scenario.imu.vibration.boost):
+        words = "imu.vibration.boost: a replay knows of no motor that shakes the IMU, and its sigmas are too"
+        found.append(f"{words} small from a burn on: a larger imu.accelerometer.random_walk helps")
     return found
 
 
@@ -228,7 +234,7 @@ def _described(data, read, t_s, true_from_s, gap_s):
     )
     return {
         "mission": {
-            "name": data.mission.scenario,
+            "name": data.mission.scenario.partition(" ")[0],  # "(replayed)" may follow
             "description": f"Measurements of seed {data.mission.seed}, without star fixes",
             "epoch": begins.isoformat().replace("+00:00", "Z"),
             "start": f"{true_from_s - t_s[0]:.6g} s",

@@ -7,13 +7,15 @@ table with a row for each element. What a column is, with frame and unit, stands
 tables, and in the metadata of the fields of a Parquet file.
 """
 
+import csv
+import io
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.fields import EQUAL
-from shefex_nav.files import whole
+from shefex_nav.files import text_of, whole
 from shefex_nav.instruments import TABLE, outer_states
 from shefex_nav.log.run_data import ARRAYS, LISTS
 from shefex_nav.log.topics import of_record
@@ -21,7 +23,7 @@ from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.report.navigation_errors import navigation_errors
 
 KINDS = ("csv", "parquet")
-COLUMNS = "columns.csv"
+COLUMNS, HEADS = "columns.csv", ("table", "column", "comment")
 _SOURCES = {  # table -> field of RunData
     "truth": "truth",
     "attitude_control": "control",
@@ -270,12 +272,15 @@ def arrow(columns):
 
 
 def write(data, folder, kind):
-    """Write all tables of a RunData into a folder, which is there. kind : one of KINDS. -> list of Path"""
+    """Write all tables of a RunData into a folder, which is there. kind : one of KINDS. -> list of Path
+
+    Tables of an earlier export that this flight does not have are taken away: they are of another one.
+    """
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet
 
-    written, listed = [], []
+    earlier, written, listed = _listed(folder), [], []
     for name, columns in _each(data):
         table, path = arrow(columns), Path(folder) / f"{name}.{kind}"
         with whole(path) as half:
@@ -287,8 +292,20 @@ def write(data, folder, kind):
         listed += [(name, c.name, c.comment) for c in columns]
         del table, columns  # before the next is made: of a log of many hours each takes a gigabyte
     listing = pa.table([list(column) for column in zip(*listed, strict=True)] if listed else [[], [], []],
-                       names=["table", "column", "comment"])  # fmt: skip
+                       names=HEADS)  # fmt: skip
     written.append(Path(folder) / COLUMNS)
     with whole(written[-1]) as half:
         pa.csv.write_csv(listing, half)
+    for name in earlier - {name for name, _, _ in listed}:
+        (Path(folder) / f"{name}.{kind}").unlink(missing_ok=True)
     return written
+
+
+def _listed(folder):
+    """Names of the tables that COLUMNS in a folder lists: set, empty where there is none of an export."""
+    try:
+        head, *rows = csv.reader(io.StringIO(text_of(Path(folder) / COLUMNS)))
+    except (OSError, ValueError, csv.Error):
+        return set()
+    names = {row[0] for row in rows if len(row) == len(HEADS)}
+    return {name for name in names if name.isidentifier()} if tuple(head) == HEADS else set()

@@ -86,6 +86,8 @@ def read_csv(path):
                 raise BadTable(
                     f"{path}:1: has no column {missing[0]}; expected P_1_1 to P_9_9, or none of them"
                 )
+            if twice := [name for name in wanted if names.count(name) > 1]:
+                raise BadTable(f"{path}:1: {twice[0]}: two columns have this name; keep one of them")
             rows = [_numbers(path, lines.line_num, line, wanted) for line in lines]
     except (Unreadable, csv.Error) as error:
         raise BadTable(f"{path}: {error}") from None

@@ -42,7 +42,7 @@ def star_rows(star):
         ("across", "cross_axis_rms", across, " (principal point)", " per axis"),
         ("about", "boresight_rms", about, "", ""),
     ):
-        yield f"error {name} the boresight", _parts(error[key], constant, of, per)
+        yield f"error {name} the boresight", _parts(error[key], constant, star["solved"], of, per)
     if (mounting := star.get("mounting_error_deg")) is not None:
         size = number(math.hypot(*mounting), 3, "deg")
         yield "mounting error", f"{size}, in the attitude of the body alone: not in the errors above"
@@ -92,11 +92,14 @@ def _counted(counts):
     return ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in counts.items())
 
 
-def _parts(rms, constant, of, per):
-    """An error of star fixes, arcsec, and how much of it is the run's mean. of : where that is from"""
-    if constant is None or rms is None:
+def _parts(rms, constant, n, of, per):
+    """An error of n star fixes, arcsec, and how much of it is the run's mean. of : where that is from
+
+    A single fix is its own mean and says nothing of the scatter; the mean of n takes a share of it, 1 / n.
+    """
+    if constant is None or rms is None or n < 2:
         return number(rms, 1, f'" rms{per}')
-    scatter = math.sqrt(max(rms**2 - constant**2, 0.0))
+    scatter = math.sqrt(max(rms**2 - constant**2, 0.0) * n / (n - 1))
     return f'{number(rms, 1)}" rms{per}: constant {number(constant, 1)}"{of}, scatter {number(scatter, 1)}"'
 
 

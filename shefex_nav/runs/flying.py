@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.log import thinning
+from shefex_nav.log.described import MOST_DIGITS
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
 from shefex_nav.log.topics import LogError, RunSummary
@@ -42,6 +43,8 @@ def _check(scenario, seed, until_s, pace):
         raise TypeError(f"{scenario!r}: expected a Scenario, the path of one or the name of a shipped one")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
+    if seed >= 10**MOST_DIGITS:
+        raise ValueError(f"seed: expected {MOST_DIGITS} digits at most, which a log can say")
     earliest_s = thinning.earliest_end(scenario.mission.start)
     if until_s is not None and not (isinstance(until_s, Real) and until_s >= earliest_s):
         raise ValueError(f"until_s {until_s!r}: expected a time after the start, from {earliest_s:g} s on")

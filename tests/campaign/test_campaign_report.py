@@ -255,6 +255,14 @@ def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path,
     assert mine.stat().st_size > 10_000
 
 
+def test_pictures_of_another_campaign_are_not_left_among_those_of_this(folder, tmp_path, errors_alone):
+    for name in ("errors", "sensitivity"):
+        (tmp_path / f"{name}.png").write_bytes(b"of another")
+    arguments = ["report", str(folder), "--json", "--figures", str(tmp_path), "--force"]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["errors.png"]
+
+
 def test_other_files_in_the_folder_of_pictures_are_in_nobodys_way(folder, tmp_path, errors_alone):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "trajectory.png").write_bytes(b"of a run, not of a campaign")

@@ -326,6 +326,20 @@ def test_a_dry_run_prints_the_columns_of_the_table(listed):
         assert said == ["" if value is None else str(value) for value in values.tolist()], name
 
 
+def test_a_dry_run_prints_its_draws_as_one_json_object(listed):
+    """Those that the campaign has flown, and what a number of them counts in."""
+    path, folder, _ = listed
+    printed = CliRunner().invoke(app, ["campaign", str(path), "--runs", "8", "--dry-run", "--json"])
+    assert printed.exit_code == 0, printed.output
+    found = json.loads(printed.stdout)
+    kept = results.open_campaign(folder)
+    assert (found["scenario"], found["seed"]) == (kept.head["scenario"], kept.head["seed"])
+    assert found["units"]["imu.gyro.bias"] == "times" and "wind" not in found["units"]
+    drawn = [keeping.record(folder, one["run"]) for one in found["runs"]]
+    assert [one["run"] for one in found["runs"]] == list(range(8))
+    assert [one["draws"] for one in found["runs"]] == [one["draws"] for one in drawn]
+
+
 def test_units_of_draws_are_kept(listed):
     _, folder, _ = listed
     campaign = results.open_campaign(folder)

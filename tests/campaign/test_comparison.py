@@ -272,6 +272,24 @@ def test_two_logs_are_one_pair_without_intervals(tmp_path, command):
     assert len(rows) == 5 and all(line.rstrip().endswith("the same in each pair") for line in rows)
 
 
+def test_a_part_of_a_mission_is_not_judged_against_more_of_it(tmp_path, command):
+    """One flight, one filter, looked at until two times: neither is better, and entry is missed by none."""
+    logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    for log, until in zip(logs, ("30s", "20s"), strict=True):
+        run = command("run", "shefex2_andoya", "--until", until, "--out", str(log))
+        assert run.code == 0, run.err
+    (found,) = json.loads(command("compare", *map(str, logs), "--json").out)["comparisons"]
+    one = row(found, "position, rms of the run")
+    assert one["difference"]["verdict"] is None and one["difference"]["mean"] != 0.0
+    assert one["why"] == "A ends at T+30.0 s, B ends at T+20.0 s"
+    assert found["notes"] == ["A: was looked at until T+30.0 s", "B: was looked at until T+20.0 s"]
+    met = [one for one in found["shares"] if one["name"].endswith(" met")]
+    assert {one["name"] for one in met} >= {"attitude at entry met", "misleading met"}
+    assert all((one["difference"], one["why"]) == (None, "cannot be judged of A and B") for one in met)
+    (same,) = json.loads(command("compare", str(logs[1]), str(logs[1]), "--json").out)["comparisons"]
+    assert row(same, "position, rms of the run")["difference"]["verdict"] == "none"
+
+
 def test_a_log_is_paired_with_the_run_of_its_seed(whole, tmp_path, command):
     """Figures are those of the log, at 100 Hz; how long it took is not compared with a run without a log."""
     folder, _ = whole

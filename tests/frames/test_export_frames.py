@@ -242,6 +242,8 @@ def test_a_folder_that_is_written_again_has_no_frames_of_another_flight(tmp_path
             rows = [row["file"] for row in csv.DictReader(file)]
         assert sorted(rows) == sorted(path.name for path in folder.glob("frame_*"))
         assert {row.rpartition(".")[2] for row in rows} == {name}
+    none = command("night_sky", "--frames", folder, "--until", "0.5s", "--force")
+    assert none.exit_code == 2 and sorted(rows) == sorted(path.name for path in folder.glob("frame_*"))
 
 
 def test_wcs_has_the_distortion_in_its_polynomials():

@@ -144,6 +144,8 @@ def test_the_default_sample_is_the_papers(toy_registered, tmp_path):
     ("arguments", "says"),
     [
         (("shefex-spike",), "shefex-spikes"),
+        (("--json",), "--json: goes with an experiment or 'all'; without NAME they are listed"),
+        (("report", "--samples", 9), "--samples: goes with an experiment or 'all'; report is the page"),
         (("toy", "--samples", 0), "--samples"),
         (("toy", "--samples", -3), "1 to 1000000000"),
         (("toy", "--out", "FILE/figures"), "--out"),

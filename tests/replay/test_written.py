@@ -1,5 +1,7 @@
 """What a flight measured, written as loggers have it, is read back by a replay as it was."""
 
+import json
+
 import numpy as np
 import pytest
 import yaml
@@ -154,11 +156,58 @@ def test_what_a_replay_cannot_be_told_of_the_fixes_is_said(tmp_path):
     overrides = ["gps.errors.multipath={range: 2 m, time: 30 s}", "navigation.told.gps.range_noise=9 m"]
     flown = runs.fly(missions.load(missions.file_of("rexus_like"), overrides), 3, until_s=-5.0)
     measured.write(flown.data, tmp_path / "measured")
-    lasting, told = measured.remarks(flown.data)
+    lasting, told, shaken = measured.remarks(flown.data)
     assert lasting.startswith("gps.errors: ") and told.startswith("navigation.told.gps: ")
     head = (tmp_path / "measured" / measured.REPLAY).read_text(encoding="utf-8")
-    assert f"# {lasting}\n# {told}\n" in head
+    assert f"# {lasting}\n# {told}\n# {shaken}\n" in head
 
 
 def test_nothing_is_said_of_a_receiver_whose_errors_are_white(flight):
-    assert measured.remarks(flight[0]) == []
+    (shaken,) = measured.remarks(flight[0])
+    assert shaken.startswith("imu.vibration.boost: ")
+
+
+SHAKEN_UNTIL_S = 260.0  # both motors have burnt; no star fix has been used before
+
+
+@pytest.mark.parametrize("boost", [(7.0, 3.5), (0.0, 0.0)])
+def test_motors_that_shake_make_a_replay_too_sure_and_it_is_said(tmp_path, boost):
+    """Velocity errors over their sigmas: about 1 without vibration, and with it far above."""
+    overrides = [f"imu.vibration.boost=[{boost[0]} gee, {boost[1]} gee]", "star_tracker.enabled=false"]
+    shefex = missions.load(missions.file_of("shefex2_andoya"), overrides)
+    flown = runs.fly(shefex, 1, until_s=SHAKEN_UNTIL_S)
+    measured.write(flown.data, tmp_path / "measured")
+    said = " ".join(measured.remarks(flown.data))
+    assert ("imu.vibration.boost: " in said) == any(boost)
+    path, ratios = str(tmp_path / "measured" / measured.REPLAY), []
+    for walk in (
+        "0.03 m/s/sqrt(h)",
+        "1 m/s/sqrt(h)",
+    ):  # that of the data sheet; larger, as it is said to help
+        done = CliRunner().invoke(
+            app, ["replay", path, "--json", "--set", f"imu.accelerometer.random_walk={walk}"]
+        )
+        assert done.exit_code == 0, done.output
+        over = json.loads(done.stdout)["navigation"]["error_over_sigma"]["velocity_ned"]
+        ratios.append(np.sqrt(np.mean(np.square(over))))
+    assert ratios[1] < 1.3
+    assert ratios[0] > 1.6 if any(boost) else ratios[0] < 1.3
+
+
+def test_the_log_of_a_replayed_flight_is_written_as_the_flight_is(flight, tmp_path):
+    """Its scenario is called `rexus_like (replayed)`, which is no word."""
+    data, folder = flight
+    again = data._replace(mission=data.mission._replace(scenario=f"{data.mission.scenario} (replayed)"))
+    measured.write(again, tmp_path / "again")
+    one, other = ((place / measured.REPLAY).read_text() for place in (folder, tmp_path / "again"))
+    assert one == other
+
+
+def test_the_log_of_data_of_others_is_refused_before_anything_is_written(tmp_path):
+    log, folder = tmp_path / "others.mcap", tmp_path / "no"
+    done = CliRunner().invoke(app, ["replay", "csv_example", "--log", str(log)])
+    assert done.exit_code == 0, done.output
+    assert len(runs.open_run(log).truth.t_s)
+    told = CliRunner().invoke(app, ["export", str(log), "--replay", str(folder)])
+    assert told.exit_code == 2 and "is of a replay, whose data are in files already" in told.output
+    assert not folder.exists()

@@ -132,6 +132,23 @@ def test_a_log_without_records_has_no_tables(tmp_path):
     assert export.write(of_records(MISSION, []), tmp_path, "csv") == [tmp_path / export.COLUMNS]
 
 
+@pytest.mark.parametrize("kind", export.KINDS)
+def test_no_table_of_another_flight_is_left(data, tmp_path, kind):
+    """One without stars, written over one that has some: none of their tables is taken for its own."""
+    for name in ("mine.csv", "mine.parquet", "truth.txt"):
+        (tmp_path / name).write_text("mine")
+    was = export.write(data, tmp_path, kind)
+    less = data._replace(star_fixes=[], gps=[])
+    again = export.write(less, tmp_path, kind)
+    assert {path.stem for path in was} - {path.stem for path in again} >= {"gps", "star_fixes"}
+    found = {path.name for path in tmp_path.iterdir()} - {"mine.csv", "mine.parquet", "truth.txt"}
+    assert found == {path.name for path in again}
+    assert len(list(tmp_path.glob("mine.*"))) == 2
+    (tmp_path / export.COLUMNS).write_text("name,unit,note\nmine,m,\n")  # somebody's own list of columns
+    export.write(less, tmp_path, kind)
+    assert len(list(tmp_path.glob("mine.*"))) == 2
+
+
 @pytest.fixture(scope="module")
 def flight():
     """The whole made-up flight, one sample a second."""
@@ -274,6 +291,9 @@ def test_the_command_checks_everything_before_it_writes_anything(tmp_path):
     run = CliRunner().invoke
     nothing = run(app, ["export", str(log)])
     assert nothing.exit_code == 2 and "nothing to write" in told(nothing)
+    for option, value in (("--format", "png"), ("--every", "2")):
+        alone = run(app, ["export", str(log), "--csv", str(tmp_path / "c"), option, value])
+        assert alone.exit_code == 2 and f"{option}: goes with --frames DIR" in told(alone), option
     full = tmp_path / "full"
     full.mkdir()
     (full / "mine.txt").write_text("mine")

@@ -269,6 +269,8 @@ def test_a_table_of_another_filter_is_compared_with_the_log(sky, tmp_path, comma
         ("HEAD,\n1,2,3\n", "mine.csv:2: 3 values, but 11 names of columns"),
         ("HEAD,\n1,2,3,4,5,6,7,2,0,0,0\n", "mine.csv: q: norm 2 at T+1.00 s"),
         ("HEAD\n1,2,3,4,5,6,7,2,0,0,0, \n", "mine.csv: q: norm 2 at T+1.00 s"),
+        ("HEAD,note,note\n1,2,3,4,5,6,7,2,0,0,0,,\n", "mine.csv: q: norm 2 at T+1.00 s"),
+        ("HEAD,q_ib_x\n1,2,3,4,5,6,7,1,0,0,0,9\n", "mine.csv:1: q_ib_x: two columns have this name"),
         ("HEAD\n", "mine.csv:2: has no row"),
         ("HEAD\n1,2,3,4,5,6,7,2,0,0,0\n", "mine.csv: q: norm 2 at T+1.00 s"),
         (None, "mine.csv: there is no such file"),

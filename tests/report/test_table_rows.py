@@ -87,6 +87,7 @@ def test_the_constant_part_of_star_errors_is_told_apart(log):
     """3, 4 arcsec of every fix are 5/sqrt(2) rms per axis; the rest is scatter."""
     star = metrics.summarise(reader.read(log))["star_tracker"]
     star["error_arcsec"] |= {"cross_axis_rms": 4.0, "boresight_rms": 5.0, "mean": [3.0, 4.0, -3.0]}
+    star["solved"] = 1000
     found = dict(star_rows(star))
     assert found["error across the boresight"] == (
         '4.0" rms per axis: constant 3.5" (principal point), scatter 1.9"'
@@ -94,6 +95,20 @@ def test_the_constant_part_of_star_errors_is_told_apart(log):
     assert found["error about the boresight"] == '5.0" rms: constant 3.0", scatter 4.0"'
     star["error_arcsec"] |= {"cross_axis_rms": None, "mean": None}
     assert dict(star_rows(star))["error across the boresight"] == "-"
+
+
+def test_the_scatter_of_few_fixes_has_what_their_mean_took_of_it(log):
+    """Of the same errors drawn again and again: its square is right on average, as that of by_rate is."""
+    star, errors = metrics.summarise(reader.read(log))["star_tracker"], np.random.default_rng(3)
+    for n in (2, 3):
+        squares = []
+        for z in 10.0 * errors.standard_normal((4000, n)):
+            error = {"boresight_rms": float(np.sqrt(np.mean(z**2))), "mean": [0.0, 0.0, float(z.mean())]}
+            words = dict(star_rows(star | {"solved": n, "error_arcsec": star["error_arcsec"] | error}))
+            squares.append(float(words["error about the boresight"].rpartition(" ")[2].strip('"')) ** 2)
+        assert abs(np.sqrt(np.mean(squares)) / 10.0 - 1.0) < 0.05
+    alone = star | {"solved": 1, "error_arcsec": star["error_arcsec"] | {"mean": [3.0, 4.0, -3.0]}}
+    assert "scatter" not in dict(star_rows(alone))["error about the boresight"]
 
 
 def test_the_mounting_error_has_a_row_of_its_own(log):

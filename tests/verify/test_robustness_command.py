@@ -31,6 +31,7 @@ def command(*arguments):
         (("rexus_like", "--resume"), "needs --out FOLDER"),
         (("rexus_like", "--flights", 0), "flights"),
         (("rexus_like", "--random-faults", 3, "--cells", "0"), "no cells of the design"),
+        (("rexus_like", "--random-faults", 3, "--flights", 25), "--flights: random faults have no cells"),
         (("no_such_scenario",), "no_such_scenario"),
         (("tight",), "navigation.gps has to be 'loose'"),
         (

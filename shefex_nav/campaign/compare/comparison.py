@@ -1,5 +1,6 @@
 """Everything that is said of two sides: their runs in pairs, figure by figure."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG, CompareError
 from shefex_nav.campaign.compare.quantities import LARGER, NEITHER, QUANTITIES, SOLUTION_SHARE, of_sensor
+from shefex_nav.clock import SAME_S
 from shefex_nav.scenario import differences, software
 
 MOST_SEEDS = 3  # that are named
@@ -120,6 +122,8 @@ def _unfair(quantity, a, b, seeds):
     """Why a difference of a quantity over pairs is not that of the sides alone; '' if it may be judged."""
     if quantity.wall:
         return IN_TURN
+    if why := _of_parts(a, b):
+        return why
     if not quantity.spoken:
         return ""
     shares = [[side.runs[seed].get(SOLUTION_SHARE) for side in (a, b)] for seed in seeds]
@@ -130,6 +134,15 @@ def _unfair(quantity, a, b, seeds):
     return (
         f"{a.letter} has a solution at {100.0 * of_a:.4g} % of the ticks, {b.letter} at {100.0 * of_b:.4g} %"
     )
+
+
+def _of_parts(a, b):
+    """Which of two logs ends before its mission does, and when; '' if they are seen alike."""
+    cuts = [math.nan if side.data is None else side.data.cut_s for side in (a, b)]
+    if np.isnan(cuts).all() or abs(cuts[1] - cuts[0]) <= SAME_S:
+        return ""
+    ends = zip((a, b), cuts, strict=True)
+    return ", ".join(f"{side.letter} ends at T{cut_s:+.1f} s" for side, cut_s in ends if math.isfinite(cut_s))
 
 
 def _alone(a, b, figures):
@@ -191,7 +204,7 @@ def _notes(a, b, seeds, whole):
         pairs = "1 pair has" if other_draws == 1 else f"{other_draws} pairs have"
         notes.append(f"{pairs} one seed but other draws: not one flight, only one noise")
     others = sum(_flight(a.runs[seed]) != _flight(b.runs[seed]) for seed in whole)
-    if others and a.kind == b.kind:
+    if others and a.kind == b.kind and not _of_parts(a, b):
         which = "1 pair is" if others == 1 else f"{others} pairs are"
         notes.append(f"{which} not one flight: true apogee or highest speed differ")
     changed = [name for name in a.versions if name in b.versions and a.versions[name] != b.versions[name]]

@@ -122,7 +122,8 @@ def _of_data(path, data, letter, label):
     from shefex_nav.report import configured, metrics
 
     summary = metrics.summarise(data)
-    judged = tuple(configured.judged(data, summary))
+    is_part = data.ended_early or data.until_s is not None
+    judged = tuple(_final(one, is_part) for one in configured.judged(data, summary))
     seed, notes = data.mission.seed, []
     if data.ended_early and not data.failure:
         notes.append(f"{letter}: the log ends early, at T{data.reached_s:+.1f} s")
@@ -136,6 +137,14 @@ def _of_data(path, data, letter, label):
         {"shefex_nav": data.mission.version}, {seed: flown}, notes=tuple(notes), data=data,
         sensors=_sensors(paths),
     )  # fmt: skip
+
+
+def _final(one, is_part):
+    """A requirements.Judged; what the rest of a mission may change cannot be judged of a part of it."""
+    from shefex_nav.report import requirements
+
+    is_open = requirements.verdict(one, is_part) not in ("met", "not met")
+    return one._replace(judgeable=False) if is_open else one
 
 
 def _figures_of(summary):
