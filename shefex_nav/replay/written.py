@@ -19,7 +19,7 @@ from shefex_nav.instruments import BUILT_IN
 from shefex_nav.replay import load, schema
 from shefex_nav.report import configured, local_level
 from shefex_nav.report.track import earth_fixed
-from shefex_nav.scenario import layers
+from shefex_nav.scenario import layers, params_onboard
 
 REPLAY = "replay.yaml"
 ALIGNED = {"level": "0.05 deg", "azimuth": "0.5 deg", "position": "5 m", "velocity": "0.1 m/s"}  # [E]
@@ -62,9 +62,6 @@ def write(data, folder):
 def remarks(data):
     """What the mission knew of vibration and fixes of a RunData and a replay cannot be told: list of str."""
     said, found = layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, []
-    if any((said["gps"].get("errors") or {}).values()):
-        words = "gps.errors: errors of the fixes last; a replay takes those of one fix and the next for"
-        found.append(f"{words} independent, and its sigmas are too small: a larger gnss.position_noise helps")
     if (said.get("navigation", {}).get("told") or {}).get("gps"):
         words = "navigation.told.gps: the noise of the fixes is that of the receiver, not what the filter was"
         found.append(f"{words} told of it")
@@ -170,10 +167,10 @@ def _of_readings(instrument):
     return {"file": f"{instrument.name}.csv", "time": "t_s", column.key: names, **unit}
 
 
-def _of_mission(said, read):
+def _of_mission(said, read, lasting):
     """Sections of a replay file that a scenario has as well, of what the computer on board is told of it.
 
-    said : a scenario as YAML has it;  read : instruments of which there are readings
+    said : a scenario as YAML has it;  read : instruments of which there are readings;  lasting: of `_lasting`
     """
     told = said.get("navigation", {}).get("told") or {}
     imu = {
@@ -189,7 +186,7 @@ def _of_mission(said, read):
     filtered["states"] = [name for name in filtered.get("states", ()) if name in known]
     return {
         "earth": _only(said.get("earth", {}), schema.ReplayEarth),
-        "gnss": {"lever_arm": gps["antenna"]["lever_arm"], "latency": gps["latency"]},
+        "gnss": {"lever_arm": gps["antenna"]["lever_arm"], "latency": gps["latency"]} | lasting,
         "alignment": {"method": "reference", **said.get("pad_alignment", ALIGNED)},
         "imu": {
             name: _only(one, schema.ReplayImu.model_fields[name].annotation) for name, one in imu.items()
@@ -221,7 +218,7 @@ def _described(data, read, t_s, true_from_s, gap_s):
     read : instruments of which there are readings;  t_s : (N,) of the IMU samples;  gap_s : the longest time
     without one
     """
-    gnss = _of_fixes(data)
+    said, gnss = layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, _of_fixes(data)
     imu = {"file": "imu.csv", "rate": f"{1.0 / np.median(np.diff(t_s)):.6g} Hz", "time": "t_s"}
     imu |= {"gyro": list(_axes("dtheta_rad", np.eye(3))), "gyro_unit": "rad"}
     imu |= {"accelerometer": list(_axes("dv_m_s", np.eye(3))), "accelerometer_unit": "m/s"}
@@ -240,5 +237,15 @@ def _described(data, read, t_s, true_from_s, gap_s):
             "start": f"{true_from_s - t_s[0]:.6g} s",
         },
         "data": {"format": "csv", **bridged, "imu": imu, "gnss": gnss, "truth": truth, **others},
-        **_of_mission(layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, read),
+        **_of_mission(said, read, _lasting(data)),
     }
+
+
+def _lasting(data):
+    """What section `gnss` of a replay file says of errors that last: those of the receiver of a RunData."""
+    scenario = configured.configured(data).scenario
+    share = 0.0 if scenario is None else params_onboard.lasting_share(scenario)
+    if not share:
+        return {}
+    time_s = scenario.navigation.sensors.range_bias_time
+    return {"lasting_share": f"{100.0 * share:.3g} %", "lasting_time": f"{time_s:g} s"}

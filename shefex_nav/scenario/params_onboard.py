@@ -117,7 +117,7 @@ def nav_params(scenario):
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
         range_bias_time_s=sensors.range_bias_time,
-        lasting_share=_lasting_share(scenario),
+        lasting_share=0.0 if scenario.navigation.gps == "tight" else lasting_share(scenario),
         gravity_error=navigation.gravity_error,
         aids=aboard.aids(scenario),
         gps_told=of_gps,
@@ -177,10 +177,8 @@ def _lasting_sigma(scenario):
     return float(np.linalg.norm(sigmas))
 
 
-def _lasting_share(scenario):
+def lasting_share(scenario):
     """Share of the variance of a position fix that is of errors which last; ranges have states for them."""
-    if scenario.navigation.gps == "tight":
-        return 0.0
     lasting = _range_bias(scenario)
     return lasting**2 / (lasting**2 + scenario.gps.range_noise**2) if lasting else 0.0
 
