@@ -55,6 +55,7 @@ from shefex_nav.records import (
 FORMAT = "3"  # of this table; a reader refuses others
 METADATA = "shefex_nav"  # name of the metadata record
 ATTACHMENT = "scenario.yaml"
+SMOOTHED = "{} (smoothed)"  # of the scenario's name, so that nobody takes such a log for that of the flight
 FAILED = "software_failed"  # name of the Event that ends the log of a flight whose software failed
 
 

@@ -4,12 +4,11 @@ from itertools import chain
 
 from shefex_nav import __version__
 from shefex_nav.log.drawings import FramePolicy
-from shefex_nav.log.topics import RunSummary
+from shefex_nav.log.topics import SMOOTHED, RunSummary
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.records import ComputeTime, row
 from shefex_nav.replay.rerun import Recording, not_seen_on_board
 
-NAME = "{} (smoothed)"  # of the scenario, so that nobody takes it for the flight itself
 NO_PICTURES = FramePolicy(0, "none", 4.0)
 
 
@@ -25,7 +24,7 @@ def write(path, recording: Recording, smoothed, wall_s, *, overwrite=False):
     overwrite : a file that exists is lost
     """
     mission = smoothed.mission._replace(
-        scenario=NAME.format(smoothed.mission.scenario),
+        scenario=SMOOTHED.format(smoothed.mission.scenario),
         scenario_text=recording.scenario_text,
         version=__version__,
     )

@@ -3,6 +3,7 @@
 from rich.text import Text
 
 from shefex_nav import event_words
+from shefex_nav.log.topics import SMOOTHED
 from shefex_nav.records import QUANTITIES, Doubt
 from shefex_nav.report import columns, consistency_rows, doubts, innovations, requirements, trust
 from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
@@ -44,7 +45,8 @@ def rows(summary, judged=()):
     own = summary["software"]
     yield "star tracker", [*_own_rows(own, "star_tracker"), *star_rows(summary["star_tracker"])]
     of = "computer" if "computer" in own else "navigation"
-    yield "navigation", [*_own_rows(own, of), *_navigation_rows(summary["navigation"])]
+    smoothed = _smoothed_rows(summary["scenario"])
+    yield "navigation", [*_own_rows(own, of), *_navigation_rows(summary["navigation"]), *smoothed]
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
         both = [(f"{quantity}, met and not usable", words) for quantity, words in sentences(summary, judged)]
@@ -159,6 +161,13 @@ def _navigation_rows(navigation):
         yield from _level_rows(navigation)
     yield from innovations.rows(navigation.get("nis") or {})
     yield from consistency_rows.rows(navigation)
+
+
+def _smoothed_rows(scenario):
+    """What the log of a smoothed flight has of the filter on board. scenario : its name in the log"""
+    if scenario.endswith(SMOOTHED.format("")):
+        words = "protection levels, usable and do not use, measurements and NIS: not of the smoother"
+        yield "as the filter said", words
 
 
 def _integrity_rows(integrity):

@@ -57,6 +57,15 @@ def test_report_and_view_take_it(smoothed, tmp_path):
     assert (tmp_path / "view.rrd").stat().st_size > 10_000
 
 
+def test_its_report_says_what_is_not_of_the_smoother(log, smoothed, command):
+    """Protection levels and what was used are those of the filter on board."""
+    logs = smoothed["smoothed"], str(log)
+    assert ["as the filter said" in command("report", path).out for path in logs] == [True, False]
+    nav = [reader.read(path).nav for path in logs]
+    np.testing.assert_array_equal(*(one.protection_position for one in nav))
+    assert not np.array_equal(*(one.sigma_r_e for one in nav))
+
+
 def test_the_table_names_the_parts(log, tmp_path):
     done = RUNNER.invoke(app, ["smooth", str(log), "--out", str(tmp_path / "best.mcap")])
     assert done.exit_code == 0, done.output
