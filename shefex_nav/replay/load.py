@@ -130,6 +130,14 @@ def _reference(scenario):
         yield ("alignment", "method"), "'reference' needs data.truth; give it, or choose static"
 
 
+def _vibration(scenario):
+    """A band that has a width."""
+    vibration = scenario.imu.vibration
+    if vibration.lowest_frequency >= vibration.highest_frequency:
+        words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
+        yield ("imu", "vibration", "lowest_frequency"), words
+
+
 def _states(scenario):
     """Blocks of states that go together."""
     yield from states_that_clash(scenario.navigation.states)
@@ -210,6 +218,7 @@ PARTS = (
     _times,
     _heading,
     _reference,
+    _vibration,
     _states,
     _imu_units,
     _sigmas,

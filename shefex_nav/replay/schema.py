@@ -31,7 +31,7 @@ from shefex_nav.scenario.quantity import (
     refuse,
 )
 from shefex_nav.scenario.requirements import AttitudeLimit, IntegrityRisk, PositionLimit, VelocityLimit
-from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro, Vibration
 from shefex_nav.scenario.use import Use
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
@@ -129,12 +129,25 @@ class ReplayAccelerometer(Accelerometer):
     quantum: Quantity("m/s", "0.1 mm/s", "", positive=True, words=OFF) = "off"
 
 
+class ReplayVibration(Vibration):
+    """Vibration at the IMU; of several motors the strongest counts in every burn."""
+
+    boost: list[Quantity("m/s2", "7 gee", "while a motor burns", non_negative=True)] = []  # noqa: RUF012
+    coast: Quantity("m/s2", "0.02 gee", "at all other times", non_negative=True) = "0 gee"
+    angular: Quantity("rad s/m", "0.1 deg/s/gee", "rms rate per rms acceleration", non_negative=True) = (
+        "0 deg/s/gee"
+    )
+    lowest_frequency: Quantity("Hz", "20 Hz", "lower end of the flat spectrum", positive=True) = "20 Hz"
+    highest_frequency: Quantity("Hz", "2 kHz", "upper end of the flat spectrum", positive=True) = "2 kHz"
+
+
 class ReplayImu(Block):
     """What the filter assumes of the inertial sensors."""
 
     use: Use = Field(None, description=OF_IMU)
     gyro: ReplayGyro
     accelerometer: ReplayAccelerometer
+    vibration: ReplayVibration = ReplayVibration()
 
 
 Releases = section(settings.Releases)
@@ -157,7 +170,7 @@ class ReplayNavigation(Navigation):
     release: Releases = Releases(gps=RELEASE, first_star_fix=RELEASE, star_fix=RELEASE)
     gps_agreement: Quantity("m/s", "10 m/s", "", positive=True) = "10 m/s"
     history: Quantity("s", "0.5 s", "", positive=True, at_most="5 s") = "0.6 s"
-    thrust_threshold: Quantity("m/s2", "15 m/s2", "", positive=True) = "1000 gee"
+    thrust_threshold: Quantity("m/s2", "15 m/s2", "", positive=True) = "15 m/s2"
     thrust_memory: Quantity("s", "30 s", "", positive=True) = "30 s"
     manoeuvre_angle: Quantity("rad", "1 rad", "", positive=True) = "1 rad"
     gravity_error: Quantity("m/s2", "30 ugee", "", non_negative=True) = "30 ugee"

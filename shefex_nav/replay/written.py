@@ -60,15 +60,11 @@ def write(data, folder):
 
 
 def remarks(data):
-    """What the mission knew of vibration and fixes of a RunData and a replay cannot be told: list of str."""
+    """What the mission knew of the fixes of a RunData and a replay cannot be told: list of str."""
     said, found = layers.parsed(data.mission.scenario_text, data.mission.scenario).tree, []
     if (said.get("navigation", {}).get("told") or {}).get("gps"):
         words = "navigation.told.gps: the noise of the fixes is that of the receiver, not what the filter was"
         found.append(f"{words} told of it")
-    scenario = configured.configured(data).scenario
-    if scenario is not None and any(scenario.imu.vibration.boost):
-        words = "imu.vibration.boost: a replay knows of no motor that shakes the IMU, and its sigmas are too"
-        found.append(f"{words} small from a burn on: a larger imu.accelerometer.random_walk helps")
     return found
 
 
@@ -174,7 +170,8 @@ def _of_mission(said, read, lasting):
     """
     told = said.get("navigation", {}).get("told") or {}
     imu = {
-        name: _over(said["imu"][name], told.get("imu", {}).get(name)) for name in ("gyro", "accelerometer")
+        name: _over(said["imu"][name], told.get("imu", {}).get(name))
+        for name in ("gyro", "accelerometer", "vibration")
     }
     gps = _over(said["gps"], told.get("gps"))
     filtered = {

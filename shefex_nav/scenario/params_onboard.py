@@ -9,13 +9,12 @@ import numpy as np
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
-from shefex_nav.scenario import aboard, params, params_filter
+from shefex_nav.scenario import aboard, params, params_filter, params_shaken
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.lens import distortion_of, pinhole_of
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
-from shefex_nav.world import vibration as spectrum
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
 SLANT_TROPOSPHERE = 5.0  # m
@@ -94,10 +93,11 @@ def nav_params(scenario):
     of_gps, scenario = _gps_told(scenario), as_told(scenario)
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    shaken = _shaken(scenario.imu.vibration)
+    vibration = scenario.imu.vibration
+    shaken = params_shaken.at_rest(vibration, 1.0 / IMU_HZ)
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, False, shaken)
     white, walk = params.clock(scenario).densities
-    told, period_s = _beforehand(scenario), 1.0 / scenario.imu.vibration.lowest_frequency
+    told, period_s = _beforehand(scenario), 1.0 / vibration.lowest_frequency
     late_s = max(scenario.gps.latency, aboard.longest_latency(scenario))
     return NavParams(
         imu=_imu_model(scenario, told),
@@ -112,7 +112,7 @@ def nav_params(scenario):
         history_s=params_filter.memory_s(navigation.history, late_s, period_s),
         motors=_motors(scenario),
         vibration_period_s=period_s,
-        swing_at_rest=_swings(scenario.imu.vibration, scenario.imu.vibration.coast),
+        swing_at_rest=params_shaken.swings(vibration, vibration.coast),
         clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
@@ -150,7 +150,7 @@ def _beforehand(scenario):
         accelerometer=imu.accelerometer,
         gyro_roll=_given(sensors.gyro_scale_factor_roll, imu.gyro.scale_factor_roll),
         gyro_misalignment=_given(sensors.gyro_misalignment, imu.gyro.misalignment),
-        rectified=imu.accelerometer.vibration_rectification * _strongest(imu.vibration) ** 2,
+        rectified=imu.accelerometer.vibration_rectification * params_shaken.strongest(imu.vibration) ** 2,
         gravity=scenario.navigation.gravity_error,
         mounting=_given(sensors.camera_mounting, _boresight_error(scenario)),
         lever_arm=sensors.lever_arm_error,
@@ -189,7 +189,7 @@ def _motors(scenario):
     That is known on board: a stage burns once the one below it is gone, so the instant of the ignition does
     not matter.
     """
-    boost, strongest = scenario.imu.vibration.boost, _strongest(scenario.imu.vibration)
+    boost, strongest = scenario.imu.vibration.boost, params_shaken.strongest(scenario.imu.vibration)
     if scenario.trajectory is not None:
         begins = [-np.inf, *scenario.trajectory.separations]
     else:
@@ -197,11 +197,6 @@ def _motors(scenario):
         begins = [-np.inf, *(np.inf if drop is None else drop.at for drop in drops)]
     rows = [(t_s, level / strongest if strongest else 0.0) for t_s, level in zip(begins, boost, strict=False)]
     return np.array(rows).reshape(-1, 2)
-
-
-def _strongest(vibration):
-    """Vibration while the strongest motor burns, m/s^2 rms."""
-    return max(vibration.boost, default=0.0)
 
 
 def _boresight_error(scenario):
@@ -221,53 +216,9 @@ def _imu_model(scenario, told):
 
     Vibration is that of the strongest motor; `NavParams.motors` has what the others do of it.
     """
-    sensors, vibration = scenario.navigation.sensors, scenario.imu.vibration
-    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    strongest = _strongest(vibration)
-    gyro_swing, accel_swing = _swings(vibration, strongest).tolist()
-    others = {
-        "gyro_random_walk": _given(sensors.gyro_random_walk, gyro.random_walk),
-        "gyro_rectification": gyro.vibration_rectification * strongest**2,
-        "gyro_vibration": gyro_swing,
-        "accel_random_walk": _given(sensors.accelerometer_random_walk, accelerometer.random_walk),
-        "accel_vibration": accel_swing,
-        "shake_threshold": _shake_threshold(vibration),
+    sensors, imu = scenario.navigation.sensors, scenario.imu
+    others = params_shaken.imu_fields(imu, 1.0 / IMU_HZ) | {
+        "gyro_random_walk": _given(sensors.gyro_random_walk, imu.gyro.random_walk),
+        "accel_random_walk": _given(sensors.accelerometer_random_walk, imu.accelerometer.random_walk),
     }
     return params_filter.imu_model(scenario, told, **others)
-
-
-def _shake_threshold(vibration):
-    """Noise of velocity increments that tells a burning motor from coasting, m/s rms.
-
-    Half way, as levels go, between the weakest motor and coasting, of which at least a hundredth of the motor
-    is assumed.
-    """
-    weakest = min((level for level in vibration.boost if level > 0.0), default=np.inf)
-    level2 = weakest * max(vibration.coast, 0.01 * weakest)
-    return float(np.sqrt(_in_increments(vibration, level2)))
-
-
-def _in_increments(vibration, level2):
-    """Variance of velocity increments by a vibration of some mean square, m^2/s^4: m^2/s^2.
-
-    Acceleration of flat density S has the variance S dt/2 in the increment of dt, and the share of its band.
-    """
-    return 0.5 * level2 / spectrum.bandwidth(vibration) / IMU_HZ * spectrum.share(vibration, 1.0 / IMU_HZ)
-
-
-def _shaken(vibration):
-    """What vibration without a motor does to a sample of gyros and accelerometers: rad, m/s rms."""
-    velocity = float(np.sqrt(_in_increments(vibration, vibration.coast**2)))
-    return vibration.angular * velocity, velocity
-
-
-def _swings(vibration, level):
-    """Angle and velocity of a vibration of some level [m/s^2 rms], (2,) rad, m/s rms.
-
-    Acceleration of flat density S between f_low and f_high, integrated:
-    sigma^2 = S/(2 pi)^2 (1/f_low - 1/f_high).
-    """
-    low, high = vibration.lowest_frequency, vibration.highest_frequency
-    density = level**2 / (high - low)
-    velocity = float(np.sqrt(density * (1.0 / low - 1.0 / high)) / (2.0 * np.pi))
-    return np.array([vibration.angular * velocity, velocity])
