@@ -350,3 +350,10 @@ def test_no_star_is_seen_through_the_moon():
     background = np.median(frame.image_dn)
     assert frame.image_dn[y, x] > background + 100
     assert covered.image_dn[y - 2 : y + 3, x - 2 : x + 3].max() < background + 15
+
+
+def test_faint_stray_light_that_slopes_leaves_no_negative_charge():
+    """Less light than the background is rounded to, and none besides: a dark picture, no error."""
+    slope = {"detector.background": 0.0, "stray_light.gradient": 1.0, "stray_light.rate_at_exclusion": 0.1}
+    frame, _ = take(build(changed(CLEAN, slope)), turning(*HERCULES))
+    assert np.median(frame.image_dn) == PARAMS.detector.black_level

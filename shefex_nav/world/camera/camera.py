@@ -328,8 +328,9 @@ def _read_out(camera, background, slope, command, rng):
         grey = detector.background(hole.width_px * hole.height_px, cells, rng)
         level = background
     else:  # no two pixels are alike
-        grey = detector.digitise(electronics, background + slope, rng)
-        level = background + slope[pixels]
+        level = np.maximum(background + slope, 0.0)  # the background is rounded, the slope is not
+        grey = detector.digitise(electronics, level, rng)
+        level = level[pixels]
     mean = level + camera.light.electrons[pixels]
     mean[len(lit) : len(lit) + n_hot] += defects.hot_rate * command.exposure_s
     mean[len(mean) - n_dead :] = 0.0
