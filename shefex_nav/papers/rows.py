@@ -113,9 +113,22 @@ def goal_none(quantity, condition, which):
 
     which : (n,), or (n, m) with m trials of each of the n that were drawn
     """
-    k, n = int(which.sum()), len(which)
-    ends = intervals.proportion(k, n) if which.ndim == 1 else share_together("", "", which).ci95
-    ci95 = None if ends is None else tuple(which.size * end for end in ends)
+    if which.ndim == 1:
+        ends = intervals.proportion(int(which.sum()), len(which))
+        return _none(quantity, condition, int(which.sum()), len(which), (len(which), ends))
+    return goal_none_together(quantity, condition, which.sum(axis=1), np.full(len(which), which.shape[1]))
+
+
+def goal_none_together(quantity, condition, parts, wholes):
+    """The same of trials that belong together. parts, wholes : as of `together`"""
+    measured = wholes.sum(), together(parts, wholes)
+    return _none(quantity, condition, int(parts.sum()), len(parts), measured)
+
+
+def _none(quantity, condition, k, n, measured):
+    """Row of the goal that none of these occurs. k : that did;  n : drawn;  measured : trials, their share"""
+    trials, ends = measured
+    ci95 = None if ends is None else tuple(float(trials * end) for end in ends)
     if k:
         judged = Judgement(Verdict.GOAL_MISSED, None, verdict.NOT_EXPLAINED)
     else:
