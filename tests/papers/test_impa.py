@@ -413,3 +413,5 @@ def test_errors_of_one_frame_are_not_independent():
     ):
         low, high = made[quantity].ci95
         assert high - low > 0.8 * scale * 2.0 * 1.96 / np.sqrt(2.0 * samples)
+    fast = centroid_tables._own_rows("ours_rolling", 5.0, rows)
+    assert all(row.condition.startswith("ours rolling, 5 deg/s, ") for row in fast)

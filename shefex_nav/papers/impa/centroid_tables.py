@@ -267,8 +267,8 @@ def _own_rows(kind, rate, mine):
             most = OWN_GOAL_PX if strict else goal
             given, n = (condition, goal, float(std), interval), len(np.unique(sample))
             if strict:
-                words = f"ours: std, {name} [px]; goal: under 0.2"
-                out.append(row.goal(words, *given, n, most=most, resolves=MARGIN * most))
+                quantity = f"ours: std, {name} [px]; goal: under 0.2"
+                out.append(row.goal(quantity, *given, n, most=most, resolves=MARGIN * most))
             else:
                 how = {"resolves": MARGIN * goal, "rounding": 0.0005, "better": "less"}
                 out.append(row.figure(f"ours: std, {name} [px]", *given, n, **how))
