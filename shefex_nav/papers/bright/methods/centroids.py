@@ -15,6 +15,7 @@ from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, SATURAT
 
 ROI_PX = 7  # side of the region of interest, odd
 FARTHEST_PX = 1.0  # of an interpolated centroid from the middle of the brightest column
+SERIES_PX = 0.02  # RMS of what the second order of an interpolation leaves out [E]
 CLIPPED = 1.0 / 12.0  # px^2, of one whose columns end at the largest grey value: anywhere in a pixel
 
 
@@ -113,7 +114,7 @@ def gaussian_interpolation(image_dn, table, roi_px, sigma_px, dn_per_electron):
         y, variance_y = _between(in_row, sigma_px, len(in_column) * table[k, NOISE] ** 2, dn_per_electron)
         xy_px[k, 0], xy_px[k, 1] = left + x, top + y
         fluxes[k] = max(in_row.sum(), 1e-9)
-        more = CLIPPED if table[k, SATURATED] > 0.0 else 0.0
+        more = SERIES_PX**2 + (CLIPPED if table[k, SATURATED] > 0.0 else 0.0)
         P_px[k, 0, 0], P_px[k, 1, 1] = variance_x + more, variance_y + more
     return xy_px, fluxes, P_px
 
