@@ -15,6 +15,31 @@ def share(quantity, condition, k, n):
     return Row(quantity, condition, None, k / n, intervals.proportion(int(k), int(n)))
 
 
+def together(parts, wholes):
+    """Interval of a share of trials that belong together: frames of a direction, rates of an attitude.
+
+    The clusters are what was drawn. Where none of all trials or all of them are meant, nothing tells how much
+    those of a cluster have in common, and each cluster counts as one trial. None of a single cluster.
+
+    parts, wholes : (n,) successes and trials of each cluster
+    """
+    parts, wholes = np.asarray(parts, dtype=float), np.asarray(wholes, dtype=float)
+    parts, wholes = parts[wholes > 0.0], wholes[wholes > 0.0]
+    n, k = len(wholes), parts.sum()
+    if n < 2:
+        return None
+    if k in (0.0, wholes.sum()):
+        return intervals.proportion(n if k else 0, n)
+    return intervals.clustered(parts, wholes)
+
+
+def share_together(quantity, condition, which):
+    """As `share`, of trials that belong together. which : (n, ...) bool, the first axis is what was drawn"""
+    by_cluster = which.reshape(len(which), -1)
+    ends = together(by_cluster.sum(axis=1), np.full(len(which), by_cluster.shape[1]))
+    return Row(quantity, condition, None, float(which.mean()), ends)
+
+
 def median(quantity, condition, values):
     """Row of the median of values (n,), with its interval, that has nothing published beside it."""
     return Row(quantity, condition, None, float(np.median(values)), intervals.percentile(values, 50.0))
@@ -84,9 +109,26 @@ def goal(quantity, condition, published, measured, ci95, n, why="", **criterion)
 
 
 def goal_none(quantity, condition, which):
-    """Goal: none of these (n,) bool. One that occurred is one too many, however few there were."""
-    k, n = int(which.sum()), len(which)
-    ci95 = tuple(n * end for end in intervals.proportion(k, n))
+    """Goal: none of these (n,) bool. One that occurred is one too many, however few there were.
+
+    which : (n,), or (n, m) with m trials of each of the n that were drawn
+    """
+    if which.ndim == 1:
+        ends = intervals.proportion(int(which.sum()), len(which))
+        return _none(quantity, condition, int(which.sum()), len(which), (len(which), ends))
+    return goal_none_together(quantity, condition, which.sum(axis=1), np.full(len(which), which.shape[1]))
+
+
+def goal_none_together(quantity, condition, parts, wholes):
+    """The same of trials that belong together. parts, wholes : as of `together`"""
+    measured = wholes.sum(), together(parts, wholes)
+    return _none(quantity, condition, int(parts.sum()), len(parts), measured)
+
+
+def _none(quantity, condition, k, n, measured):
+    """Row of the goal that none of these occurs. k : that did;  n : drawn;  measured : trials, their share"""
+    trials, ends = measured
+    ci95 = None if ends is None else tuple(float(trials * end) for end in ends)
     if k:
         judged = Judgement(Verdict.GOAL_MISSED, None, verdict.NOT_EXPLAINED)
     else:

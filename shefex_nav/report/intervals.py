@@ -163,7 +163,26 @@ def mean_square(values, confidence=CONFIDENCE):
         return 0.0, np.inf
     if not (scatter := float(values.std(ddof=1))):
         return middle, middle
-    dof = 2.0 * n * (middle / scatter) ** 2
+    return _of_gamma(middle, 2.0 * n * (middle / scatter) ** 2, n, confidence)
+
+
+def mean_square_clustered(sums, counts, confidence=CONFIDENCE):
+    """`mean_square` of squares that belong together in clusters, such as the errors of a frame.
+
+    sums, counts : (n,) of the squares of each cluster and how many; the mean is that of all squares
+    """
+    sums, counts = _numbers(sums), _numbers(counts)
+    n, middle = len(sums), float(sums.sum() / counts.sum())
+    if n < 2:
+        return 0.0, np.inf
+    rest = sums - middle * counts
+    if not (variance := n / (n - 1) * float(rest @ rest) / counts.sum() ** 2):
+        return middle, middle
+    return _of_gamma(middle, 2.0 * middle**2 / variance, n, confidence)
+
+
+def _of_gamma(middle, dof, n, confidence):
+    """Interval of `mean_square`. dof : of the gamma distribution;  n : values that it comes from"""
     tail = stats.norm.sf(stats.t.ppf(0.5 + 0.5 * confidence, n - 1))
     with np.errstate(divide="ignore"):
         high = middle * dof / stats.chi2.ppf(tail, dof)

@@ -22,6 +22,7 @@ from shefex_nav.papers.shefex2 import field as shefex
 from shefex_nav.papers.shefex2.methods import pyramid
 from shefex_nav.papers.shefex2.published import SHEFEX
 from shefex_nav.records import Reason
+from shefex_nav.report import intervals
 from shefex_nav.scenario import load, of_settings, shipped
 
 PUBLISHED = {"pyramid": 4, "brightness": 3, "voting": 4, "multipole": 5}  # method -> fewest stars
@@ -224,3 +225,14 @@ def test_a_wrong_attitude_of_the_default_chain_misses_the_goal():
     assert rows[experiments.GOAL, "shefex2_as_flown"].verdict == "own goal missed"
     assert rows[experiments.GOAL, "impa"].verdict == goal_none("", "", np.zeros(300, bool)).verdict
     assert rows["success", "impa, default"].measured == pytest.approx(0.9)
+
+
+def test_what_all_flights_have_alike_is_known_to_their_number():
+    """Three flights of 120 frames, all solved, none wrong: no interval without width, and no goal met."""
+    table = np.zeros((3, len(flights.FLIGHTS), len(flights.WAYS), len(flights.FIGURES)))
+    table[..., 0], table[..., 1], table[..., 5] = 120.0, 120.0, 1e-3
+    rows = {(row.quantity, row.condition): row for row in experiments.conclude([table])}
+    assert rows["success", "impa, default"].ci95 == intervals.proportion(3, 3)
+    assert rows["wrong attitudes", "impa, default"].ci95 == intervals.proportion(0, 3)
+    goal = rows[experiments.GOAL, "impa"]
+    assert goal.verdict == "too few" and goal.ci95[1] == pytest.approx(360 * intervals.proportion(0, 3)[1])

@@ -391,3 +391,27 @@ def test_the_other_form_of_22_is_shown_and_not_counted():
         one for one in centroid_tables.conclude([{"rows": rows}], no_kept_run) if one.published is not None
     ]
     assert found and all(one.verdict == Verdict.NONE for one in found)
+
+
+def test_errors_of_one_frame_are_not_independent():
+    """Stars that share the error of their rate: the interval of their spread is that of the samples."""
+    rng, samples, stars = np.random.default_rng(5), 60, 8
+    shared = np.repeat(rng.standard_normal((samples, 2)), stars, axis=0)
+    rows = np.full((samples * stars, len(centroid_tables.COLUMNS)), np.nan)
+    of = {name: k for k, name in enumerate(centroid_tables.COLUMNS)}
+    rows[:, of["rate_deg_s"]], rows[:, of["is_star"]], rows[:, of["seen"]] = 1.0, 1.0, 1.0
+    rows[:, of["inside"]], rows[:, of["snr"]] = 1.0, 50.0
+    rows[:, of["sample"]] = np.repeat(np.arange(samples), stars)
+    rows[:, of["x"] : of["x"] + 2] = 0.1 * shared
+    for name in ("along", "across"):
+        rows[:, of[name]], rows[:, of[f"least_{name}"]] = shared[:, 0], 1.0
+    rows[:, of["nes"]] = (shared**2).sum(axis=1)
+    made = {row.quantity: row for row in centroid_tables._own_rows("ours_rolling", 1.0, rows)}
+    for quantity, scale in (
+        ("ours: std, horizontal [px]", 0.1),
+        ("ours: error along the streak over the Cramer-Rao bound", 1.0),
+    ):
+        low, high = made[quantity].ci95
+        assert high - low > 0.8 * scale * 2.0 * 1.96 / np.sqrt(2.0 * samples)
+    fast = centroid_tables._own_rows("ours_rolling", 5.0, rows)
+    assert all(row.condition.startswith("ours rolling, 5 deg/s, ") for row in fast)

@@ -8,6 +8,7 @@ import pytest
 from shefex_nav.papers import links, registry, rows
 from shefex_nav.papers.engine import Outcome
 from shefex_nav.papers.experiment import Row
+from shefex_nav.papers.shefex2 import end_to_end
 from shefex_nav.papers.verdict import NO_FIGURE, POINTS, TOO_FEW_WORDS, Verdict, compare, judgement
 from shefex_nav.report import intervals
 
@@ -157,3 +158,27 @@ def test_differences_are_explained_across_experiments():
     assert set(links.EXPLAINED_BY) | {other for other, _ in links.EXPLAINED_BY.values()} <= set(
         registry.EXPERIMENTS
     )
+
+
+def test_trials_of_one_cluster_are_no_independent_trials():
+    """Half of 40 clusters of 6 alike: the interval is that of 40, and none of them is that of 40 as well."""
+    which = np.repeat(np.arange(40) % 2 == 0, 6).reshape(40, 6)
+    row = rows.share_together("wrong", "all rates", which)
+    low, high = intervals.proportion(20, 40)
+    assert row.measured == 0.5
+    assert row.ci95[0] == pytest.approx(low, abs=0.01) and row.ci95[1] == pytest.approx(high, abs=0.01)
+    none = rows.share_together("wrong", "all rates", np.zeros((40, 6), dtype=bool))
+    assert none.ci95 == intervals.proportion(0, 40)
+    assert rows.share_together("wrong", "all rates", which[:1]).ci95 is None
+    goal = rows.goal_none("wrong", "all rates", np.zeros((40, 6), dtype=bool))
+    assert goal.verdict == Verdict.GOAL_MET and goal.ci95 == pytest.approx((0.0, 240 * none.ci95[1]))
+
+
+def test_frames_of_one_direction_are_not_a_sample():
+    """Four directions of 50 frames, all solved: nobody knows of a fifth, and the row judges nothing."""
+    results = [np.ones((50, 7), dtype=np.int64) for _ in range(4)]
+    *stills, success, wrong = end_to_end.conclude_end_to_end(results)
+    assert success.condition == "scenario night_sky, 4 directions" and success.measured == 1.0
+    assert success.ci95 == intervals.proportion(4, 4) and success.verdict == Verdict.TOO_FEW
+    assert wrong.ci95 == intervals.proportion(0, 4)
+    assert stills[0].ci95 == intervals.proportion(200, 200)

@@ -150,3 +150,20 @@ def test_bootstrap_keeps_rows_together():
 def test_nonsense_is_refused(call):
     with pytest.raises(ValueError):
         call()
+
+
+def test_mean_square_of_clusters_covers():
+    """30 frames of 10 errors that share half of their variance: 95 % hold where those of 300 hold fewer."""
+    rng, tries, n, m = np.random.default_rng(21), 400, 30, 10
+    own, shared = rng.standard_normal((tries, n, m)), rng.standard_normal((tries, n, 1))
+    squares = 0.5 * (own + shared) ** 2
+    counts = np.full(n, float(m))
+    held = [low <= 1.0 <= high for low, high in
+            (intervals.mean_square_clustered(one.sum(axis=1), counts) for one in squares)]  # fmt: skip
+    naive = [low <= 1.0 <= high for low, high in (intervals.mean_square(one.ravel()) for one in squares)]
+    assert np.mean(held) > 0.92 and np.mean(naive) < 0.8
+    one = squares[0].ravel()
+    alike = intervals.mean_square_clustered(one, np.ones(len(one)))
+    assert alike == pytest.approx(intervals.mean_square(one), rel=1e-12)
+    assert intervals.mean_square_clustered([3.0], [2.0]) == (0.0, np.inf)
+    assert intervals.mean_square_clustered([3.0, 1.5], [2.0, 1.0]) == (1.5, 1.5)

@@ -329,3 +329,31 @@ def test_false_objects_stay_in_the_sky_and_spikes_do_not():
 def test_exposure_beyond_the_flight_is_an_error():
     with pytest.raises(ValueError, match="outside the trajectory"):
         camera.expose(build(PARAMS), COMMAND, turning(*HERCULES), 0, T_S + 0.47, np.random.default_rng(1))
+
+
+def test_no_star_is_seen_through_the_moon():
+    """A Moon without light of its own before the brightest star: that one is gone, the others stay."""
+    catalogue, bodies, _ = sky()
+    trajectory, device = turning(*HERCULES), build(CLEAN)
+    frame, truth = take(device, trajectory)
+    inside = ((truth.xy_px > 30.0) & (truth.xy_px < [629.0, 463.0])).all(axis=1)
+    vmag = np.array([catalogue.vmag[catalogue.hip == hip][0] for hip in truth.hip])
+    star = int(np.argmin(np.where(inside, vmag, np.inf)))
+    u_c = pinhole.unit_vectors(device.pinhole, truth.xy_px[star : star + 1])[0]
+    moon_r_i = trajectory.r_i[10] + 3.844e8 * (rotation.dcm_from_quat(truth.q_ic) @ u_c)
+    dark = device._replace(bodies=bodies._replace(moon_r_i=moon_r_i), full_moon_flux=0.0)
+    covered, seen = take(dark, trajectory)
+    radius_px = device.pinhole.focal_length_px * 1737.4 / 384400.0
+    near = np.linalg.norm(truth.xy_px - truth.xy_px[star], axis=1) < radius_px
+    assert near[star] and set(seen.hip) == set(truth.hip[~near])
+    x, y = np.rint(truth.xy_px[star]).astype(int)
+    background = np.median(frame.image_dn)
+    assert frame.image_dn[y, x] > background + 100
+    assert covered.image_dn[y - 2 : y + 3, x - 2 : x + 3].max() < background + 15
+
+
+def test_faint_stray_light_that_slopes_leaves_no_negative_charge():
+    """Less light than the background is rounded to, and none besides: a dark picture, no error."""
+    slope = {"detector.background": 0.0, "stray_light.gradient": 1.0, "stray_light.rate_at_exclusion": 0.1}
+    frame, _ = take(build(changed(CLEAN, slope)), turning(*HERCULES))
+    assert np.median(frame.image_dn) == PARAMS.detector.black_level

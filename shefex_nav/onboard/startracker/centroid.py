@@ -3,9 +3,10 @@
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.scan import FLUX, NOISE, PIXELS, XX, XY, YY, X, Y
+from shefex_nav.onboard.startracker.scan import COLUMNS, CUT, FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
 
 LEAST_VARIANCE = 1.0 / 12.0  # px^2, of one pixel
+CLIPPED_PX = 0.04  # by which saturation draws a centre of mass to the grid; spots of 0.6 to 1.2 px [E]
 
 
 @kernel
@@ -27,6 +28,17 @@ def weighted(table, dn_per_electron):
         xy_px[k, 0], xy_px[k, 1], flux[k] = table[k, X], table[k, Y], table[k, FLUX]
         P_px[k] = weighted_covariance(table[k], dn_per_electron)
     return xy_px, flux, P_px
+
+
+def lost_covariance(table):
+    """What light that is missing adds to the covariance of `weighted`: (n, 2, 2) px^2.
+
+    That of saturated pixels, and of a scan whose objects end at a threshold that of the pixels below it.
+    """
+    P_px = np.where(table[:, SATURATED] > 0.0, CLIPPED_PX**2, 0.0)[:, None, None] * np.eye(2)
+    if table.shape[1] > COLUMNS:  # else the weight of the pixels goes to zero there
+        P_px += table[:, CUT][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    return P_px
 
 
 @inner

@@ -128,7 +128,8 @@ def by_fit(settings, camera, image_dn, table):
 
 def by_scan(settings, camera, image_dn, table):
     """... as the scan found them."""
-    return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
+    xy_px, flux_dn, P_px = centroid.weighted(table, 1.0 / camera.electrons_per_dn)
+    return xy_px, flux_dn, P_px + centroid.lost_covariance(table)
 
 
 SCANS = Table("scan", sequential=scan.sequential, maximum=scan.maximum_search)

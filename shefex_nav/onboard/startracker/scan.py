@@ -17,6 +17,8 @@ from shefex_nav.onboard.startracker.background import BLOCK, N_BLOCK
 # columns of the table of objects
 X, Y, FLUX, PIXELS, SATURATED, BACKGROUND, NOISE, XX, XY, YY = range(10)
 COLUMNS = 10
+# and of a scan whose objects end at a threshold: covariance of the centre by what was cut off [px^2]
+CUT = slice(COLUMNS, COLUMNS + 3)  # xx, xy, yy
 
 
 class Rules(NamedTuple):

@@ -1,7 +1,6 @@
 """`reproduce as-flown`: the papers' scenarios and the default chain in one table.
 
-Frames of one flight show the same stars, so the flights are the sample: a share's interval is that of the
-mean over flights.
+Frames of one flight show the same stars, so the flights are the sample: `rows.together`.
 """
 
 import numpy as np
@@ -26,8 +25,8 @@ def conclude(results):
     for f, flight in enumerate(FLIGHTS):
         chains = [_of_chain(flight, way, table[:, f, w]) for w, way in enumerate(WAYS)]
         out += [row for rows_of_one in zip(*chains, strict=True) for row in rows_of_one]
-        is_wrong = np.repeat([True, False], _frames(table[:, f, -1]))
-        out += [rows.goal_none(GOAL, flight.name, is_wrong)]
+        of = dict(zip(FIGURES, table[:, f, -1].T, strict=True))
+        out += [rows.goal_none_together(GOAL, flight.name, of["wrong"], of["frames"])]
     return out
 
 
@@ -42,17 +41,9 @@ def _of_chain(flight, way, figures):
     ]
 
 
-def _frames(figures):
-    """Frames with a wrong attitude and the others. (flights, figures) -> int, int"""
-    of = dict(zip(FIGURES, figures.sum(axis=0), strict=True))
-    return int(of["wrong"]), int(of["frames"] - of["wrong"])
-
-
 def _share(quantity, condition, k, n):
-    """Row of a share of frames, over flights."""
-    shares = k / n
-    ci95 = intervals.mean(shares) if len(shares) > 1 else None
-    return Row(quantity, condition, None, float(shares.mean()), ci95)
+    """Row of a share of frames, of each flight."""
+    return Row(quantity, condition, None, float(k.sum() / n.sum()), rows.together(k, n))
 
 
 def _accuracy(quantity, condition, sigma):

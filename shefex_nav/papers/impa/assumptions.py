@@ -140,7 +140,7 @@ def conclude(results):
         else:  # one step of a scan
             rows += [Row(*row[:5]) for row in mine]
     words = "wrong attitudes, all settings; goal: none", "acceptance verified"
-    return [*rows, goal_none(*words, (found < 0).ravel())]
+    return [*rows, goal_none(*words, (found < 0).reshape(len(found), -1))]
 
 
 def draw(figure, results, rows):

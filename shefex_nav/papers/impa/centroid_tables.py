@@ -9,7 +9,6 @@ from shefex_nav.papers.impa.moments import MARGIN
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX
 from shefex_nav.papers.picture import legend_below, tidy
-from shefex_nav.report import intervals
 
 PUBLISHED = (
     "global_shutter",
@@ -128,11 +127,18 @@ def _published_rows(kind, rate, rows, kept_of):
             here = {key: found_by[k] for key, found_by in others.items()}
             out.append((one, here | kept_of(table, moment, name, rate)))
     for reading, which in readings(kind, mine).items():
-        what = f"clusters, {READINGS[reading]}"
-        out.append((row.share(what, condition, which.sum(), len(which)), {}))
+        what, sample = f"clusters, {READINGS[reading]}", column(mine, "sample")
+        out.append((_info(what, condition, which.mean(), _of_samples(which, sample)), {}))
     at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
-    out.append((row.share("clusters at no star", condition, at.sum() - len(mine), at.sum()), {}))
+    lost, sample = column(rows[at], "is_star") != 1.0, column(rows[at], "sample")
+    out.append((_info("clusters at no star", condition, lost.mean(), _of_samples(lost, sample)), {}))
     return out
+
+
+def _of_samples(which, sample):
+    """Interval of a share of clusters; those of one sample belong together. (n,) bool, (n,)"""
+    _, place = np.unique(sample, return_inverse=True)
+    return row.together(np.bincount(place, which), np.bincount(place))
 
 
 def _explained(both):
@@ -229,10 +235,10 @@ def _shape_rows(rows):
     moved, raw = (chosen(rows, kind, RATES[-1]) for kind in ("rolling_compensated", "rolling_uncompensated"))
     x = COLUMNS.index("x")
     if len(moved) >= LEAST:
-        below = np.abs(moved[:, x : x + 2]).ravel() < SMALL_PX
-        k, n = int(below.sum()), below.size
+        below, sample = np.abs(moved[:, x : x + 2]) < SMALL_PX, column(moved, "sample")
         given = f"errors below {SMALL_PX:g} px, compensated; published: almost all", condition, None
-        measured = k / n, intervals.proportion(k, n), n
+        ends = _of_samples(below.ravel(), np.repeat(sample, 2))
+        measured = float(below.mean()), ends, len(np.unique(sample))
         out.append(row.statement(*given, *measured, EXTENTS, least=ALMOST_ALL, resolves=1.0 - ALMOST_ALL))
     if len(raw) >= LEAST:
         largest = float(np.abs(raw[:, x : x + 2]).max())
@@ -253,15 +259,16 @@ def _own_rows(kind, rate, mine):
         condition = f"{words}, {int(seen.sum())} stars that the published threshold detects"
         table = "global_shutter" if kind == "ours_global" else "rolling_compensated"
         for axis, name in enumerate(("horizontal", "vertical")):
-            errors = mine[seen][:, COLUMNS.index("x") + axis]
+            errors, sample = mine[seen][:, COLUMNS.index("x") + axis], column(mine[seen], "sample")
             goal = IMPA["centroid_error_std_px"][table][name][RATES.index(rate)]
-            std, interval = float(errors.std(ddof=1)), intervals.rms(errors - errors.mean())
+            square = (errors - errors.mean()) ** 2
+            std, interval = errors.std(ddof=1), moments.rms_interval(square, sample)
             strict = kind == "ours_rolling" and rate == RATES[-1]
             most = OWN_GOAL_PX if strict else goal
-            given, n = (condition, goal, std, interval), len(errors)
+            given, n = (condition, goal, float(std), interval), len(np.unique(sample))
             if strict:
-                words = f"ours: std, {name} [px]; goal: under 0.2"
-                out.append(row.goal(words, *given, n, most=most, resolves=MARGIN * most))
+                quantity = f"ours: std, {name} [px]; goal: under 0.2"
+                out.append(row.goal(quantity, *given, n, most=most, resolves=MARGIN * most))
             else:
                 how = {"resolves": MARGIN * goal, "rounding": 0.0005, "better": "less"}
                 out.append(row.figure(f"ours: std, {name} [px]", *given, n, **how))
@@ -277,20 +284,23 @@ def _bound_rows(mine, condition, has_goal):
     """Ratio of the errors to the bound along and across, and the normalised squared error."""
     if len(mine) < LEAST:
         return []
-    out = []
+    out, sample = [], column(mine, "sample")
     for name in ("along", "across"):
-        normal = column(mine, name) / np.sqrt(column(mine, "least_" + name))
-        ratio, interval = float(np.sqrt((normal**2).mean())), intervals.rms(normal)
+        square = column(mine, name) ** 2 / column(mine, "least_" + name)
+        ratio, interval = float(np.sqrt(square.mean())), moments.rms_interval(square, sample)
         quantity = f"ours: error {name} the streak over the Cramer-Rao bound"
         if has_goal:
-            given, criterion = (None, ratio, interval, len(mine)), {"resolves": BOUND_GOAL - 1.0}
+            given, criterion = (
+                (None, ratio, interval, len(np.unique(sample))),
+                {"resolves": BOUND_GOAL - 1.0},
+            )
             out.append(row.goal(f"{quantity}; goal 1.3", condition, *given, most=BOUND_GOAL, **criterion))
         else:
             out.append(_info(quantity, condition, ratio, interval))
     nes = column(mine, "nes") / 2.0
     out.append(
         _info("ours: normalised squared error per axis (1: as the covariance says)", condition, nes.mean(),
-              intervals.mean(nes))
+              moments.mean_square_interval(nes, sample))
     )  # fmt: skip
     return out
 

@@ -15,6 +15,7 @@ from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.impa import field, flight, trackers
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.picture import legend_below
+from shefex_nav.papers.rows import together
 from shefex_nav.report import intervals
 
 RATES = (0.0, 2.0, 5.0)  # deg/s
@@ -107,20 +108,19 @@ def conclude(results):
     for s, shutter in enumerate(field.SHUTTERS):
         for r, rate in enumerate(RATES):
             condition = f"{rate:g} deg/s, {shutter.replace('_', ' ')}"
-            n_stars, *found = counts[:, s, r, :3].sum(axis=0)
-            solved = counts[:, s, r, 3:].sum(axis=0)
+            n_stars, *found = counts[:, s, r, :3].T
+            solved, n = counts[:, s, r, 3:].sum(axis=0), len(counts)
             for m, method in enumerate(METHODS):
-                out.append(_share(f"stars to V 5.5 found, {method} [%]", condition, found[m], n_stars))
-                out.append(
-                    _share(f"frames with an attitude, {method} [%]", condition, solved[m], len(counts))
-                )
+                part, ends = found[m].sum() / n_stars.sum(), together(found[m], n_stars)
+                out.append(_share(f"stars to V 5.5 found, {method} [%]", condition, part, ends))
+                part, ends = solved[m] / n, intervals.proportion(int(solved[m]), n)
+                out.append(_share(f"frames with an attitude, {method} [%]", condition, part, ends))
     return out
 
 
-def _share(quantity, condition, k, n):
-    """Row of k in n, which the paper does not give."""
-    interval = intervals.proportion(int(k), int(n))
-    return Row(quantity, condition, None, 100.0 * k / n, tuple(100.0 * x for x in interval))
+def _share(quantity, condition, part, ends):
+    """Row of a share and its interval, which the paper does not give, in per cent."""
+    return Row(quantity, condition, None, 100.0 * part, ends and tuple(100.0 * end for end in ends))
 
 
 def draw(figure, results, rows):

@@ -8,6 +8,7 @@ from shefex_nav.papers import rows
 from shefex_nav.papers.experiment import Row
 from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
 from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX, CENTROID_SKEWNESS
+from shefex_nav.report import intervals
 
 TABLES = ("global_shutter", "rolling_compensated", "rolling_uncompensated")  # 3, 4, 5
 AXES = ("horizontal", "vertical")
@@ -75,6 +76,18 @@ def moment_intervals(sums, rng):
     m = len(sums)
     drawn = rng.multinomial(m, np.full(m, 1.0 / m), RESAMPLES) @ sums
     return np.percentile(of_totals(drawn), [2.5, 97.5], axis=0).T
+
+
+def mean_square_interval(squares, sample):
+    """95 % interval of the mean of squares. (n,), and which sample each is of -> (low, high)"""
+    sums = power_sums(squares, sample)
+    return intervals.mean_square_clustered(sums[:, 1], sums[:, 0])
+
+
+def rms_interval(squares, sample):
+    """The same of the root of that mean."""
+    low, high = mean_square_interval(squares, sample)
+    return float(np.sqrt(low)), float(np.sqrt(high))
 
 
 def figures_of(reading, table, rate, axis, errors, sample):

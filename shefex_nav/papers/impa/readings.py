@@ -17,7 +17,7 @@ from shefex_nav.papers.impa.methods import as_printed, chain
 from shefex_nav.papers.impa.methods.as_printed import AS_PRINTED, AS_READ, PRINTED
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.picture import legend_below, tidy
-from shefex_nav.papers.rows import calibrated, explained, published_share, share
+from shefex_nav.papers.rows import calibrated, explained, published_share, share_together
 from shefex_nav.records import Reason
 
 IMAGES = 2
@@ -94,8 +94,7 @@ def conclude(results):
             for r, rate in enumerate(RATES):
                 out += _rows_of(case, shutter, rate, found[:, r, s, c])
     for k, name in enumerate(NAMES):
-        wrong = found[..., k] < 0
-        out.append(share("wrong attitudes", f"{name}, all cases", int(wrong.sum()), wrong.size))
+        out.append(share_together("wrong attitudes", f"{name}, all cases", found[..., k] < 0))
     return out
 
 

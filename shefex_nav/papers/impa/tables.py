@@ -163,9 +163,9 @@ def _own_wrong_rows(found):
     out = []
     for s, shutter in enumerate(SHUTTERS):
         for k, situation in enumerate(SITUATIONS):
-            own = found["own"][:, s, k].reshape(-1, 7)
-            across, about = wrong(own[:, 0] > 0, own[:, 1:4])
-            condition = f"{_words(situation)}, {_words(shutter)}, {len(own)} frames"
+            own = found["own"][:, s, k]  # (simulations, frames, 7)
+            across, about = wrong(own[..., 0] > 0, own[..., 1:4])
+            condition = f"{_words(situation)}, {_words(shutter)}, {across.size} frames"
             for what, which in (("across", across), ("about", about)):
                 quantity = f"ours: wrong {what} the boresight [attitudes]; goal: none"
                 out.append(rows.goal_none(quantity, condition, which))

@@ -12,7 +12,7 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers.experiment import Experiment, Row
-from shefex_nav.papers.rows import figure, share
+from shefex_nav.papers.rows import figure, together
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2 import chain, figures
 from shefex_nav.papers.shefex2.field import CAMERA, FIELD, MERGE, YEAR
@@ -130,19 +130,28 @@ def conclude_end_to_end(results):
     columns.append((f"scenario {SCENARIO}, {len(results)} directions", published[1]))
     rows = []
     for column, (condition, goal) in enumerate(columns):
-        is_solved = verdicts[:, column] == 1
-        if column < len(columns) - 1:
-            ci95, size = intervals.proportion(int(is_solved.sum()), n), n
-        else:  # frames of one direction show the same stars: the directions are what was drawn
-            shares = [(chunk[:, column] == 1).mean() for chunk in results]
-            ci95, size = intervals.mean(np.array(shares)) if len(shares) > 1 else None, len(shares)
-        given = "success", condition, goal, float(is_solved.mean()), ci95
+        (solved, ci95), (wrong, wrong_ci95) = (
+            _share(results, column, code, column == len(columns) - 1) for code in (1, -1)
+        )
+        size = n if column < len(columns) - 1 else len(results)
+        given = "success", condition, goal, solved, ci95
         if goal is None:
             rows.append(Row(*given))
         else:  # 'more than' 97 and 90 per cent, in whole ones
             rows.append(figure(*given, size, rounding=0.005, resolves=0.5 * (1.0 - goal), better="more"))
-        rows.append(share("share of wrong attitudes", condition, (verdicts[:, column] == -1).sum(), n))
+        rows.append(Row("share of wrong attitudes", condition, None, wrong, wrong_ci95))
     return rows
+
+
+def _share(results, column, code, by_chunk):
+    """Share of a verdict in a column, and its interval.
+
+    by_chunk : the frames of a chunk are of one direction and show the same stars: it is what was drawn
+    """
+    parts = np.array([(chunk[:, column] == code).sum() for chunk in results])
+    wholes = np.array([len(chunk) for chunk in results])
+    k, n = int(parts.sum()), int(wholes.sum())
+    return k / n, together(parts, wholes) if by_chunk else intervals.proportion(k, n)
 
 
 EXPERIMENTS = {

@@ -127,8 +127,8 @@ def conclude(results):
                 if which.any():
                     out.append(_success_row(way, rate, words, verdicts[which, w, r] == 1))
         is_wrong, at = verdicts[:, w] == -1, exposures[:, w]
-        wrong = row.share(f"{way}: share of wrong attitudes", "all rates", is_wrong.sum(), is_wrong.size)
-        out.append(wrong if way in PAPERS else row.goal_none(GOAL_WRONG, "all rates", is_wrong.ravel()))
+        wrong = row.share_together(f"{way}: share of wrong attitudes", "all rates", is_wrong)
+        out.append(wrong if way in PAPERS else row.goal_none(GOAL_WRONG, "all rates", is_wrong))
         longest = int((at >= CONTROL.longest - 1e-9).sum())
         condition = f"all rates, limits 35 and 50 ms; {longest} of {at.size} at the longest"
         out.append(row.median(f"{way}: exposure, median [ms]", condition, 1e3 * at))

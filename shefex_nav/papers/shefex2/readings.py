@@ -109,8 +109,7 @@ def conclude(results):
             out.append(_success_row(name, rate, verdicts[:, k, r] == 1))
         if k:
             out.append(_change_row(name, (verdicts[:, k] == 1).astype(float) - (verdicts[:, 0] == 1)))
-        wrong = verdicts[:, k] == -1
-        out.append(row.share(WRONG, f"{name}, all rates", wrong.sum(), wrong.size))
+        out.append(row.share_together(WRONG, f"{name}, all rates", verdicts[:, k] == -1))
     return out
 
 

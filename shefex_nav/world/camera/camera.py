@@ -232,10 +232,13 @@ def _add_sky(camera, move, C_ei, least):
     view = sky.View(move.C_ci[2], cone, r_i, observer_v_i, move.omega_ib_i, C_ei)
     film = sky.DrawingLimit(times.exposure_s, hole.focal_length_px, psf.width_px, least)
     hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, film)
-    _add_points(camera, move.path, u_i, electrons, least)
-
     moon_i, radius = moon.seen_from(camera.bodies, r_i)
-    if moon_i @ view.boresight_i > cos(cone + radius):
+    has_moon = moon_i @ view.boresight_i > cos(cone + radius)
+    if has_moon:  # nothing is seen through it
+        beside = u_i @ moon_i < cos(radius)
+        hip, u_i, electrons = hip[beside], u_i[beside], electrons[beside]
+    _add_points(camera, move.path, u_i, electrons, least)
+    if has_moon:
         if not sky.behind_earth(moon_i[None], r_i, C_ei)[0]:
             full_moon = camera.full_moon_flux * times.exposure_s
             sun_u_i = camera.bodies.sun_u_i
@@ -325,8 +328,9 @@ def _read_out(camera, background, slope, command, rng):
         grey = detector.background(hole.width_px * hole.height_px, cells, rng)
         level = background
     else:  # no two pixels are alike
-        grey = detector.digitise(electronics, background + slope, rng)
-        level = background + slope[pixels]
+        level = np.maximum(background + slope, 0.0)  # the background is rounded, the slope is not
+        grey = detector.digitise(electronics, level, rng)
+        level = level[pixels]
     mean = level + camera.light.electrons[pixels]
     mean[len(lit) : len(lit) + n_hot] += defects.hot_rate * command.exposure_s
     mean[len(mean) - n_dead :] = 0.0

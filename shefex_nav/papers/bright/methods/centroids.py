@@ -10,10 +10,13 @@ from math import erf, exp, pi, sqrt
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, X, Y
+from shefex_nav.onboard.startracker.centroid import CLIPPED_PX
+from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, SATURATED, X, Y
 
 ROI_PX = 7  # side of the region of interest, odd
 FARTHEST_PX = 1.0  # of an interpolated centroid from the middle of the brightest column
+SERIES_PX = 0.02  # RMS of what the second order of an interpolation leaves out [E]
+CLIPPED = 1.0 / 12.0  # px^2, of one whose columns end at the largest grey value: anywhere in a pixel
 
 
 def by_mass(settings, camera, image_dn, table, roi_px=ROI_PX):
@@ -69,6 +72,9 @@ def centre_of_mass(image_dn, table, roi_px, dn_per_electron):
                 covariance[0, 1] += variance * (c - x) * (r - y)
                 covariance[1, 1] += variance * (r - y) ** 2
         covariance[1, 0] = covariance[0, 1]
+        if table[k, SATURATED] > 0.0:
+            covariance[0, 0] += CLIPPED_PX**2
+            covariance[1, 1] += CLIPPED_PX**2
         xy_px[k, 0], xy_px[k, 1], fluxes[k], P_px[k] = x, y, flux, covariance
     return xy_px, fluxes, P_px
 
@@ -108,7 +114,8 @@ def gaussian_interpolation(image_dn, table, roi_px, sigma_px, dn_per_electron):
         y, variance_y = _between(in_row, sigma_px, len(in_column) * table[k, NOISE] ** 2, dn_per_electron)
         xy_px[k, 0], xy_px[k, 1] = left + x, top + y
         fluxes[k] = max(in_row.sum(), 1e-9)
-        P_px[k, 0, 0], P_px[k, 1, 1] = variance_x, variance_y
+        more = SERIES_PX**2 + (CLIPPED if table[k, SATURATED] > 0.0 else 0.0)
+        P_px[k, 0, 0], P_px[k, 1, 1] = variance_x + more, variance_y + more
     return xy_px, fluxes, P_px
 
 
