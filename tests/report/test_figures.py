@@ -80,6 +80,16 @@ def test_a_leap_in_time_is_not_bridged():
     assert np.isnan(values).sum() == 1 and np.isnan(times[20]) and len(times) == len(t_s) + 1
 
 
+def test_a_logger_that_becomes_slower_leaves_no_gaps():
+    """100 Hz up, 5 Hz down, and 20 s of silence in between: one gap, not one after every slow sample."""
+    fast, slow = np.arange(0.0, 20.0, 0.01), np.arange(40.0, 160.0, 0.2)
+    for t_s in (np.concatenate([fast, slow]), np.repeat(np.concatenate([fast, slow]), 3)):
+        times, _ = style.gapped(t_s, t_s)
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(times)), [np.searchsorted(t_s, 40.0)])
+    no_silence = np.concatenate([fast, slow - 20.0])
+    assert not np.isnan(style.gapped(no_silence, no_silence)[0]).any()
+
+
 def test_attitude_errors_are_those_of_the_metrics_inside_three_sigma(data):
     expected = navigation_errors(data)
     figure = errors.attitude(data)
@@ -386,3 +396,29 @@ def test_no_state_of_pyplot_is_touched():
     code = "import sys; from shefex_nav.report.figures import style; style.svg(style.single(2.0, 'x')[0]); "
     code += "sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_what_is_shaded_in_the_figure_of_the_imu_is_named(data):
+    saturated, valid = np.zeros(len(data.imu.t_valid_s), bool), np.ones(len(data.imu.t_valid_s), bool)
+    saturated[100:200], valid[300:310] = True, False
+    drawn_ = figures.draw("imu", data._replace(imu=data.imu._replace(saturated=saturated, valid=valid)))
+    named = {
+        text.get_text() for axes in panels(drawn_) if axes.get_legend() for text in axes.get_legend().texts
+    }
+    assert {"saturated", "silent", "y", "z"} <= named
+
+
+def test_gps_of_recorded_data_shows_what_they_say_and_no_line_across_a_gap(data):
+    """Neither 0 satellites in a fix nor a dilution that nobody gave; rows that are missing are a gap."""
+    fixes = [
+        fix._replace(t_valid_s=t_s, n_satellites=0, pdop=np.nan, valid=True, R_r_e=4.0 * np.eye(3))
+        for fix, t_s in zip(data.gps[:1] * 20, [*range(230, 240), *range(248, 258)], strict=True)
+    ]
+    (axes,) = panels(figures.draw("gps", data._replace(gps=fixes)))
+    assert axes.get_ylabel().startswith("position")
+    times, sigma = (np.asarray(one, float) for one in axes.lines[0].get_data())
+    np.testing.assert_allclose(sigma[np.isfinite(sigma)], np.sqrt(12.0))
+    assert axes.get_ylim()[1] > 1.05 * np.sqrt(12.0)
+    assert np.isnan(sigma[np.searchsorted(np.nan_to_num(times, nan=240.0), 239.5)])
+    told = [fix._replace(n_satellites=7, pdop=2.0) for fix in fixes]
+    assert len(panels(figures.draw("gps", data._replace(gps=told)))) == 3
