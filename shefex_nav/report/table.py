@@ -95,7 +95,9 @@ def _flight_rows(flight, *, stood):
     if stood and flight["max_speed_m_s"] is None:
         yield "motion", "none beyond the errors" if estimated else "none, it stands on the ground"
     if stood and estimated:
-        yield "as estimated", "there is no truth"
+        true_s = flight.get("truth_s")
+        words = "the truth is of T{:+.1f} to {:+.1f} s alone" if true_s else "there is no truth"
+        yield "as estimated", words.format(*true_s or ())
     for event in flight["events"]:
         when = f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
         yield event_words.in_words(event["name"]), when

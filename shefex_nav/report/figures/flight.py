@@ -9,6 +9,7 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
 from shefex_nav.report.figures import flown, labels, style
+from shefex_nav.report.local_level import is_replay
 from shefex_nav.report.track import earth_fixed
 
 _ROUND = np.radians(60.0)  # a track that reaches farther is drawn on a map of the whole Earth
@@ -54,7 +55,7 @@ def _moves(track):
 
 def _by_phase(axes, data, path, x, y):
     """A line in the colour of each phase; in one colour where the log does not say."""
-    if path.name != "truth":
+    if path.name != "truth" or is_replay(data):
         axes.plot(x, y, color=style.BLUE, lw=2.2)
         return
     named = set()
@@ -90,9 +91,9 @@ def history(data):
     path = flown.path(data, most=6000)
     if path is None:
         return None
-    has_truth = path.name == "truth"
+    has_motion = path.name == "truth" and np.isfinite(data.truth.f_b).any()  # recorded data have none
     figure, rows = style.panels(
-        data, 5 if has_truth else 2, f"The flight over time ({path.name})", height=1.4
+        data, 5 if has_motion else 2, f"The flight over time ({path.name})", height=1.4
     )
     style.curve(rows[0, 0], path.t_s, path.track.height / 1e3, color=style.BLUE)
     rows[0, 0].set_ylabel("height [km]")
@@ -101,7 +102,7 @@ def history(data):
     rows[1, 0].set_ylabel("speed [m/s]")
     for axes in rows[:, 0]:
         style.event_lines(axes, data)
-    if not has_truth:
+    if not has_motion:
         return figure
     truth = data.truth
     style.curve(rows[2, 0], truth.t_s, np.linalg.norm(truth.f_b, axis=1) / STANDARD_GRAVITY, color=style.BLUE)

@@ -1,4 +1,4 @@
-"""The path of a log, truth where there is one and the estimate otherwise, and what it is drawn with."""
+"""The path of a log, truth where there is one of all of it and the estimate otherwise, and what draws it."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.report import geodesic
+from shefex_nav.report.pairing import is_partly_true
 from shefex_nav.report.track import Track, earth_fixed
 
 PATH_POINTS = 1500  # of a drawn path
@@ -21,7 +22,8 @@ class Path(NamedTuple):
 
 def path(data, most=PATH_POINTS):
     """Path of a RunData at about so many instants, first and last among them; None without any."""
-    for name, states in (("truth", data.truth), ("estimate", data.nav)):
+    known = (("truth", data.truth), ("estimate", data.nav))
+    for name, states in known[::-1] if is_partly_true(data) else known:
         if len(states.t_s):
             return of_states(name, data, states, most)
     return None
