@@ -15,6 +15,7 @@ from shefex_nav import event_words
 from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import figures, local_level, star_metrics
+from shefex_nav.report.configured import NOTHING
 from shefex_nav.report.figures import consistency, errors, flight, flown, labels, sky, style
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.nees import chi2_bounds
@@ -240,6 +241,39 @@ def test_the_map_of_the_sky_keeps_areas_and_has_east_on_the_left():
     east = np.array([np.cos(1.1), np.sin(1.1), 0.0])
     assert sky.hammer(east, 1.0)[0] < 0.0
     np.testing.assert_allclose(sky.hammer(np.array([0.0, 0.0, 1.0]), 1.0), [0.0, np.sqrt(2.0)], atol=1e-7)
+
+
+def test_a_sun_that_the_earth_hides_excludes_nothing(data, monkeypatch):
+    """90 deg about the Sun are half of the sky, which a camera in the Earth's shadow may look at."""
+    limits = NOTHING._replace(sun_exclusion_rad=np.pi / 2, limb_exclusion_rad=-np.pi)
+    monkeypatch.setattr(sky, "configured", lambda data: limits)
+    words = {}
+    for is_hidden in (False, True):
+        truths = [frame._replace(sun_hidden=is_hidden) for frame in data.frame_truths]
+        axes = sky.sky_map(data._replace(frame_truths=truths)).axes[0]
+        paths = [path for one in axes.collections for path in one.get_paths() if len(path.vertices) > 10]
+        assert any(path.contains_point(_at_sun(data)) for path in paths) is not is_hidden
+        labels_ = axes.get_legend_handles_labels()[1]
+        words[is_hidden] = next(text for text in labels_ if text.startswith("excluded"))
+    assert "s: 90° to the Sun, " in words[False] and "the Sun is hidden" not in words[False]
+    assert "to the Sun" not in words[True] and words[True].endswith("; the Sun is hidden")
+
+
+def _at_sun(data):
+    """Place of the Sun on the map of the whole sky."""
+    seen = sky.around(data)
+    return sky.hammer(seen.sun_i, float(np.arctan2(*sky._centre(seen)[1::-1])))
+
+
+def test_a_path_with_and_without_fixes_shows_both(data):
+    """An orbit looks at a place once with a fix and once without: neither covers the other."""
+    axes = sky.sky_map(data).axes[0]
+    with_, without = (
+        next(line for line in axes.lines if line.get_label() == f"boresight, {name}")
+        for name in ("fix", "no fix")
+    )
+    order = list(axes.lines)
+    assert order.index(without) < order.index(with_) and without.get_ms() > 1.5 * with_.get_ms()
 
 
 def test_the_limb_is_where_its_angle_is_zero(data):
