@@ -154,7 +154,7 @@ def _tiles(run):
         *_pointing_tile(nav["while_pointing"]),
         ("velocity error", *_rms_tile(nav["velocity_error_m_s"], 3, "m/s")),
         ("position error", *_rms_tile(nav["position_error_m"], 1, "m")),
-        ("NEES of 9", _number(nees["mean"], 1, ""), _of_nees(nees)),
+        ("NEES of 9", _number(nees["mean"], 1, ""), _of_nees(nees, flight["at_entry"])),
     ]
     if entry:
         largest = max(abs(value) for value in entry["attitude_error_deg"])
@@ -173,10 +173,10 @@ def _tiles(run):
     return element("dl", *shown, class_="tiles") if shown else ""
 
 
-def _of_nees(nees):
-    """Which epochs a NEES is of."""
-    stars = "since the start" if nees.get("why") else "with star fixes"
-    return f"{nees['samples']} epochs {stars} before entry"
+def _of_nees(nees, entry):
+    """Which epochs a NEES is of. entry : of `flight`, None without one"""
+    since = "start" if nees.get("why") else "first star fix"
+    return f"{nees['samples']} epochs, from the {since} to {'entry' if entry else 'the end'}"
 
 
 def _pointing_tile(pointing):

@@ -14,7 +14,7 @@ from scipy.stats import binom, chi2
 from shefex_nav import event_words
 from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import figures, local_level, star_metrics
+from shefex_nav.report import figures, innovations, local_level, star_metrics
 from shefex_nav.report.configured import NOTHING
 from shefex_nav.report.figures import consistency, errors, flight, flown, labels, sky, style
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
@@ -456,3 +456,28 @@ def test_gps_of_recorded_data_shows_what_they_say_and_no_line_across_a_gap(data)
     assert np.isnan(sigma[np.searchsorted(np.nan_to_num(times, nan=240.0), 239.5)])
     told = [fix._replace(n_satellites=7, pdop=2.0) for fix in fixes]
     assert len(panels(figures.draw("gps", data._replace(gps=told)))) == 3
+
+
+def test_the_mean_of_nis_is_of_refused_measurements_too(data):
+    """As the table has it: of those used alone it cannot lie far above 1, whatever the filter does."""
+    kept = [gate for gate in data.gates if gate.sensor == "gps_position" and gate.dof][:10]
+    gates = [
+        gate._replace(nis=3.0 if k < 6 else 300.0, dof=3, limit=16.0, accepted=k < 6)
+        for k, gate in enumerate(kept)
+    ]
+    (axes,) = panels(figures.draw("nis", data._replace(gates=gates)))
+    words = {text.get_text() for text in axes.texts}
+    mean = (6 * 3.0 + 4 * 300.0) / 30.0
+    assert f"mean NIS per degree of freedom {mean:.2f}, refused ones too; of those used: 1.00" in words
+    per_dof = innovations.summarise(gates)["gps_position"]["per_dof"]
+    assert per_dof == pytest.approx(mean)
+
+
+def test_sources_without_room_for_a_lane_are_named(data):
+    health = [rec.NavHealth(240.0, f"sensor_{k}", False, "broken") for k in range(20)]
+    axes = figures.draw("health", data._replace(health=health)).axes[0]
+    shown = {label.get_text() for label in axes.get_yticklabels()}
+    told = next(text.get_text() for text in axes.texts if "not shown" in text.get_text())
+    for k in range(20):
+        name = f"sensor {k}"
+        assert (name in shown) != (name in told.split(": ")[1].split(", "))
