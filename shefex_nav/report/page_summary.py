@@ -6,8 +6,9 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements, sensor_use, table, vouched
+from shefex_nav.report import html, requirements, sensor_use, table, trust, vouched
 from shefex_nav.report.html import element
+from shefex_nav.report.sizes import percent
 from shefex_nav.report.star_rows import rates
 
 _MOST_INCIDENTS = 40
@@ -191,10 +192,13 @@ def _usable_tile(quantity, one):
     share, over = one["misleading_share"], one["over_level"]
     words = ""
     if one["usable_share"] and share is not None:
-        words = "never misleading" if share == 0.0 else f"misleading {100.0 * share:.2f} %"
+        never = "never misleading"
+        if over is not None and over > 1.0:
+            never = f"never misleading for more than {trust.TIME_TO_ALERT_S:g} s"
+        words = never if share == 0.0 else f"misleading {percent(share, 2)}"
     if over is not None:
         words += f"{', ' if words else ''}error at most {over:.2f} of its level"
-    return f"{quantity} usable", _number(100.0 * one["usable_share"], 1, "%"), words
+    return f"{quantity} usable", percent(one["usable_share"]), words
 
 
 def _number(value, digits, unit):
@@ -204,8 +208,8 @@ def _number(value, digits, unit):
 def _star_tile(star):
     if not star["in_window"]:
         return _DASH, ""
-    share = 100.0 * star["solved"] / star["in_window"]
-    return f"{share:.1f} %", f"{star['solved']} of {star['in_window']} frames, {star['wrong']} wrong"
+    share = star["solved"] / star["in_window"]
+    return percent(share), f"{star['solved']} of {star['in_window']} frames, {star['wrong']} wrong"
 
 
 def _rms_tile(values, digits, unit):

@@ -6,7 +6,7 @@ from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES, Doubt
 from shefex_nav.report import columns, consistency_rows, doubts, innovations, requirements, trust
 from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
-from shefex_nav.report.sizes import number
+from shefex_nav.report.sizes import number, percent
 from shefex_nav.report.star_rows import star_rows
 from shefex_nav.report.vouched import sentences
 
@@ -171,10 +171,10 @@ def _integrity_rows(integrity):
         one = integrity[quantity]
         share, over = one["usable_share"], one["over_level"]
         largest = "" if over is None else f", error at most {number(over, 2)} of its protection level"
-        yield f"{quantity} usable", f"{100.0 * share:.1f} % of the time{largest}{_doubts(quantity, one)}"
+        yield f"{quantity} usable", f"{percent(share)} of the time{largest}{_doubts(quantity, one)}"
         if one["misleading_share"]:
-            share = 100.0 * one["misleading_share"]
-            yield f"{quantity} misleading", Text(f"{share:.2f} % of the time", style="bold red")
+            words = f"{percent(one['misleading_share'], 2)} of the time"
+            yield f"{quantity} misleading", Text(words, style="bold red")
         if one["at_entry"]:
             yield f"{quantity} at entry", _entry_words(quantity, one)
     yield from loss_rows(integrity["noticed"])
