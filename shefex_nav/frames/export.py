@@ -6,7 +6,6 @@ the flight software knows it; `camera_true.yaml`, as it is in this run.
 
 from shefex_nav.files import put
 from shefex_nav.frames import camera_file, header, picture_files, truth
-from shefex_nav.solve.told import lens_of
 
 TRUTH, TOLD, TRUE = "truth.csv", "camera.yaml", "camera_true.yaml"
 
@@ -23,7 +22,7 @@ def write(folder, flight, shots, kind="png"):
     for name in (name for ending in picture_files.FORMATS for name in folder.glob(f"frame_*.{ending}")):
         name.unlink()  # those of another flight would have no truth
     scenario, mission = flight.scenario, flight.scenario.mission
-    camera, rows = lens_of(camera_file.of_scenario(scenario)), []
+    camera, rows = camera_file.true_lens(scenario, flight.world), []
     try:
         for shot in shots:
             name = f"frame_{shot.frame.number:06d}.{kind}"
