@@ -215,6 +215,17 @@ def test_ground_distance_is_that_of_the_geodesic_on_a_meridian():
     assert flown.along_ground(track)[-1] == pytest.approx(10001965.729, abs=0.01)  # quadrant of WGS 84
 
 
+def test_an_estimate_that_stands_goes_no_way():
+    """Ten minutes on the pad with 0.5 m of noise, then 10 s at 100 m/s: 1 km, not 1.4."""
+    t_s = np.arange(0.0, 610.5, 0.5)
+    north = np.where(t_s < 600.0, 0.5 * np.random.default_rng(6).normal(size=len(t_s)), 100.0 * (t_s - 600.0))
+    v_e = np.where(t_s[:, None] < 600.0, 0.05, 100.0) * np.array([0.0, 0.0, 1.0])
+    zero = np.zeros(len(t_s))
+    track = flown.Track(zero, v_e, 0.5 + north / 6.367e6, zero, zero)
+    assert flown.along_ground(track)[-1] > 1400.0
+    assert flown.along_ground(track, 1.0)[-1] == pytest.approx(1000.0, rel=0.01)
+
+
 def test_the_regional_map_keeps_distances_from_its_middle():
     rng = np.random.default_rng(4)
     u = rng.normal(size=(50, 3))

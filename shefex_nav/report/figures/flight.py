@@ -9,6 +9,7 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
 from shefex_nav.report.figures import flown, labels, style
+from shefex_nav.report.flight import MOVES
 from shefex_nav.report.local_level import is_replay
 from shefex_nav.report.track import earth_fixed
 
@@ -32,7 +33,8 @@ def trajectory(data):
     path = flown.path(data)
     if path is None:
         return None
-    distance_km, height_km = flown.along_ground(path.track) / 1e3, path.track.height / 1e3
+    still = MOVES if path.name == "estimate" else None
+    distance_km, height_km = flown.along_ground(path.track, still) / 1e3, path.track.height / 1e3
     if not _moves(path.track):
         return None
     words = f"Flight path ({path.name}): height against distance, and what happened on it"

@@ -41,12 +41,19 @@ def of_states(name, data, states, most):
     return Path(name, chosen.t_s, earth_fixed(data.mission.earth, chosen))
 
 
-def along_ground(track):
-    """Distance along the ground track since its first point: (m,) m on the ellipsoid."""
-    steps = [0.0]
+def along_ground(track, still=None):
+    """Distance along the ground track since its first point: (m,) m on the ellipsoid.
+
+    still : m/s, a step between two places at which it is no faster is none: noise of an estimate on the pad
+    would add up to kilometres; None: all count
+    """
+    steps, moves = [0.0], np.ones(len(track.latitude), dtype=bool)
+    if still is not None:
+        moves = np.linalg.norm(track.v_e, axis=1) > still
     latitude, longitude = track.latitude.tolist(), track.longitude.tolist()
     for k in range(1, len(latitude)):
-        steps.append(geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k]))
+        length = geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k])
+        steps.append(length if moves[k - 1] or moves[k] else 0.0)
     return np.cumsum(steps)
 
 
