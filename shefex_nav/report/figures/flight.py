@@ -133,7 +133,7 @@ def ground_track(data):
     middle = middle_of(track.latitude, track.longitude)
     reach = _angle(_unit(track.latitude, track.longitude), middle).max()
     words = f"Ground track ({path.name}), with coast lines"
-    height, below = (5.9, 0.0) if reach > _ROUND else (6.4, 0.9)
+    height, below = (5.9, 0.7) if reach > _ROUND else (6.4, 0.9)
     figure, axes = style.single(height, words, below)
     if reach > _ROUND:
         _whole_earth(axes, data, path)
@@ -288,7 +288,7 @@ def _whole_earth(axes, data, path):
     axes.set_xticks(range(-180, 181, 30))
     axes.set_yticks(range(-90, 91, 30))
     axes.set_aspect("equal")
-    style.legend(axes, loc="lower left")
+    legend_below(axes)
 
 
 @style.styled
