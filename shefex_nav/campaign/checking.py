@@ -137,6 +137,7 @@ NAVIGATION = {
             "rejected": COUNT,
             "interval": {ANY: POSITIVE},
             "level_percent": POSITIVE,
+            "errors_last": TRUTH,
         }
     },
     "instruments": {ANY: {"readings": COUNT, "used": COUNT}},

@@ -20,6 +20,7 @@ from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.starlight import OF_LENS
 from shefex_nav.scenario.told import as_told
+from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.told import StarCamera
 from shefex_nav.world import camera_settings
 
@@ -150,6 +151,13 @@ def _star_camera(sensor, tracker, bad_pixels, epoch):
         line_s=line_s,
         julian_year=None if epoch is None else julian_year(epoch),
     )
+
+
+def true_lens(scenario, world):
+    """solve.Camera of the star camera as it is in a run. Scenario, prepare.World"""
+    hole, k = world.camera.pinhole, lens.distortion_of(scenario.star_camera)
+    k = None if k is None else tuple(k.tolist())
+    return Camera(hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), k)
 
 
 def _bad_pixels(given):

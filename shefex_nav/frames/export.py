@@ -6,7 +6,6 @@ the flight software knows it; `camera_true.yaml`, as it is in this run.
 
 from shefex_nav.files import put
 from shefex_nav.frames import camera_file, header, picture_files, truth
-from shefex_nav.solve.told import lens_of
 
 TRUTH, TOLD, TRUE = "truth.csv", "camera.yaml", "camera_true.yaml"
 
@@ -21,7 +20,7 @@ def write(folder, flight, shots, kind="png"):
     Shot, each when its file is written; truth and cameras are written at the end, of an early end too
     """
     scenario, mission = flight.scenario, flight.scenario.mission
-    camera, rows = lens_of(camera_file.of_scenario(scenario)), []
+    camera, rows = camera_file.true_lens(scenario, flight.world), []
     try:
         for shot in shots:
             if not rows:

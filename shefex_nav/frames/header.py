@@ -1,7 +1,7 @@
 """What is told with a picture: keywords for a FITS header, and for the texts of a PNG.
 
-Of these `solve` reads DATE-OBS, EXPTIME and VELX to VELZ alone (`solve/header.py`). The attitude is the true
-one, for whoever wants to compare; so is what the keywords of the WCS say.
+Of these `solve` reads DATE-OBS, EXPTIME and VELX to VELZ alone (`solve/header.py`). Attitude and lens are the
+true ones, for whoever wants to compare; so is what the keywords of the WCS say.
 """
 
 import math
@@ -87,7 +87,7 @@ def wcs(q_ic, camera):
     bent = "" if camera.distortion is None else "-SIP"
     cx, cy = camera.principal_point_px
     return {
-        "CTYPE1": (f"RA---TAN{bent}", "of the camera as calibrated, without aberration"),
+        "CTYPE1": (f"RA---TAN{bent}", "of the camera as it is, without aberration"),
         "CTYPE2": (f"DEC--TAN{bent}", ""),
         "CUNIT1": ("deg", ""),
         "CUNIT2": ("deg", ""),

@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import geodesic
+from shefex_nav.report.pairing import is_partly_true
 from shefex_nav.report.track import earth_fixed
 
 ROSE_M = 100.0  # [E] above the start, less of which is no flight
@@ -13,6 +14,16 @@ MOVES = 1.0  # [E] m/s, beyond the errors of the solution
 KNOWN = 3.0  # [E] m/s, 3 sigma of a velocity that says whether a vehicle lies still
 LYING_S = 2.0  # [E] without motion, after a landing
 STANDING = 1e-3  # m/s; what never moves faster stands on the ground
+
+
+def of(data, track, entry):
+    """Figures of a RunData: of its truth where that is of the whole flight, else of its solution.
+
+    track : of the truth;  entry : index of its sample, or None
+    """
+    if len(data.truth.t_s) and not is_partly_true(data):
+        return of_truth(data, track, entry)
+    return of_solution(data)
 
 
 def of_truth(data, track, entry):
@@ -43,15 +54,18 @@ def _range_km(mission, latitude, longitude):
 
 
 def of_solution(data):
-    """The same of a run without truth, as the solution has it; what is less than its errors is no motion.
+    """The same of a run without truth, or without that of a part of it, as the solution has it.
 
+    What is less than its errors is no motion.
     Each sample counts with its own errors: a vehicle that loses its attitude late has flown all the same.
     """
     nav = data.nav
     track = earth_fixed(data.mission.earth, nav)
     errors = (3.0 * np.linalg.norm(sigma, axis=1) for sigma in (nav.sigma_r_e, nav.sigma_v_e))
+    true_s = data.truth.t_s[[0, -1]].tolist() if len(data.truth.t_s) else None
     return {
         "of": "solution",
+        "truth_s": true_s,
         **_rise(data, nav, track, *errors),
         "range_km": None,
         "at_entry": None,
@@ -67,7 +81,7 @@ def seen(data):
     whose motion little is known there, has no landing.
     """
     nav = data.nav
-    if not len(nav.t_s) or len(data.truth.t_s):
+    if not len(nav.t_s) or (len(data.truth.t_s) and not is_partly_true(data)):
         return []
     track, rise = earth_fixed(data.mission.earth, nav), of_solution(data)
     if rise["at_apogee"] is None or track.height.max() - track.height[0] < ROSE_M:

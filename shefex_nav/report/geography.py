@@ -18,6 +18,7 @@ from shefex_nav import event_words
 from shefex_nav.records import Event
 from shefex_nav.report import flight
 from shefex_nav.report.figures import flown
+from shefex_nav.report.pairing import is_partly_true
 
 MOST_POINTS = 3000  # of a line
 _DIGITS = 8, 3  # of degrees (1 mm) and metres
@@ -42,14 +43,14 @@ class Place(NamedTuple):
 
 
 def lines_and_places(data):
-    """(list of Line, list of Place) of a RunData; places by truth, without one by the estimate."""
+    """(list of Line, list of Place) of a RunData; places by truth, without one of all by the estimate."""
     paths = []
     if len(data.truth.t_s):
-        paths.append(flown.path(data, MOST_POINTS))
+        paths.append(flown.of_states("truth", data, data.truth, MOST_POINTS))
     if len(data.nav.t_s):
         paths.append(flown.estimate(data, MOST_POINTS))
     lines = [Line(path.name, _points(path.track)) for path in paths]
-    states = data.truth if len(data.truth.t_s) else data.nav
+    states = data.truth if len(data.truth.t_s) and not is_partly_true(data) else data.nav
     places, events = [], [*data.events, *_as_estimated(data)]
     for event in events if len(states.t_s) else ():
         k = int(np.argmin(np.abs(states.t_s - event.t_s)))

@@ -12,23 +12,34 @@ from shefex_nav.report import sensor_use
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.sizes import number
 
+FIXES = "gps_position", "gps_velocity"
 LEVEL = 99.0  # %, of the interval in which the mean should lie
 
 
-def summarise(gates, begin_s=-np.inf):
+def summarise(gates, begin_s=-np.inf, scenario=None):
     """{sensor: NIS} of a sequence of GateResult from a mission time on; None of a sensor without any.
 
+    scenario : Scenario of the run; None: it is not known
     NIS: mean, dof (of the first), per_dof (sum over the sum of degrees of freedom), samples, rejected,
-    interval of the mean, level_percent.
+    interval of the mean, level_percent, and whether errors of the sensor last (`errors_last`, `fixes_last`).
     """
     met = {name: [] for name in sorted({gate.sensor for gate in gates})}
     for gate in gates:
         if gate.dof and np.isfinite(gate.nis) and gate.t_valid_s >= begin_s - SAME_S:
             met[gate.sensor].append(gate)
-    return {name: _of_sensor(some) for name, some in met.items()}
+    fixes = fixes_last(scenario)
+    return {name: _of_sensor(some, errors_last(name) or name in fixes) for name, some in met.items()}
 
 
-def _of_sensor(met):
+def fixes_last(scenario):
+    """Names of the measurements of GPS whose errors last in a Scenario, and are noise to its filter."""
+    if scenario is None or scenario.navigation.gps != "loose":
+        return ()
+    errors = scenario.gps.errors  # a section, which is true without any
+    return FIXES if any(getattr(errors, name) for name in type(errors).model_fields) else ()
+
+
+def _of_sensor(met, lasts):
     if not met:
         return None
     total, dof, n = float(sum(gate.nis for gate in met)), int(sum(gate.dof for gate in met)), len(met)
@@ -41,6 +52,7 @@ def _of_sensor(met):
         "rejected": sum(not gate.accepted for gate in met),
         "interval": [float(low / n), float(high / n)],
         "level_percent": LEVEL,
+        "errors_last": lasts,
     }
 
 
@@ -69,7 +81,9 @@ def rows(found):
             continue
         low, high = nis["interval"]
         words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
-        if errors_last(sensor):
+        if nis.get("errors_last") and sensor in FIXES:  # one does not show what it shares with the next
+            words = f"up to {high:.2f} expected if the sigmas are right, less for its errors that last"
+        elif errors_last(sensor):
             words = f"below {nis['dof']} where its sigmas are right, for its errors last"
         name = f"NIS, {sensor_use.named(sensor)}"
         yield name, f"{number(nis['mean'], 2)}, mean of {nis['samples']}; {words}"

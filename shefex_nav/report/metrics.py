@@ -34,9 +34,10 @@ Definitions
   star tracker, `nis` of every sensor with gate results (`sensor_use`, `innovations`). `unknown` and
   `errors_fit` are of software of a user's own alone (`sensor_use`, `likely_mistakes`).
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
-  the start to the impact; without an impact there is none. Without truth the flight is that of the solution
-  (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
-- `simulated_s` is the time from the first sample of truth, at `simulated_from_s`, to the last.
+  the start to the impact; without an impact there is none. Without truth, or with one of a part of the
+  solution's time alone (`truth_s`), the flight is that of the solution (`of`). The greatest height is an
+  apogee only if the data go on beyond it; `climbs_at_km` if they do not.
+- `simulated_s` is the time from the first sample of truth or solution, at `simulated_from_s`, to the last.
 - `warnings` are of the scenario against the flight (`programme`); None where no scenario can be read.
 - `requirements` are those of the scenario, judged by this object; none where no scenario can be read.
 - Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
@@ -65,7 +66,7 @@ from shefex_nav.report import (
 )
 from shefex_nav.report.configured import of_run
 from shefex_nav.report.navigation_errors import NEES_DOF, navigation_errors, normalised_errors
-from shefex_nav.report.pairing import pointing_error
+from shefex_nav.report.pairing import pointing_error, whole_time
 from shefex_nav.report.sizes import largest, rms
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.scenario import lens, told
@@ -86,8 +87,8 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
     truth, known = data.truth, of_run(data, scenario)
     track = earth_fixed(data.mission.earth, truth)
     entry = entry_index(truth.t_s, track.height)
-    t_s = truth.t_s if len(truth.t_s) else data.nav.t_s
-    simulated_s = float(t_s[-1] - t_s[0]) if len(t_s) else None
+    whole_s = whole_time(data)
+    simulated_s = None if whole_s is None else whole_s[1] - whole_s[0]
     wall_s = data.summary.wall_s if data.summary else None
     result = {
         "scenario": data.mission.scenario,
@@ -102,11 +103,11 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
         "failure": data.failure or None,
         "until_s": data.until_s,
         "simulated_s": simulated_s,
-        "simulated_from_s": float(t_s[0]) if len(t_s) else None,
+        "simulated_from_s": None if whole_s is None else whole_s[0],
         "wall_s": wall_s,
         "setup_s": data.summary.setup_s if data.summary else None,
         "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
-        "flight": flight.of_truth(data, track, entry) if len(truth.t_s) else flight.of_solution(data),
+        "flight": flight.of(data, track, entry),
         "attitude_control": _attitude_control(data),
         "star_tracker": star_metrics.summarise(data, known),
         "navigation": _navigation(data, track.height, entry, known),
@@ -179,7 +180,7 @@ def _navigation(data, height, entry, known):
         **_of_own_software(data, errors, known),
         **({"measurements": sensor_use.measurements(data)} if sensor_use.flew(data) else {}),
         "instruments": instrument_use(data.gates),
-        "nis": innovations.summarise(data.gates),
+        "nis": innovations.summarise(data.gates, scenario=known.scenario),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry]), known),
     }
 

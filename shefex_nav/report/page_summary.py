@@ -6,8 +6,9 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements, sensor_use, table, vouched
+from shefex_nav.report import html, requirements, sensor_use, table, trust, vouched
 from shefex_nav.report.html import element
+from shefex_nav.report.sizes import percent
 from shefex_nav.report.star_rows import rates
 
 _MOST_INCIDENTS = 40
@@ -154,7 +155,7 @@ def _tiles(run):
         *_pointing_tile(nav["while_pointing"]),
         ("velocity error", *_rms_tile(nav["velocity_error_m_s"], 3, "m/s")),
         ("position error", *_rms_tile(nav["position_error_m"], 1, "m")),
-        ("NEES of 9", _number(nees["mean"], 1, ""), _of_nees(nees)),
+        ("NEES of 9", _number(nees["mean"], 1, ""), _of_nees(nees, flight["at_entry"])),
     ]
     if entry:
         largest = max(abs(value) for value in entry["attitude_error_deg"])
@@ -173,10 +174,10 @@ def _tiles(run):
     return element("dl", *shown, class_="tiles") if shown else ""
 
 
-def _of_nees(nees):
-    """Which epochs a NEES is of."""
-    stars = "since the start" if nees.get("why") else "with star fixes"
-    return f"{nees['samples']} epochs {stars} before entry"
+def _of_nees(nees, entry):
+    """Which epochs a NEES is of. entry : of `flight`, None without one"""
+    since = "start" if nees.get("why") else "first star fix"
+    return f"{nees['samples']} epochs, from the {since} to {'entry' if entry else 'the end'}"
 
 
 def _pointing_tile(pointing):
@@ -191,10 +192,13 @@ def _usable_tile(quantity, one):
     share, over = one["misleading_share"], one["over_level"]
     words = ""
     if one["usable_share"] and share is not None:
-        words = "never misleading" if share == 0.0 else f"misleading {100.0 * share:.2f} %"
+        never = "never misleading"
+        if over is not None and over > 1.0:
+            never = f"never misleading for more than {trust.TIME_TO_ALERT_S:g} s"
+        words = never if share == 0.0 else f"misleading {percent(share, 2)}"
     if over is not None:
         words += f"{', ' if words else ''}error at most {over:.2f} of its level"
-    return f"{quantity} usable", _number(100.0 * one["usable_share"], 1, "%"), words
+    return f"{quantity} usable", percent(one["usable_share"]), words
 
 
 def _number(value, digits, unit):
@@ -204,8 +208,8 @@ def _number(value, digits, unit):
 def _star_tile(star):
     if not star["in_window"]:
         return _DASH, ""
-    share = 100.0 * star["solved"] / star["in_window"]
-    return f"{share:.1f} %", f"{star['solved']} of {star['in_window']} frames, {star['wrong']} wrong"
+    share = star["solved"] / star["in_window"]
+    return percent(share), f"{star['solved']} of {star['in_window']} frames, {star['wrong']} wrong"
 
 
 def _rms_tile(values, digits, unit):

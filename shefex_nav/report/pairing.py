@@ -5,6 +5,8 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.records import Phase
 
+APART_S = 1.0  # [E] of the ends of two series of one flight
+
 
 def same_times(t_a, t_b):
     """Indices into two sorted arrays of the times they have in common."""
@@ -19,6 +21,20 @@ def stretches(flags):
     """Runs of flagged samples: list of (first, end), the end behind the last one. (n,) bool"""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]]))).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def is_partly_true(data):
+    """Whether the truth of a RunData is of a part of its solution alone: an end is more than APART_S away."""
+    true_s, t_s = data.truth.t_s, data.nav.t_s
+    if not len(true_s) or not len(t_s):
+        return False
+    return bool(true_s[0] - t_s[0] > APART_S or t_s[-1] - true_s[-1] > APART_S)
+
+
+def whole_time(data):
+    """Mission time of the first and the last sample of truth or solution, (s, s); None without any."""
+    both = [t_s for t_s in (data.truth.t_s, data.nav.t_s) if len(t_s)]
+    return (min(float(t[0]) for t in both), max(float(t[-1]) for t in both)) if both else None
 
 
 def phase_at(truth, t_s):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+MOST_DIGITS = 7  # of a percentage that is nearly 0 or 100
 LARGE = 1e9  # from here on a figure for people has three digits and an exponent
 
 
@@ -15,6 +16,16 @@ def rms(values):
 def largest(values):
     """Largest absolute value of (N,); NaN without any."""
     return float(np.abs(values).max()) if len(values) else math.nan
+
+
+def percent(share, digits=1):
+    """A share for people: 100 % is all, 0 % is nothing; what is nearly so has as many digits as say it."""
+    value, said = 100.0 * share, ""
+    for more in range(digits, MOST_DIGITS):
+        said = f"{value:.{more}f}"
+        if float(said) not in (0.0, 100.0) or share in (0.0, 1.0):
+            break
+    return f"{said} %"
 
 
 def number(value, digits, unit=""):

@@ -4,7 +4,7 @@ import math
 
 from rich.text import Text
 
-from shefex_nav.report.sizes import number
+from shefex_nav.report.sizes import number, percent
 from shefex_nav.report.star_metrics import WINDOW_RATE
 
 TOO_FAST = f"faster than the window's {math.degrees(WINDOW_RATE):g} deg/s"
@@ -17,7 +17,7 @@ def star_rows(star):
     if not star["frames"]:
         yield "frames", "none taken"
         return
-    share = f" ({100.0 * star['solved'] / star['in_window']:.1f} %)" if star["in_window"] else ""
+    share = f" ({percent(star['solved'] / star['in_window'])})" if star["in_window"] else ""
     yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
     yield "solved in the window", f"{star['solved']}{share}"
     if outside := star.get("outside"):

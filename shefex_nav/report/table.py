@@ -7,7 +7,7 @@ from shefex_nav.log.topics import SMOOTHED
 from shefex_nav.records import QUANTITIES, Doubt
 from shefex_nav.report import columns, consistency_rows, doubts, innovations, requirements, trust
 from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
-from shefex_nav.report.sizes import number
+from shefex_nav.report.sizes import number, percent
 from shefex_nav.report.star_rows import star_rows
 from shefex_nav.report.vouched import sentences
 
@@ -97,7 +97,9 @@ def _flight_rows(flight, *, stood):
     if stood and flight["max_speed_m_s"] is None:
         yield "motion", "none beyond the errors" if estimated else "none, it stands on the ground"
     if stood and estimated:
-        yield "as estimated", "there is no truth"
+        true_s = flight.get("truth_s")
+        words = "the truth is of T{:+.1f} to {:+.1f} s alone" if true_s else "there is no truth"
+        yield "as estimated", words.format(*true_s or ())
     for event in flight["events"]:
         when = f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
         yield event_words.in_words(event["name"]), when
@@ -178,10 +180,10 @@ def _integrity_rows(integrity):
         one = integrity[quantity]
         share, over = one["usable_share"], one["over_level"]
         largest = "" if over is None else f", error at most {number(over, 2)} of its protection level"
-        yield f"{quantity} usable", f"{100.0 * share:.1f} % of the time{largest}{_doubts(quantity, one)}"
+        yield f"{quantity} usable", f"{percent(share)} of the time{largest}{_doubts(quantity, one)}"
         if one["misleading_share"]:
-            share = 100.0 * one["misleading_share"]
-            yield f"{quantity} misleading", Text(f"{share:.2f} % of the time", style="bold red")
+            words = f"{percent(one['misleading_share'], 2)} of the time"
+            yield f"{quantity} misleading", Text(words, style="bold red")
         if one["at_entry"]:
             yield f"{quantity} at entry", _entry_words(quantity, one)
     yield from loss_rows(integrity["noticed"])

@@ -5,6 +5,7 @@ own matrices, per sensor the NIS against chi-square, per axis the share of runs 
 the statistics, `flown` the runs, `linear` the histories.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -148,23 +149,24 @@ def averages(run):
     return result
 
 
-def judge_nees(runs, histories, rng):
+def judge_nees(runs, histories):
     """Verdict of each block and phase: mean over runs of the time-averaged NEES, per degree of freedom."""
     expected = {key: averaged / 3.0 for key, averaged in histories.averages.items()}
-    return _judge_averages(runs, expected, 1.0, nees.mean_interval, "", rng)
+    return _judge_averages(runs, expected, 1.0, nees.mean_interval, "")
 
 
 def judge_in_one_field(runs, common, rng):
     """`judge_nees` by runs that have the field of gravity in common, of `in_one_field`."""
-    return _judge_averages(runs, common, 3.0, nees.one_draw_interval, ", one field", rng)
+    interval = partial(nees.one_draw_interval, rng=rng)
+    return _judge_averages(runs, common, 3.0, interval, ", one field")
 
 
-def _judge_averages(runs, expected, dof, interval, words, rng):
+def _judge_averages(runs, expected, dof, interval, words):
     """Verdicts by what is expected of each block and phase, as `interval` takes it, over its dof."""
     each, verdicts = [averages(run) for run in runs], []
     for (block, phase), histories in expected.items():
         values = [one[block, phase] for one in each if (block, phase) in one]
-        ends = (end / dof for end in interval(histories, len(values), NEES_PROBABILITY, rng))
+        ends = (end / dof for end in interval(histories, len(values), NEES_PROBABILITY))
         what = f"NEES {block}, {PHASES[phase]}{words}"
         verdicts.append(nees.Verdict(what, float(np.mean(values)) / 3.0, *ends, len(values)))
     return verdicts
@@ -202,5 +204,5 @@ def judge_containment(runs):
 def judge(runs, histories, rng):
     """All Verdicts of some runs; of the NEES by histories with the field in common where there are any."""
     common = histories.one_field
-    by_nees = judge_in_one_field(runs, common, rng) if common else judge_nees(runs, histories, rng)
+    by_nees = judge_in_one_field(runs, common, rng) if common else judge_nees(runs, histories)
     return by_nees + judge_nis(runs) + judge_containment(runs)

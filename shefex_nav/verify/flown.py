@@ -71,6 +71,7 @@ def save(path, fixes, head):
         "q_ic": np.array([fix.q_ic for fix in fixes]).reshape(-1, 4),
         "P_c": np.array([fix.P_c for fix in fixes]).reshape(-1, 3, 3),
         "exposure_s": np.array([fix.exposure_s for fix in fixes], dtype=float),
+        "straight": np.array([fix.straight for fix in fixes], dtype=bool),
         "count": np.array([len(fix.hip) for fix in fixes], dtype=np.int64),
         "hip": np.concatenate([fix.hip for fix in fixes] + [np.zeros(0, dtype=np.int64)]),
         "xy_px": np.concatenate([fix.detections.xy_px for fix in fixes] + [np.zeros((0, 2))]),
@@ -100,6 +101,11 @@ def load(path, head=None):
     except files.UNREADABLE as error:
         raise FlownError(f"{path}: no file of star fixes, or a damaged one; remove it") from error
     kept.setdefault("exposure_s", np.full(len(kept["number"]), np.nan))  # as of older files
+    if "straight" not in kept and np.isfinite(kept["exposure_s"]).any():
+        raise FlownError(
+            f"{path}: an older version kept less of its star fixes than the filter uses; remove it"
+        )
+    kept.setdefault("straight", np.zeros(len(kept["number"]), dtype=bool))  # of older files yet: nobody asks
     other = {key: found.get(key) for key, value in (head or {}).items() if found.get(key) != value}
     if other:
         raise FlownError(
@@ -142,6 +148,7 @@ def _fix(kept, k, rows):
         exposure_s=float(kept["exposure_s"][k]),
         flag_saturated=False,
         flag_no_stars=False,
+        straight=bool(kept["straight"][k]),
     )
 
 

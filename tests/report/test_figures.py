@@ -14,7 +14,8 @@ from scipy.stats import binom, chi2
 from shefex_nav import event_words
 from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import figures, local_level, star_metrics
+from shefex_nav.report import figures, innovations, local_level, star_metrics
+from shefex_nav.report.configured import NOTHING
 from shefex_nav.report.figures import consistency, errors, flight, flown, labels, sky, style
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.nees import chi2_bounds
@@ -78,6 +79,16 @@ def test_a_leap_in_time_is_not_bridged():
     t_s = np.concatenate([np.arange(0.0, 2.0, 0.1), np.arange(9.0, 11.0, 0.1)])
     times, values = style.gapped(t_s, t_s)
     assert np.isnan(values).sum() == 1 and np.isnan(times[20]) and len(times) == len(t_s) + 1
+
+
+def test_a_logger_that_becomes_slower_leaves_no_gaps():
+    """100 Hz up, 5 Hz down, and 20 s of silence in between: one gap, not one after every slow sample."""
+    fast, slow = np.arange(0.0, 20.0, 0.01), np.arange(40.0, 160.0, 0.2)
+    for t_s in (np.concatenate([fast, slow]), np.repeat(np.concatenate([fast, slow]), 3)):
+        times, _ = style.gapped(t_s, t_s)
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(times)), [np.searchsorted(t_s, 40.0)])
+    no_silence = np.concatenate([fast, slow - 20.0])
+    assert not np.isnan(style.gapped(no_silence, no_silence)[0]).any()
 
 
 def test_attitude_errors_are_those_of_the_metrics_inside_three_sigma(data):
@@ -204,6 +215,17 @@ def test_ground_distance_is_that_of_the_geodesic_on_a_meridian():
     assert flown.along_ground(track)[-1] == pytest.approx(10001965.729, abs=0.01)  # quadrant of WGS 84
 
 
+def test_an_estimate_that_stands_goes_no_way():
+    """Ten minutes on the pad with 0.5 m of noise, then 10 s at 100 m/s: 1 km, not 1.4."""
+    t_s = np.arange(0.0, 610.5, 0.5)
+    north = np.where(t_s < 600.0, 0.5 * np.random.default_rng(6).normal(size=len(t_s)), 100.0 * (t_s - 600.0))
+    v_e = np.where(t_s[:, None] < 600.0, 0.05, 100.0) * np.array([0.0, 0.0, 1.0])
+    zero = np.zeros(len(t_s))
+    track = flown.Track(zero, v_e, 0.5 + north / 6.367e6, zero, zero)
+    assert flown.along_ground(track)[-1] > 1400.0
+    assert flown.along_ground(track, 1.0)[-1] == pytest.approx(1000.0, rel=0.01)
+
+
 def test_the_regional_map_keeps_distances_from_its_middle():
     rng = np.random.default_rng(4)
     u = rng.normal(size=(50, 3))
@@ -230,6 +252,39 @@ def test_the_map_of_the_sky_keeps_areas_and_has_east_on_the_left():
     east = np.array([np.cos(1.1), np.sin(1.1), 0.0])
     assert sky.hammer(east, 1.0)[0] < 0.0
     np.testing.assert_allclose(sky.hammer(np.array([0.0, 0.0, 1.0]), 1.0), [0.0, np.sqrt(2.0)], atol=1e-7)
+
+
+def test_a_sun_that_the_earth_hides_excludes_nothing(data, monkeypatch):
+    """90 deg about the Sun are half of the sky, which a camera in the Earth's shadow may look at."""
+    limits = NOTHING._replace(sun_exclusion_rad=np.pi / 2, limb_exclusion_rad=-np.pi)
+    monkeypatch.setattr(sky, "configured", lambda data: limits)
+    words = {}
+    for is_hidden in (False, True):
+        truths = [frame._replace(sun_hidden=is_hidden) for frame in data.frame_truths]
+        axes = sky.sky_map(data._replace(frame_truths=truths)).axes[0]
+        paths = [path for one in axes.collections for path in one.get_paths() if len(path.vertices) > 10]
+        assert any(path.contains_point(_at_sun(data)) for path in paths) is not is_hidden
+        labels_ = axes.get_legend_handles_labels()[1]
+        words[is_hidden] = next(text for text in labels_ if text.startswith("excluded"))
+    assert "s: 90° to the Sun, " in words[False] and "the Sun is hidden" not in words[False]
+    assert "to the Sun" not in words[True] and words[True].endswith("; the Sun is hidden")
+
+
+def _at_sun(data):
+    """Place of the Sun on the map of the whole sky."""
+    seen = sky.around(data)
+    return sky.hammer(seen.sun_i, float(np.arctan2(*sky._centre(seen)[1::-1])))
+
+
+def test_a_path_with_and_without_fixes_shows_both(data):
+    """An orbit looks at a place once with a fix and once without: neither covers the other."""
+    axes = sky.sky_map(data).axes[0]
+    with_, without = (
+        next(line for line in axes.lines if line.get_label() == f"boresight, {name}")
+        for name in ("fix", "no fix")
+    )
+    order = list(axes.lines)
+    assert order.index(without) < order.index(with_) and without.get_ms() > 1.5 * with_.get_ms()
 
 
 def test_the_limb_is_where_its_angle_is_zero(data):
@@ -386,3 +441,54 @@ def test_no_state_of_pyplot_is_touched():
     code = "import sys; from shefex_nav.report.figures import style; style.svg(style.single(2.0, 'x')[0]); "
     code += "sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_what_is_shaded_in_the_figure_of_the_imu_is_named(data):
+    saturated, valid = np.zeros(len(data.imu.t_valid_s), bool), np.ones(len(data.imu.t_valid_s), bool)
+    saturated[100:200], valid[300:310] = True, False
+    drawn_ = figures.draw("imu", data._replace(imu=data.imu._replace(saturated=saturated, valid=valid)))
+    named = {
+        text.get_text() for axes in panels(drawn_) if axes.get_legend() for text in axes.get_legend().texts
+    }
+    assert {"saturated", "silent", "y", "z"} <= named
+
+
+def test_gps_of_recorded_data_shows_what_they_say_and_no_line_across_a_gap(data):
+    """Neither 0 satellites in a fix nor a dilution that nobody gave; rows that are missing are a gap."""
+    fixes = [
+        fix._replace(t_valid_s=t_s, n_satellites=0, pdop=np.nan, valid=True, R_r_e=4.0 * np.eye(3))
+        for fix, t_s in zip(data.gps[:1] * 20, [*range(230, 240), *range(248, 258)], strict=True)
+    ]
+    (axes,) = panels(figures.draw("gps", data._replace(gps=fixes)))
+    assert axes.get_ylabel().startswith("position")
+    times, sigma = (np.asarray(one, float) for one in axes.lines[0].get_data())
+    np.testing.assert_allclose(sigma[np.isfinite(sigma)], np.sqrt(12.0))
+    assert axes.get_ylim()[1] > 1.05 * np.sqrt(12.0)
+    assert np.isnan(sigma[np.searchsorted(np.nan_to_num(times, nan=240.0), 239.5)])
+    told = [fix._replace(n_satellites=7, pdop=2.0) for fix in fixes]
+    assert len(panels(figures.draw("gps", data._replace(gps=told)))) == 3
+
+
+def test_the_mean_of_nis_is_of_refused_measurements_too(data):
+    """As the table has it: of those used alone it cannot lie far above 1, whatever the filter does."""
+    kept = [gate for gate in data.gates if gate.sensor == "gps_position" and gate.dof][:10]
+    gates = [
+        gate._replace(nis=3.0 if k < 6 else 300.0, dof=3, limit=16.0, accepted=k < 6)
+        for k, gate in enumerate(kept)
+    ]
+    (axes,) = panels(figures.draw("nis", data._replace(gates=gates)))
+    words = {text.get_text() for text in axes.texts}
+    mean = (6 * 3.0 + 4 * 300.0) / 30.0
+    assert f"mean NIS per degree of freedom {mean:.2f}, refused ones too; of those used: 1.00" in words
+    per_dof = innovations.summarise(gates)["gps_position"]["per_dof"]
+    assert per_dof == pytest.approx(mean)
+
+
+def test_sources_without_room_for_a_lane_are_named(data):
+    health = [rec.NavHealth(240.0, f"sensor_{k}", False, "broken") for k in range(20)]
+    axes = figures.draw("health", data._replace(health=health)).axes[0]
+    shown = {label.get_text() for label in axes.get_yticklabels()}
+    told = next(text.get_text() for text in axes.texts if "not shown" in text.get_text())
+    for k in range(20):
+        name = f"sensor {k}"
+        assert (name in shown) != (name in told.split(": ")[1].split(", "))

@@ -73,3 +73,17 @@ def test_a_run_has_the_rows_of_a_replay(flown, software):
 def test_a_solution_beside_a_log_has_none(flown):
     other = type("Other", (), {"nav": flown.nav, "covariance": flown.covariance})
     assert metrics.summarise(flown.with_other("beside", other))["navigation"]["nis"] == {}
+
+
+def test_fixes_whose_errors_last_may_have_a_small_nis():
+    """Ten minutes of night_sky with these errors, loosely coupled: 1.11 of 3, and a NEES of 8.7 of 9."""
+    errors = "gps.errors.satellite={range: 2 m, rate: 0.5 mm/s}"
+    lasting, white = load("night_sky", (errors,)), load("night_sky")
+    gates = [gate("gps_position", 1.1, t_s=0.1 * k) for k in range(600)]
+    for scenario, words in ((lasting, "; up to 3.26 expected"), (white, "; 2.75 to 3.26 expected")):
+        found = innovations.summarise(gates, scenario=scenario)
+        assert found["gps_position"]["errors_last"] is (scenario is lasting)
+        ((name, text),) = innovations.rows(found)
+        assert name == "NIS, GPS position" and words in text
+    tight = lasting.with_sections(navigation=lasting.navigation.model_copy(update={"gps": "tight"}))
+    assert innovations.fixes_last(tight) == () and innovations.fixes_last(None) == ()

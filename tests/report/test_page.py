@@ -17,6 +17,13 @@ HOSTILE = "\"><script>alert(1)</script><img src=http://example.org/x onerror=ale
 VOID = {"meta", "img", "wbr", "br", "hr", "link", "input"}
 
 
+def test_the_epochs_of_the_nees_are_named_as_they_are():
+    """An orbit has no entry, and no star fix in half of the epochs since its first one."""
+    nees, entry = {"samples": 10813, "why": None}, {"t_s": 398.1}
+    assert page_summary._of_nees(nees, None) == "10813 epochs, from the first star fix to the end"
+    assert page_summary._of_nees(nees | {"why": "none"}, entry) == "10813 epochs, from the start to entry"
+
+
 class Reader(HTMLParser):
     """Elements in order, texts, and whether every element is closed in its turn."""
 

@@ -98,6 +98,17 @@ def test_curves_have_ten_points_a_second_but_not_too_many(n, rate, step):
     assert sender.plot_step(np.arange(n) / rate) == step
 
 
+@pytest.mark.parametrize("n", [0, 1, 7, 5000, 90_000])
+def test_curves_of_the_viewer_keep_their_peaks(n):
+    """A sample of 14.4 m/s at 100 Hz is not between two of the ten points of its second."""
+    values = 0.1 * np.random.default_rng(2).normal(size=n)
+    values[n // 2 : n // 2 + 1] = 14.4
+    rows = sender.plotted(np.arange(n) / 100.0, values)
+    assert len(rows) <= max(12, n // 10 + 4, min(n, 7))
+    assert values[rows].max(initial=0.0) == values.max(initial=0.0)
+    assert n < 2 or (rows[0], rows[-1]) == (0, n - 1)
+
+
 def test_the_rocket_is_closed_and_points_along_x():
     """Every edge of the body belongs to two triangles, in opposite directions; its volume is positive."""
     vertices, triangles = vehicle.rocket_mesh(2.0)

@@ -8,11 +8,12 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
-from shefex_nav.verify.robustness import design, page, require, running, show, store
+from shefex_nav.verify.robustness import design, page, pictures, require, running, show, store
 
 ROOT = Path(__file__).parents[2]
 BRIEF = "rexus_like", "--flights", 1, "--jobs", 1, "--seed", 3
@@ -154,6 +155,19 @@ def test_of_few_flights_the_mean_is_held_to_what_chance_does():
         assert verdicts(record(nees_end=value))["NEES told rightly"] is good
     assert verdicts(*[record(nees_end=15.1)] * 8)["NEES told rightly"] is False
     assert verdicts(record(nees_usable=15.1))["NEES noises"] is False  # a mean over time: always 15
+
+
+def test_an_error_without_a_level_is_not_drawn_as_none():
+    """A ratio that is no number is written as null; the map of the largest had the colour of zero there."""
+    names = ("happens", "told")
+    found = pictures._values([record(quantity={"largest_ratio": None}), record()], "largest_ratio", names)
+    assert found == {("nothing", "right"): np.inf}
+    never = record(quantity={"largest_ratio": None, "usable_s": 0.0})
+    assert pictures._values([never], "largest_ratio", names) == {("nothing", "right"): 0.0}
+    other = record(happens="gyro_stuck", quantity={"largest_ratio": None})
+    drawn = dict(pictures.draw([record(), other]))["ratio"]
+    grid = np.asarray(drawn.axes[0].images[0].get_array())
+    assert np.nanmax(grid) == pytest.approx(2.0) and np.nanmin(grid) == pytest.approx(0.5)
 
 
 def test_requirements_are_met_and_not():

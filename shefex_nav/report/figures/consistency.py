@@ -90,9 +90,10 @@ def _nis_of(axes, sensor, gates):
     top = float(np.nanmax(np.concatenate([value, limit[np.isfinite(limit)]])))
     style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=2.0 * top)
     axes.set_ylabel(sensor.replace("_", " "))
-    words = "none used"
-    if accepted.any():
-        words = f"used: mean NIS per degree of freedom {np.sum(value[accepted]) / np.sum(dof[accepted]):.2f}"
+    words = f"mean NIS per degree of freedom {np.sum(value) / np.sum(dof):.2f}"
+    if not accepted.all():  # which lie above the gate: without them the mean flatters
+        used = f"{np.sum(value[accepted]) / np.sum(dof[accepted]):.2f}" if accepted.any() else "none"
+        words += f", refused ones too; of those used: {used}"
     style.note_above(axes, words)
     style.legend_above(axes, markerscale=1.5)
 
@@ -156,7 +157,7 @@ def _protection(data, quantity):
 @style.styled
 def health(data):
     """What was out of order or refused, a lane for each source. RunData -> Figure; None if nothing was."""
-    lanes = _lanes(data)
+    lanes, left = _lanes(data)
     if not lanes:
         return None
     words = "What the navigation noticed: sensors out of use, refusals, doubts"
@@ -168,13 +169,15 @@ def health(data):
         axes.plot(marks, np.full(len(marks), k), "x", ms=6, mew=1.6, color=style.RED)
     axes.set_yticks(range(len(lanes)), [lane[0] for lane in lanes], fontsize=9)
     axes.set_ylim(len(lanes) - 0.5, -0.5)
+    if left:
+        style.note_above(axes, f"not shown, for want of room: {', '.join(left)}")
     return figure
 
 
 def _lanes(data):
-    """(name, bars, marks, colour) of each lane."""
+    """(name, bars, marks, colour) of each lane; names of those for which there is no room."""
     end_s = style.whole(data)[1]
-    out = []
+    out, left = [], []
     for quantity in QUANTITIES if len(data.nav.t_s) else ():
         for doubt, colour, name in _DOUBTS:
             bars = style.spans(data.nav.t_s, protected(data.nav, quantity).doubt == doubt)
@@ -187,11 +190,14 @@ def _lanes(data):
             refused.setdefault(gate.sensor, []).append(gate.t_valid_s)
     for source in [*dict.fromkeys(entry["source"] for entry in found), *sorted(refused)]:
         name = source.replace("_", " ")
-        if name in [lane[0] for lane in out] or len(out) == _MOST_LANES:
+        if name in [lane[0] for lane in out]:
+            continue
+        if len(out) == _MOST_LANES:
+            left += [name] * (name not in left)
             continue
         bars = [
             (entry["from_s"], (end_s if entry["until_s"] is None else entry["until_s"]) - entry["from_s"])
             for entry in found if entry["source"] == source
         ]  # fmt: skip
         out.append((name, bars, refused.get(source, []), style.GREY))
-    return out
+    return out, left

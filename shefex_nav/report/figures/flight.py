@@ -9,6 +9,8 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
 from shefex_nav.report.figures import flown, labels, style
+from shefex_nav.report.flight import MOVES
+from shefex_nav.report.local_level import is_replay
 from shefex_nav.report.track import earth_fixed
 
 _ROUND = np.radians(60.0)  # a track that reaches farther is drawn on a map of the whole Earth
@@ -31,7 +33,8 @@ def trajectory(data):
     path = flown.path(data)
     if path is None:
         return None
-    distance_km, height_km = flown.along_ground(path.track) / 1e3, path.track.height / 1e3
+    still = MOVES if path.name == "estimate" else None
+    distance_km, height_km = flown.along_ground(path.track, still) / 1e3, path.track.height / 1e3
     if not _moves(path.track):
         return None
     words = f"Flight path ({path.name}): height against distance, and what happened on it"
@@ -54,7 +57,7 @@ def _moves(track):
 
 def _by_phase(axes, data, path, x, y):
     """A line in the colour of each phase; in one colour where the log does not say."""
-    if path.name != "truth":
+    if path.name != "truth" or is_replay(data):
         axes.plot(x, y, color=style.BLUE, lw=2.2)
         return
     named = set()
@@ -90,9 +93,9 @@ def history(data):
     path = flown.path(data, most=6000)
     if path is None:
         return None
-    has_truth = path.name == "truth"
+    has_motion = path.name == "truth" and np.isfinite(data.truth.f_b).any()  # recorded data have none
     figure, rows = style.panels(
-        data, 5 if has_truth else 2, f"The flight over time ({path.name})", height=1.4
+        data, 5 if has_motion else 2, f"The flight over time ({path.name})", height=1.4
     )
     style.curve(rows[0, 0], path.t_s, path.track.height / 1e3, color=style.BLUE)
     rows[0, 0].set_ylabel("height [km]")
@@ -101,7 +104,7 @@ def history(data):
     rows[1, 0].set_ylabel("speed [m/s]")
     for axes in rows[:, 0]:
         style.event_lines(axes, data)
-    if not has_truth:
+    if not has_motion:
         return figure
     truth = data.truth
     style.curve(rows[2, 0], truth.t_s, np.linalg.norm(truth.f_b, axis=1) / STANDARD_GRAVITY, color=style.BLUE)
@@ -130,7 +133,7 @@ def ground_track(data):
     middle = middle_of(track.latitude, track.longitude)
     reach = _angle(_unit(track.latitude, track.longitude), middle).max()
     words = f"Ground track ({path.name}), with coast lines"
-    height, below = (5.9, 0.0) if reach > _ROUND else (6.4, 0.9)
+    height, below = (5.9, 0.7) if reach > _ROUND else (6.4, 0.9)
     figure, axes = style.single(height, words, below)
     if reach > _ROUND:
         _whole_earth(axes, data, path)
@@ -285,7 +288,7 @@ def _whole_earth(axes, data, path):
     axes.set_xticks(range(-180, 181, 30))
     axes.set_yticks(range(-90, 91, 30))
     axes.set_aspect("equal")
-    style.legend(axes, loc="lower left")
+    legend_below(axes)
 
 
 @style.styled

@@ -1,4 +1,4 @@
-"""The path of a log, truth where there is one and the estimate otherwise, and what it is drawn with."""
+"""The path of a log, truth where there is one of all of it and the estimate otherwise, and what draws it."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.report import geodesic
+from shefex_nav.report.pairing import is_partly_true
 from shefex_nav.report.track import Track, earth_fixed
 
 PATH_POINTS = 1500  # of a drawn path
@@ -21,7 +22,8 @@ class Path(NamedTuple):
 
 def path(data, most=PATH_POINTS):
     """Path of a RunData at about so many instants, first and last among them; None without any."""
-    for name, states in (("truth", data.truth), ("estimate", data.nav)):
+    known = (("truth", data.truth), ("estimate", data.nav))
+    for name, states in known[::-1] if is_partly_true(data) else known:
         if len(states.t_s):
             return of_states(name, data, states, most)
     return None
@@ -39,12 +41,19 @@ def of_states(name, data, states, most):
     return Path(name, chosen.t_s, earth_fixed(data.mission.earth, chosen))
 
 
-def along_ground(track):
-    """Distance along the ground track since its first point: (m,) m on the ellipsoid."""
-    steps = [0.0]
+def along_ground(track, still=None):
+    """Distance along the ground track since its first point: (m,) m on the ellipsoid.
+
+    still : m/s, a step between two places at which it is no faster is none: noise of an estimate on the pad
+    would add up to kilometres; None: all count
+    """
+    steps, moves = [0.0], np.ones(len(track.latitude), dtype=bool)
+    if still is not None:
+        moves = np.linalg.norm(track.v_e, axis=1) > still
     latitude, longitude = track.latitude.tolist(), track.longitude.tolist()
     for k in range(1, len(latitude)):
-        steps.append(geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k]))
+        length = geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k])
+        steps.append(length if moves[k - 1] or moves[k] else 0.0)
     return np.cumsum(steps)
 
 

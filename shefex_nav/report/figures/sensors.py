@@ -36,6 +36,7 @@ def imu(data):
             for axes in rows[:, 0]:
                 axes.axvspan(start, start + length, color=colour, alpha=0.4, lw=0, label=name)
                 name = None
+    style.legend_above(rows[0, 0])
     style.legend_above(rows[1, 0])
     return figure
 
@@ -51,29 +52,23 @@ def _along_and_across(along, across, t_s, values, unit):
 
 @style.styled
 def gps(data):
-    """Satellites, dilution of precision and loss of the fix. RunData -> Figure; None without GPS."""
+    """Satellites, dilution of precision, accuracy and loss of the fix. RunData -> Figure; None without GPS.
+
+    Recorded data may say neither satellites nor dilution: a fix with no satellite is one of which they are
+    not known.
+    """
     fixes = data.gps
     if not fixes:
         return None
     t_s = np.array([fix.t_valid_s for fix in fixes])
     valid = np.array([fix.valid for fix in fixes])
-    figure, rows = style.panels(
-        data, 3, "GPS: satellites, geometry, and the accuracy the receiver claims", height=1.5
-    )
-    satellites = np.array([fix.n_satellites for fix in fixes], dtype=float)
-    style.curve(rows[0, 0], t_s, satellites, color=style.BLUE, drawstyle="steps-mid")
-    rows[0, 0].set_ylabel("satellites\nused")
-    rows[0, 0].set_ylim(bottom=0.0)
-    pdop = np.where(valid, [fix.pdop for fix in fixes], np.nan)
-    rows[1, 0].plot(t_s, pdop, ".-", ms=3, lw=0.8, color=style.BLUE)
-    rows[1, 0].set_ylabel("PDOP")
-    rows[1, 0].set_ylim(bottom=0.0)
-    sigma = np.array(
-        [np.sqrt(max(float(np.trace(fix.R_r_e)), 0.0)) if fix.valid else np.nan for fix in fixes]
-    )
-    rows[2, 0].plot(t_s, sigma, ".-", ms=3, lw=0.8, color=style.BLUE)
-    rows[2, 0].set_ylabel("position\nσ, 3D [m]")
-    rows[2, 0].set_ylim(bottom=0.0)
+    shown = _of_fixes(fixes, valid)
+    words = f"GPS: {', '.join(words for words, _, _, _ in shown)}"
+    figure, rows = style.panels(data, len(shown), words, height=1.5)
+    for axes, (_, label, values, look) in zip(rows[:, 0], shown, strict=True):
+        style.curve(axes, t_s, values, color=style.BLUE, **look)
+        axes.set_ylabel(label)
+        axes.set_ylim(0.0, 1.1 * float(np.nanmax(values, initial=0.0)) or 1.0)
     first = True
     for start, length in style.spans(t_s, ~valid):
         for axes in rows[:, 0]:
@@ -83,6 +78,21 @@ def gps(data):
             first = False
     style.legend_above(rows[0, 0])
     return figure
+
+
+def _of_fixes(fixes, valid):
+    """(words, label, values (n,), look) of each panel that has something to show; the accuracy always."""
+    count = np.array([fix.n_satellites for fix in fixes], dtype=float)
+    count[(valid & (count < 1.0)) | (count < 0.0)] = np.nan
+    pdop = np.where(valid, [fix.pdop for fix in fixes], np.nan)
+    trace = np.array([float(np.trace(fix.R_r_e)) if fix.valid else np.nan for fix in fixes])
+    sigma, dots = np.sqrt(np.maximum(trace, 0.0)), {"marker": ".", "ms": 3, "lw": 0.8}
+    panels = [
+        ("satellites", "satellites\nused", count, {"drawstyle": "steps-mid"}),
+        ("geometry", "PDOP", pdop, dots),
+    ]
+    known = [one for one in panels if np.isfinite(one[2][valid]).any() or not valid.any()]
+    return [*known, ("the accuracy the receiver claims", "position\nσ, 3D [m]", sigma, dots)]
 
 
 @style.styled

@@ -15,7 +15,10 @@ _LIMB_POINTS = 181
 _GRID = (61, 121)  # declinations and right ascensions at which exclusion is asked for
 _LEAST_FIELD, _LARGEST_FIELD = np.radians(6.0), np.radians(50.0)
 _SHARE = 0.9  # of the frames that the closer map shows
-_PATH = {True: (style.BLUE, "fix"), False: (style.RED, "no fix")}
+_PATH = (  # solved, colour, name, size: wide below and narrow above, where the path comes by a second time
+    (False, style.RED, "no fix", 5.0),
+    (True, style.BLUE, "fix", 2.2),
+)
 
 
 class SkyMap(NamedTuple):
@@ -24,6 +27,7 @@ class SkyMap(NamedTuple):
     t_s: np.ndarray  # (m,) of the frames
     boresight_i: np.ndarray  # (m, 3)
     solved: np.ndarray  # (m,) bool
+    sun_hidden: np.ndarray  # (m,) bool, by the Earth: then it excludes nothing
     sun_i: np.ndarray  # (3,)
     limits: object  # configured.Configured
 
@@ -46,6 +50,7 @@ def around(data):
         np.array([frame.t_valid_s for frame in frames_]),
         np.array([rotation.dcm_from_quat(frame.q_ic)[:, 2] for frame in frames_]),
         np.array([frame.number in solved for frame in frames_]),
+        np.array([frame.sun_hidden for frame in frames_], dtype=bool),
         _sun(data.mission),
         configured(data),
     )
@@ -156,11 +161,11 @@ def _draw_whole(axes, data, sky, stars):
         edge = limb(data, float(t_s))
         line = _broken(hammer(limb_line(edge), middle_rad))
         axes.plot(*line.T, color=style.GREEN, lw=1.3, ls=dashes, label=f"Earth's limb, T{edge.t_s:+.0f} s")
-    for is_solved, (colour, name) in _PATH.items():
+    for is_solved, colour, name, size in _PATH:
         chosen = sky.solved == is_solved
         if chosen.any():
             path = hammer(sky.boresight_i[chosen], middle_rad)
-            style.dots(axes, *path.T, ms=3.5, color=colour, label=f"boresight, {name}")
+            style.dots(axes, *path.T, ms=size, color=colour, label=f"boresight, {name}")
     sun = hammer(sky.sun_i, middle_rad)
     axes.plot(*sun, "o", ms=13, mfc=style.YELLOW, mec=style.BLACK, mew=0.8, ls="none", label="Sun")
     axes.figure.legend(
@@ -203,11 +208,13 @@ def _exclusion(axes, data, sky, t_s, middle_rad):
     sun_angle = np.arccos(np.clip(u_i @ sky.sun_i, -1.0, 1.0))
     flat_e = u_i.reshape(-1, 3) @ edge.C_ie
     above = np.array([wgs84.limb_angle(edge.r_e, u) for u in flat_e]).reshape(_GRID)
-    margin = np.minimum(sun_angle - sun_limit, above - limb_limit)
+    is_hidden = bool(sky.sun_hidden[np.argmin(np.abs(sky.t_s - t_s))])
+    margin = above - limb_limit if is_hidden else np.minimum(sun_angle - sun_limit, above - limb_limit)
     xy = hammer(u_i, middle_rad)
     axes.contourf(xy[..., 0], xy[..., 1], margin, levels=[-10.0, 0.0], colors=["#f3e3d3"], zorder=-1)
-    words = f"excluded at T{edge.t_s:+.0f} s: {np.degrees(sun_limit):.0f}° to the Sun, "
-    label = f"{words}{np.degrees(limb_limit):.0f}° to the limb"
+    of_sun = "" if is_hidden else f"{np.degrees(sun_limit):.0f}° to the Sun, "
+    words = f"excluded at T{edge.t_s:+.0f} s: {of_sun}{np.degrees(limb_limit):.0f}° to the limb"
+    label = f"{words}; the Sun is hidden" if is_hidden else words
     axes.fill_between([0.0], [0.0], [0.0], color="#f3e3d3", lw=0, label=label)
 
 
@@ -236,9 +243,9 @@ def _draw_near(axes, data, sky, stars):
     axes.scatter(
         *_tangent(u_i[drawn], centre).T, s=_size(vmag[drawn], 20.0), color="#666666", lw=0, rasterized=True
     )
-    for is_solved, (colour, _) in _PATH.items():
+    for is_solved, colour, _, size in _PATH:
         those = sky.solved == is_solved
-        style.dots(axes, *_tangent(sky.boresight_i[those], centre).T, ms=3, color=colour)
+        style.dots(axes, *_tangent(sky.boresight_i[those], centre).T, ms=size, color=colour)
     frame = (
         data.frame_truths[int(np.flatnonzero(sky.solved)[sky.solved.sum() // 2])]
         if sky.solved.any()

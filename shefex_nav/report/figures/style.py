@@ -16,8 +16,10 @@ import numpy as np
 from shefex_nav import files
 from shefex_nav.records import Phase
 from shefex_nav.report import scale
+from shefex_nav.report.figures.series import MOST_POINTS, envelope, gapped
 from shefex_nav.report.figures.steered import steered
-from shefex_nav.report.pairing import stretches
+from shefex_nav.report.local_level import is_replay
+from shefex_nav.report.pairing import stretches, whole_time
 
 BLACK, GREY = "#000000", "#767676"
 ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#f0e442"
@@ -39,10 +41,8 @@ WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in
 STILL_KM = 0.2  # height that an axis shows at least
 _FEW_DOTS = 200
 _DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
-_GAP = 8.0  # steps without a sample are a gap
 _DPI = 160  # of pictures within figures
 _NOTEBOOK_DPI = 80
-MOST_POINTS = 1200  # of a curve over the whole width, about: one for each dot of a screen
 STYLE = {
     "font.family": ["DejaVu Sans"],
     "font.size": 11.0,
@@ -145,7 +145,7 @@ def panels(data, n, text, *, columns=1, height=1.75, heads=None, spans_s=None):
     time axis of each column, else that of the log. Returns Figure, (n, columns) array of Axes.
     """
     spans_s = spans_s or [whole(data)] * columns
-    has_phases = len(data.truth.t_s) > 0
+    has_phases = len(data.truth.t_s) > 0 and not is_replay(data)  # recorded data do not say them
     heights = [0.24] * has_phases + [height] * n
     gap, top = 0.24, 0.5 + (0.28 if heads else 0.0)
     drawn = figure(top + BOTTOM + sum(heights) + gap * (len(heights) - 1))
@@ -174,11 +174,9 @@ def time_label(data):
 
 
 def whole(data):
-    """Mission time of the first and the last sample of truth, or of the estimate."""
-    t_s = data.truth.t_s if len(data.truth.t_s) else data.nav.t_s
-    if not len(t_s):
-        return data.mission.start_s, data.mission.start_s + 1.0
-    return float(t_s[0]), max(float(t_s[-1]), float(t_s[0]) + 1e-2)
+    """Mission time of the first and the last sample of truth or estimate."""
+    start_s, end_s = whole_time(data) or (data.mission.start_s, data.mission.start_s + 1.0)
+    return start_s, max(end_s, start_s + 1e-2)
 
 
 def around(t_s):
@@ -256,36 +254,6 @@ def phase_strip(axes, data, span_s):
                 axes.text(
                     middle, 0.45, name, ha="center", va="center", fontsize=9, color=colour, clip_on=True
                 )
-
-
-def envelope(values, most=MOST_POINTS):
-    """Indices of the samples that a curve needs: the least and the largest of every stretch, the two ends.
-
-    A curve through them covers what that through all samples covers, at a resolution of most / 2 stretches;
-    averages would flatter. The first NaN of every gap is kept. (n,) -> (m,) ascending; all where n is small.
-    """
-    n = len(values)
-    if n <= most:
-        return np.arange(n)
-    stretch = -(-n // (most // 2))
-    full = n // stretch * stretch
-    blocks = np.asarray(values[:full], dtype=float).reshape(-1, stretch)
-    known = np.isfinite(blocks)
-    least = np.argmin(np.where(known, blocks, np.inf), axis=1)
-    largest = np.argmax(np.where(known, blocks, -np.inf), axis=1)
-    first = np.arange(len(blocks)) * stretch
-    unknown = ~np.isfinite(np.asarray(values, dtype=float))
-    gaps = np.flatnonzero(unknown[1:] & ~unknown[:-1]) + 1  # one sample keeps a gap open
-    rest = np.asarray(values[full:], dtype=float)
-    tail = [full + int(f(rest)) for f in (np.argmin, np.argmax)] if len(rest) else []
-    return np.unique(np.concatenate([[0, n - 1], first + least, first + largest, gaps, tail]).astype(int))
-
-
-def gapped(t_s, *values):
-    """The same series with a NaN wherever the time leaps, so that no line is drawn across."""
-    steps = np.diff(t_s)
-    leaps = np.flatnonzero(steps > _GAP * max(np.median(steps), 1e-9)) + 1 if len(steps) > 2 else []
-    return tuple(np.insert(np.asarray(v, dtype=float), leaps, np.nan) for v in (t_s, *values))
 
 
 def curve(axes, t_s, values, **kwargs):

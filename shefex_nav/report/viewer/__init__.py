@@ -110,8 +110,8 @@ def _temporary(logs, runs, page):
 
 
 def _check_time(log, data, at_s):
-    from shefex_nav.report.viewer import recording
+    from shefex_nav.report.viewer import world
 
-    first_s, last_s = recording.scene(data).truth.t_s[[0, -1]]
+    first_s, last_s = world.time_span(data)
     if not first_s <= at_s <= last_s:
         raise ViewerError(f"{log}: covers {first_s:g} s to {last_s:g} s, not {at_s:g} s")

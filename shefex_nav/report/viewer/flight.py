@@ -3,6 +3,7 @@
 import numpy as np
 
 from shefex_nav.records import Phase
+from shefex_nav.report.local_level import is_replay
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer import world
 from shefex_nav.report.viewer.sender import WHITE, YELLOW, plot_step
@@ -12,6 +13,8 @@ def send(sender, data):
     """Everything of one run."""
     motion(sender, data)
     control(sender, data)
+    if is_replay(data):  # recorded data do not say the phases
+        return
     phases = {phase.name.lower(): colour for phase, colour in world.PHASE_COLOURS.items()}
     states = [Phase(p).name.lower() for p in data.truth.phase]
     sender.lane("states/phase", data.truth.t_s, states, phases, world.time_span(data))

@@ -18,6 +18,7 @@ from shefex_nav.report.viewer.sender import (
     VIOLET,
     YELLOW,
     plot_step,
+    plotted,
 )
 
 CONFIDENCE = 0.95  # of the bounds of NEES
@@ -47,19 +48,19 @@ def errors(sender, data, run="", colours=(BLUE, RED)):
     sigma_t_s, _, sigma = normalised_errors(data, found)
     nine = np.hstack([found.position_i, found.velocity_i, np.degrees(found.attitude_b)])
     sigma = np.hstack([sigma[:, :6], np.degrees(sigma[:, 6:])])
-    shown = plot_step(found.t_s)
-    t_s, nine = found.t_s[::shown], nine[::shown]
-    shown = plot_step(sigma_t_s)
-    sigma_t_s, sigma = sigma_t_s[::shown], sigma[::shown]
     suffix = f" {run}" if run else ""
     for k, plot in enumerate(layout.ERROR_PLOTS):
         folder = f"{plot.entity}/{run}" if run else plot.entity
+        rows = plotted(sigma_t_s, sigma[:, k])
+        at_s, three = sigma_t_s[rows], 3.0 * sigma[rows, k]
         for sign, name, side in ((1.0, "+3 sigma", "plus"), (-1.0, "-3 sigma", "minus")):
-            sender.curve(f"{folder}/{side}", sigma_t_s, sign * 3.0 * sigma[:, k], colours[1], name + suffix)
+            sender.curve(f"{folder}/{side}", at_s, sign * three, colours[1], name + suffix)
+        rows = plotted(found.t_s, nine[:, k])
+        at_s, error = found.t_s[rows], nine[rows, k]
         if run:
-            _outlined(sender, f"{folder}/error", t_s, nine[:, k], colours[0], f"error{suffix}")
+            _outlined(sender, f"{folder}/error", at_s, error, colours[0], f"error{suffix}")
         else:
-            sender.curve(f"{folder}/error", t_s, nine[:, k], colours[0], "error", THIN)
+            sender.curve(f"{folder}/error", at_s, error, colours[0], "error", THIN)
 
 
 def _outlined(sender, entity, t_s, values, colour, name):
@@ -118,9 +119,9 @@ def biases(sender, data):
 def consistency(sender, data, run="", colour=BLUE):
     """NEES with its bounds, and every measurement's NIS by its limit: refused above one."""
     t_s, nees, _ = normalised_errors(data, navigation_errors(data))
-    step = plot_step(t_s)
+    rows = plotted(t_s, nees)
     entity = f"plots/nees/{run or 'run'}"
-    sender.curve(entity, t_s[::step], nees[::step], colour, f"NEES {run}".strip())
+    sender.curve(entity, t_s[rows], nees[rows], colour, f"NEES {run}".strip())
     if run:
         return
     tail = 0.5 * (1.0 - CONFIDENCE)
@@ -174,9 +175,9 @@ def _protection(sender, data, quantity, compared):
     else:
         for k, (name, colour) in enumerate((("horizontal", GREEN), ("vertical", YELLOW))):
             sender.curve(f"{entity}/{name}", nav.t_s[::step], level[:, k], colour, f"level, {name}")
-    step = plot_step(compared.t_s)
-    worst = factor * compared.error.max(axis=1)[::step] if len(compared.t_s) else np.zeros(0)
-    sender.curve(f"{entity}/error", compared.t_s[::step], worst, (240, 240, 240), "error, worst axis")
+    worst = factor * compared.error.max(axis=1) if len(compared.t_s) else np.zeros(0)
+    rows = plotted(compared.t_s, worst)
+    sender.curve(f"{entity}/error", compared.t_s[rows], worst[rows], (240, 240, 240), "error, worst axis")
     words = {int(doubt): f"do not use: {doubt.name.lower()}" for doubt in Doubt}
     words[int(Doubt.NONE)] = "usable"
     colours = {word: GREEN if word == "usable" else ORANGE for word in words.values()}

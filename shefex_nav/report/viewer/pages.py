@@ -10,7 +10,7 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
 from shefex_nav.report import scale, trust
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
-from shefex_nav.report.viewer import counts, legend
+from shefex_nav.report.viewer import counts, legend, world
 from shefex_nav.report.viewer.layout import (
     ERROR_PLOTS,
     MISSION,
@@ -189,7 +189,7 @@ def _time_axis(data, span=None):
     """Time axis over the times `span` (first, last) s, or over the whole log."""
     if not len(data.truth.t_s):
         return None
-    start, end = data.truth.t_s[[0, -1]].tolist() if span is None else span
+    start, end = world.time_span(data) if span is None else span
     boundary = rrb.TimeRangeBoundary.absolute
     return rrb.TimeAxis(
         view_range=rrb.TimeRange(start=boundary(seconds=start), end=boundary(seconds=end)),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from shefex_nav.log.topics import epoch_ns, log_time_ns
+from shefex_nav.report.figures.series import envelope
 
 TIMELINE = "mission_time"  # s since lift-off
 UTC = "utc"
@@ -120,6 +121,14 @@ class Sender:
 def _fits(state, length_s, span):
     """Whether the name of a state has room in the narrowest panel of states."""
     return length_s * LANE_CHARACTERS >= (len(state) + 1.5) * (span[1] - span[0])
+
+
+def plotted(t_s, values):
+    """Samples of a curve: the least and the largest of each stretch of two of `plot_step`, and both ends.
+
+    Every so many-th alone would miss peaks. (n,), (n,) -> (m,) indices, ascending
+    """
+    return envelope(values, max(2, len(t_s) // plot_step(t_s)))
 
 
 def plot_step(t_s):

@@ -5,7 +5,7 @@ import numpy as np
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.instruments import TABLE
 from shefex_nav.report.viewer import world
-from shefex_nav.report.viewer.sender import AXES, BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
+from shefex_nav.report.viewer.sender import AXES, BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step, plotted
 
 VIBRATION_S = 1.0  # over which the scatter of the specific force is taken
 
@@ -30,9 +30,10 @@ def imu(sender, data):
     )
     rate = np.degrees(dtheta_b.sum(axis=1) / (n * dt_s))
     force = dv_b.sum(axis=1) / (n * dt_s) / STANDARD_GRAVITY
-    step = plot_step(t_s)
-    sender.axes("plots/imu/rate", t_s[::step], rate[::step])
-    sender.axes("plots/imu/force", t_s[::step], force[::step])
+    for name, values in (("rate", rate), ("force", force)):
+        for (axis, colour), one in zip(AXES.items(), values.T, strict=True):
+            rows = plotted(t_s, one)
+            sender.curve(f"plots/imu/{name}/{axis}", t_s[rows], one[rows], colour, axis)
     times, scatter = vibration(t_s, dv_b / dt_s[:, :, None] / STANDARD_GRAVITY)
     sender.axes("plots/imu/vibration", times, scatter)
 

@@ -6,6 +6,7 @@ from shefex_nav import event_words
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
+from shefex_nav.report.pairing import whole_time
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer import layout, vehicle
 from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, VIOLET, WHITE, YELLOW
@@ -36,8 +37,7 @@ def path(data):
 
 def time_span(data):
     """(first, last) s of a RunData."""
-    t_s = data.truth.t_s if len(data.truth.t_s) else data.nav.t_s
-    return (float(t_s[0]), float(t_s[-1])) if len(t_s) else (0.0, 1.0)
+    return whole_time(data) or (0.0, 1.0)
 
 
 def thinned(truth, step):

@@ -21,10 +21,14 @@ def draw(records):
 
 
 def _values(flown, key, names):
-    """Largest ratio, or sum of seconds, of each pair of levels: dict."""
-    total = max if key == "largest_ratio" else sum
+    """Largest ratio, or sum of seconds, of pairs of levels: dict. A ratio that is no number is infinite."""
+    is_ratio = key == "largest_ratio"
     return {
-        pair: total((one[key] or 0.0) for record in found for one in record["quantities"].values())
+        pair: (max if is_ratio else sum)(
+            np.inf if is_ratio and one[key] is None and one["usable_s"] else (one[key] or 0.0)
+            for record in found
+            for one in record["quantities"].values()
+        )
         for pair, found in cells.grouped(flown, *names).items()
     }
 
@@ -43,10 +47,11 @@ def _map(flown, key, label, colours):
         grid = np.full((len(rows), len(columns)), np.nan)
         for (one, other), value in values.items():
             grid[rows.index(one), columns.index(other)] = value
-        most = max(np.nanmax(grid), 1e-9)
+        most = max(np.max(grid[np.isfinite(grid)], initial=0.0), 1e-9)
         norm = Normalize(0.0, most)
         if key == "largest_ratio":  # 1 is the middle
-            norm, grid = LogNorm(1.0 / max(most, 2.0), max(most, 2.0)), np.maximum(grid, 1e-6)
+            top = max(most, 2.0)  # of an error without a level, too
+            norm, grid = LogNorm(1.0 / top, top), np.clip(grid, 1e-6, top)
         axes.set_facecolor("#dddddd")
         mesh = axes.imshow(grid, cmap=colours, norm=norm, aspect="auto")
         axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=7.5)
