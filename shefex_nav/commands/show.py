@@ -1,6 +1,7 @@
 """`shefex-nav show`: the star camera's frames on a screen, for a camera on a test bench."""
 
 import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -60,7 +61,19 @@ def show(
         raise typer.BadParameter("a log has its own; give the scenario in its place", param_hint="--seed")
     with tempfile.TemporaryDirectory() as folder:
         log = Path(source) if of_log else _flown(source, FIRST_SEED if seed is None else seed, Path(folder))
-        _show(log, lengths, (gamma, white), pace, port if display else None)
+        with _called(log, source):
+            _show(log, lengths, (gamma, white), pace, port if display else None)
+
+
+@contextmanager
+def _called(log, source):
+    """What is wrong with a log is told of what the user has given: that of a scenario is gone afterwards."""
+    from shefex_nav.log.topics import LogError
+
+    try:
+        yield
+    except LogError as error:
+        raise LogError(str(error).replace(str(log), source)) from None
 
 
 def _lengths(collimator, dot_pitch):

@@ -150,3 +150,14 @@ def test_the_table_says_what_screen_is_wanted(command, log):
 def test_a_log_has_a_seed_already(command, log):
     done = command("show", log, "--seed", "3")
     assert done.code == 2 and "--seed" in done.err and "a log has its own" in done.err
+
+
+def test_a_scenario_without_pictures_is_told_by_its_name(command, tmp_path):
+    """Its log is a temporary file, which nobody knows."""
+    path = tmp_path / "mine.yaml"
+    said = (
+        "extends: night_sky\nstar_tracker: {enabled: false, on: 0 s, off: 1 s}\nmission: {time_limit: 1 s}\n"
+    )
+    path.write_text(said)
+    done = command("show", str(path))
+    assert done.code == 2 and done.err.splitlines()[-1].startswith(f"{path}: keeps no pixels of frames")
