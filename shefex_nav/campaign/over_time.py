@@ -254,8 +254,8 @@ def judge_nees(series):
     return with_holm(found)
 
 
-def judge_nis(series):
-    """Verdicts on the mean NIS of each sensor.
+def judge_nis(series, lasting=()):
+    """Verdicts on the mean NIS of each sensor. lasting : names of those whose errors last in this scenario.
 
     Each run's mean is one sample, so the interval is Student's over runs: innovations of one run have its
     draws in common. With thousands of innovations the smallest fault of a model is certain, so a mean that
@@ -274,7 +274,7 @@ def judge_nis(series):
             one = chi_square(words, float(total[0]), int(dof[some][0]), 1)._replace(practical=PRACTICAL)
         else:
             continue
-        found.append(_above(one) if errors_last(sensor) else one)
+        found.append(_above(one) if errors_last(sensor) or sensor in lasting else one)
     return with_holm(found)
 
 

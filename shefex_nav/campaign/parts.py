@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics, verdict_rows
 from shefex_nav.campaign.summary import name_of, repeat, worst_runs
-from shefex_nav.report import intervals
+from shefex_nav.report import innovations, intervals
 from shefex_nav.report.requirements import NO_LEVELS
 
 RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
@@ -195,7 +195,7 @@ def covariance(campaign, series):
     groups = {
         CONTAINED: over_time.judge_containment(series),
         "NEES at the ends of the phases": over_time.judge_nees(series),
-        "NIS of the sensors": over_time.judge_nis(series),
+        "NIS of the sensors": over_time.judge_nis(series, innovations.fixes_last(campaign.head["source"])),
     }
     rows = []
     for title, verdicts in groups.items():

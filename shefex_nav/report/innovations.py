@@ -11,15 +11,16 @@ from shefex_nav.instruments import TABLE
 from shefex_nav.report import sensor_use
 from shefex_nav.report.nees import chi2_bounds
 from shefex_nav.report.sizes import number
+from shefex_nav.scenario import document
 
 FIXES = "gps_position", "gps_velocity"
 LEVEL = 99.0  # %, of the interval in which the mean should lie
 
 
-def summarise(gates, begin_s=-np.inf, scenario=None):
+def summarise(gates, begin_s=-np.inf, text=""):
     """{sensor: NIS} of a sequence of GateResult from a mission time on; None of a sensor without any.
 
-    scenario : Scenario of the run; None: it is not known
+    text : the scenario of the run, YAML; "" if it is not known
     NIS: mean, dof (of the first), per_dof (sum over the sum of degrees of freedom), samples, rejected,
     interval of the mean, level_percent, and whether errors of the sensor last (`errors_last`, `fixes_last`).
     """
@@ -27,16 +28,25 @@ def summarise(gates, begin_s=-np.inf, scenario=None):
     for gate in gates:
         if gate.dof and np.isfinite(gate.nis) and gate.t_valid_s >= begin_s - SAME_S:
             met[gate.sensor].append(gate)
-    fixes = fixes_last(scenario)
+    fixes = fixes_last(text)
     return {name: _of_sensor(some, errors_last(name) or name in fixes) for name, some in met.items()}
 
 
-def fixes_last(scenario):
-    """Names of the measurements of GPS whose errors last in a Scenario, and are noise to its filter."""
-    if scenario is None or scenario.navigation.gps != "loose":
+def fixes_last(text):
+    """Measurements of GPS whose errors last and are noise to the filter: names, () if there are none.
+
+    text : YAML of a scenario, or of a replay
+    """
+    try:
+        tree = document.parse(text, "").tree
+    except document.BadText:
         return ()
-    errors = scenario.gps.errors  # a section, which is true without any
-    return FIXES if any(getattr(errors, name) for name in type(errors).model_fields) else ()
+    said = [tree.get(name) for name in ("navigation", "gps", "gnss")]
+    navigation, gps, gnss = (section if isinstance(section, dict) else {} for section in said)
+    if navigation.get("gps", "loose") != "loose":
+        return ()
+    share = str(gnss.get("lasting_share") or 0).split()[0]
+    return FIXES if any((gps.get("errors") or {}).values()) or share.strip("0.") else ()
 
 
 def _of_sensor(met, lasts):

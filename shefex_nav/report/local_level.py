@@ -41,7 +41,7 @@ def summarise(data, from_s=None):
         "attitude_rms_rpy_deg": rms and np.degrees(rms[6:]).tolist(),
         "error_over_sigma": over
         and {"position_ned": over[:3], "velocity_ned": over[3:6], "attitude_rpy": over[6:]},
-        "nis": innovations.summarise(data.gates, begin_s),
+        "nis": innovations.summarise(data.gates, begin_s, data.mission.scenario_text),
     }
 
 

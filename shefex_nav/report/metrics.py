@@ -180,7 +180,7 @@ def _navigation(data, height, entry, known):
         **_of_own_software(data, errors, known),
         **({"measurements": sensor_use.measurements(data)} if sensor_use.flew(data) else {}),
         "instruments": instrument_use(data.gates),
-        "nis": innovations.summarise(data.gates, scenario=known.scenario),
+        "nis": innovations.summarise(data.gates, text=data.mission.scenario_text),
         "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry]), known),
     }
 

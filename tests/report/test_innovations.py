@@ -81,9 +81,11 @@ def test_fixes_whose_errors_last_may_have_a_small_nis():
     lasting, white = load("night_sky", (errors,)), load("night_sky")
     gates = [gate("gps_position", 1.1, t_s=0.1 * k) for k in range(600)]
     for scenario, words in ((lasting, "; up to 3.26 expected"), (white, "; 2.75 to 3.26 expected")):
-        found = innovations.summarise(gates, scenario=scenario)
+        found = innovations.summarise(gates, text=scenario.source)
         assert found["gps_position"]["errors_last"] is (scenario is lasting)
         ((name, text),) = innovations.rows(found)
         assert name == "NIS, GPS position" and words in text
-    tight = lasting.with_sections(navigation=lasting.navigation.model_copy(update={"gps": "tight"}))
-    assert innovations.fixes_last(tight) == () and innovations.fixes_last(None) == ()
+    tight = load("night_sky", ("gps.errors.satellite={range: 2 m, rate: 0.5 mm/s}", "navigation.gps=tight"))
+    assert innovations.fixes_last(tight.source) == () and innovations.fixes_last("") == ()
+    for share, last in (("75 %", innovations.FIXES), ("0 %", ()), ("0.0 %", ())):
+        assert innovations.fixes_last(f"gnss: {{lasting_share: {share}}}") == last

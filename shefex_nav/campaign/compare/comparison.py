@@ -9,6 +9,7 @@ from shefex_nav.campaign.compare import paired
 from shefex_nav.campaign.compare.given import LOG, CompareError
 from shefex_nav.campaign.compare.quantities import LARGER, NEITHER, QUANTITIES, SOLUTION_SHARE, of_sensor
 from shefex_nav.clock import SAME_S
+from shefex_nav.report import innovations
 from shefex_nav.scenario import differences, software
 
 MOST_SEEDS = 3  # that are named
@@ -58,8 +59,9 @@ def compare(a, b):
     whole = [seed for seed in seeds if not a.runs[seed].failed and not b.runs[seed].failed]
     one_flight = a.kind == b.kind == LOG and a.where == b.where  # of which two filters say something
     compared = [one for one in QUANTITIES if not one.timed or (a.kind == b.kind and not one_flight)]
+    lasting = {*innovations.fixes_last(a.source), *innovations.fixes_last(b.source)}
     for sensor in sorted({*a.sensors, *b.sensors}):
-        compared += of_sensor(sensor)
+        compared += of_sensor(sensor, lasting)
     rows = tuple(_row(quantity, a, b, whole) for quantity in compared)
     rows = tuple(row for row in rows if row.a is not None or row.b is not None)
     shares = (_failed(a, b, seeds), *_met(a, b, whole))

@@ -100,9 +100,12 @@ def _refused(sensor):
     return figure
 
 
-def of_sensor(sensor):
-    """Quantities of what became of the measurements of a sensor, and of their NIS."""
-    name, lasts = sensor_use.named(sensor), innovations.errors_last(sensor)
+def of_sensor(sensor, lasting=()):
+    """Quantities of what became of the measurements of a sensor, and of their NIS.
+
+    lasting : names of sensors whose errors last in the scenarios that are compared
+    """
+    name, lasts = sensor_use.named(sensor), innovations.errors_last(sensor) or sensor in lasting
     yield Quantity(f"{name}, used", "", _used(sensor), NEITHER)
     yield Quantity(f"{name}, refused", "%", _refused(sensor), NEITHER)
     yield Quantity(
