@@ -42,6 +42,7 @@ class Flown(NamedTuple):
     track: gps_limits.Track | None = None  # likewise
     sight: star_sight.Sight | None = None  # likewise
     pushed: lasting.Pushed | None = None  # None: not known, or hardly any
+    turned: np.ndarray | None = None  # likewise, of `lasting.turned`
 
 
 class _Moments(NamedTuple):
@@ -61,19 +62,20 @@ def of_flight(flight):
     astray = astray_deg(flight.control, trajectory)
     sight = star_sight.sight(trajectory.t_s, trajectory.q_ib, trajectory.r_i)
     pushed = lasting.pushed(trajectory)
-    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track, sight, pushed)
+    end_s, turned = float(trajectory.t_s[-1]), lasting.turned(trajectory)
+    return Flown(flight.events, astray, end_s, moved, track, sight, pushed, turned)
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved, track, sight, pushed = data.truth, None, None, None, None
+    truth, moved, track, sight, pushed, turned = data.truth, None, None, None, None, None
     if len(truth.t_s):
         moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
         track = gps_limits.track(truth.t_s, truth.r_i, truth.v_i)
         sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
-        pushed = lasting.pushed(truth)
+        pushed, turned = lasting.pushed(truth), lasting.turned(truth)
     astray = astray_deg(data.control, truth)
-    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, pushed)
+    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, pushed, turned)
 
 
 def astray_deg(control, truth):

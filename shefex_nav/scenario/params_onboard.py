@@ -211,10 +211,14 @@ def camera_turn(scenario):
 
     That of mounting and principal point, unless `navigation.sensors` has another one.
     """
-    optics, detector = scenario.star_camera.optics, scenario.star_camera.detector
-    offset = optics.principal_point_error * detector.pixel_size / optics.focal_length
-    turned = float(np.hypot(scenario.star_camera.mounting.error, offset))
-    return _given(scenario.navigation.sensors.camera_mounting, turned)
+    return _given(scenario.navigation.sensors.camera_mounting, turn_of(scenario.star_camera))
+
+
+def turn_of(star_camera):
+    """The same of a star camera, section or settings."""
+    optics = star_camera.optics
+    offset = optics.principal_point_error * star_camera.detector.pixel_size / optics.focal_length
+    return float(np.hypot(star_camera.mounting.error, offset))
 
 
 def _given(override, value):
