@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight
+from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight, unseen
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
 from shefex_nav.scenario import lens
@@ -158,7 +158,7 @@ def _by_flight(scenario, flown):
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
-    return found
+    return [*found, *(Warned(*one) for one in unseen.found(scenario, flown))]
 
 
 def _of_epoch(epoch_utc):
@@ -191,7 +191,7 @@ def _of_programme(scenario, flown):
         found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))
     else:
         found += _of_sight(scenario, flown)
-    return found
+    return [*found, *_on_the_way_up(scenario, flown)]
 
 
 def _of_sight(scenario, flown):
@@ -325,3 +325,25 @@ def _star_tracker(scenario, flown):
         return
     key, t_s = ("on", tracker.on) if tracker.on >= entry else ("off", tracker.off)
     yield Warned(("star_tracker", key), f"{_after(t_s, moments)}: {LOOKS}")
+
+
+def _on_the_way_up(scenario, flown):
+    """A star tracker that is on in the air before the vehicle leaves it, or although it never does."""
+    moments, tracker = _moments(flown), scenario.star_tracker
+    looks = any(task.task in LOOKING for _, task in scenario.tasks)
+    if not tracker.enabled:
+        return
+    if moments.landed is not None and moments.entry is None:
+        if not looks:  # of tasks it is said
+            top_km = _height_km(flown, "apogee") or 0.0
+            words = f"the vehicle stays in the air, its apogee is {top_km:.1f} km: {LOOKS}"
+            yield Warned(("star_tracker", "enabled"), f"{words}; write false")
+        return
+    if flown.track is None:
+        return
+    heights_km, t_s = 1e-3 * gps_limits.heights(flown.track), flown.track.t_s
+    above = np.flatnonzero(heights_km >= AIR_KM)
+    if len(above) and tracker.on < t_s[above[0]] - gps_limits.STEP_S:
+        height_km = float(np.interp(tracker.on, t_s, heights_km))
+        words = f"{tracker.on:g} s is on the way up, at {height_km:.1f} km: {LOOKS}; switch it on above"
+        yield Warned(("star_tracker", "on"), f"{words} {AIR_KM:.0f} km, from T{t_s[above[0]]:+.0f} s on")
