@@ -351,7 +351,7 @@ def test_it_warns_of_what_check_warns(name, more, states):
 def test_a_warning_about_an_item_of_a_list_is_one():
     """It ended in a traceback: the place of the item is a number."""
     span = "gps.only=[{from: 300 s, until: 310 s, satellites: 2}]"
-    brief = ["mission.time_limit=200 s", "star_tracker.enabled=false"]
+    brief = ["mission.time_limit=200 s", "star_tracker.off=200 s", "star_tracker.enabled=false"]
     (text,) = predicted("night_sky", [*brief, span]).warnings
     assert text.startswith("gps.only.0.from: 300 s is after the end of the flight, T+200.0 s")
 
