@@ -154,6 +154,7 @@ def _by_flight(scenario, flown):
         found += _of_sight(scenario, flown)
     if flown.motion is not None:
         found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, flown.motion)]
+        found += [Warned(*one) for one in star_sight.turning(scenario, flown.motion)]
     if flown.track is not None:
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
