@@ -188,10 +188,28 @@ def _drives(words, size, drives, sensed):
 def _covariance(words, value, size):
     """A value of the plug-in as a covariance, which may have no rank. words : what it is"""
     P = _numbers(words, value, (size, size))
-    slack = ROUNDING * np.trace(P)
-    if not (np.abs(P - P.T).max() <= slack and np.linalg.eigvalsh(P)[0] >= -slack):
+    if not _is_covariance(P):
         raise CodeError(f"{words} must be a covariance, got {P.tolist()}")
     return P
+
+
+def _is_covariance(P):
+    """Whether a matrix is symmetric and makes no variance below zero, but for rounding.
+
+    Rounding is judged among errors that hang together: others may be of another unit.
+    """
+    left = set(range(len(P)))
+    while left:
+        part, new = set(), {min(left)}
+        while new:
+            part |= new
+            new = {int(k) for k in np.flatnonzero((P[sorted(new)] != 0.0).any(axis=0))} - part
+        left -= part
+        one = P[np.ix_(sorted(part), sorted(part))]
+        slack = ROUNDING * np.trace(one)
+        if not (np.abs(one - one.T).max() <= slack and np.linalg.eigvalsh(one)[0] >= -slack):
+            return False
+    return True
 
 
 def _numbers(words, value, shape):

@@ -53,6 +53,25 @@ def test_noise_that_there_cannot_be_is_refused(changes, words):
         expected(**changes)
 
 
+@pytest.mark.parametrize(
+    "R", [np.diag([1e10, -1e-3]), np.array([[1e10, 0.0, 0.0], [0.0, 1e-6, 2e-6], [0.0, 2e-6, 1e-6]])]
+)
+def test_noise_in_several_units_is_looked_at_in_each(R):
+    """Beside a variance of (100 km)^2 one of -1e-3 was taken for rounding."""
+    m = len(R)
+    with pytest.raises(CodeError, match="what lasts must be a covariance"):
+        expected(z=np.zeros(m), H=np.zeros((m, 15)), R=np.eye(m), lasting=((R, 10.0),))
+
+
+def test_rounding_is_no_variance_below_zero():
+    """Of unit vectors near an axis, along which there is no noise."""
+    for angle in (0.0, 1e-9, 1e-8, 3e-8, 1e-5, 0.7):
+        u = np.array([np.cos(angle), np.sin(angle), 0.0])
+        u /= np.linalg.norm(u)
+        lasts = 1e-8 * (np.eye(3) - np.outer(u, u)) - np.diag([2e-24 * (angle > 0.0), 0.0, 0.0])
+        expected(z=np.zeros(3), H=np.zeros((3, 15)), R=np.eye(3), lasting=((lasts, 10.0),))
+
+
 def test_noise_may_lack_a_direction_and_errors_may_last_for_ever():
     """A unit vector has no noise along itself."""
     seen = expected(R=[[4.0, 4.0], [4.0, 4.0]], lasting=((np.zeros((2, 2)), np.inf),))

@@ -31,7 +31,7 @@ def beyond(gps, flown):
     """
     for key, scale, unit, values in (
         ("highest_speed", 1.0, "m/s", _speed),
-        ("highest_height", 1e-3, "km", _height),
+        ("highest_height", 1e-3, "km", heights),
     ):
         limit = getattr(gps, key)
         if not np.isfinite(limit):
@@ -53,6 +53,6 @@ def _speed(flown):
     return np.linalg.norm(flown.v_i - ground, axis=1)
 
 
-def _height(flown):
+def heights(flown):
     """Over the ellipsoid. Track -> (M,) m"""
     return np.array([wgs84.geodetic_from_ecef(r)[2] for r in flown.r_i])

@@ -50,7 +50,7 @@ def beyond(imu, flown):
             continue
         k = int(np.argmax(values.max(axis=0)))
         begin_s, peak_s = flown.t_s[np.argmax(over.any(axis=1))], flown.t_s[np.argmax(values[:, k])]
-        words = f"{scale * limit:.4g} {unit} is exceeded for {STRETCH_S * over.any(axis=1).sum():.0f} s"
+        words = f"{scale * limit:.4g} {unit} is exceeded at instants of {over.any(axis=1).sum():d} seconds"
         words += ", vibration apart" if name == "accelerometer" else ""
         reached = f"axis {AXES[k]} reaches {scale * values[:, k].max():.4g} {unit} at T{peak_s:+.0f} s"
         words = (

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight
+from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight, unseen
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
 from shefex_nav.scenario import lens
@@ -42,6 +42,7 @@ class Flown(NamedTuple):
     track: gps_limits.Track | None = None  # likewise
     sight: star_sight.Sight | None = None  # likewise
     pushed: lasting.Pushed | None = None  # None: not known, or hardly any
+    turned: np.ndarray | None = None  # likewise, of `lasting.turned`
 
 
 class _Moments(NamedTuple):
@@ -61,19 +62,20 @@ def of_flight(flight):
     astray = astray_deg(flight.control, trajectory)
     sight = star_sight.sight(trajectory.t_s, trajectory.q_ib, trajectory.r_i)
     pushed = lasting.pushed(trajectory)
-    return Flown(flight.events, astray, float(trajectory.t_s[-1]), moved, track, sight, pushed)
+    end_s, turned = float(trajectory.t_s[-1]), lasting.turned(trajectory)
+    return Flown(flight.events, astray, end_s, moved, track, sight, pushed, turned)
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved, track, sight, pushed = data.truth, None, None, None, None
+    truth, moved, track, sight, pushed, turned = data.truth, None, None, None, None, None
     if len(truth.t_s):
         moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
         track = gps_limits.track(truth.t_s, truth.r_i, truth.v_i)
         sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
-        pushed = lasting.pushed(truth)
+        pushed, turned = lasting.pushed(truth), lasting.turned(truth)
     astray = astray_deg(data.control, truth)
-    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, pushed)
+    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, pushed, turned)
 
 
 def astray_deg(control, truth):
@@ -153,11 +155,12 @@ def _by_flight(scenario, flown):
     if flown.motion is not None:
         for limits in (imu_range.beyond, imu_range.coarse):
             found += [Warned(path, text) for path, text in limits(scenario.imu, flown.motion)]
+        found += [Warned(*one) for one in star_sight.turning(scenario, flown.motion)]
     if flown.track is not None:
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
-    return found
+    return [*found, *(Warned(*one) for one in unseen.found(scenario, flown))]
 
 
 def _of_epoch(epoch_utc):
@@ -190,7 +193,7 @@ def _of_programme(scenario, flown):
         found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))
     else:
         found += _of_sight(scenario, flown)
-    return found
+    return [*found, *_on_the_way_up(scenario, flown)]
 
 
 def _of_sight(scenario, flown):
@@ -324,3 +327,25 @@ def _star_tracker(scenario, flown):
         return
     key, t_s = ("on", tracker.on) if tracker.on >= entry else ("off", tracker.off)
     yield Warned(("star_tracker", key), f"{_after(t_s, moments)}: {LOOKS}")
+
+
+def _on_the_way_up(scenario, flown):
+    """A star tracker that is on in the air before the vehicle leaves it, or although it never does."""
+    moments, tracker = _moments(flown), scenario.star_tracker
+    looks = any(task.task in LOOKING for _, task in scenario.tasks)
+    if not tracker.enabled:
+        return
+    if moments.landed is not None and moments.entry is None:
+        if not looks:  # of tasks it is said
+            top_km = _height_km(flown, "apogee") or 0.0
+            words = f"the vehicle stays in the air, its apogee is {top_km:.1f} km: {LOOKS}"
+            yield Warned(("star_tracker", "enabled"), f"{words}; write false")
+        return
+    if flown.track is None:
+        return
+    heights_km, t_s = 1e-3 * gps_limits.heights(flown.track), flown.track.t_s
+    above = np.flatnonzero(heights_km >= AIR_KM)
+    if len(above) and tracker.on < t_s[above[0]] - gps_limits.STEP_S:
+        height_km = float(np.interp(tracker.on, t_s, heights_km))
+        words = f"{tracker.on:g} s is on the way up, at {height_km:.1f} km: {LOOKS}; switch it on above"
+        yield Warned(("star_tracker", "on"), f"{words} {AIR_KM:.0f} km, from T{t_s[above[0]]:+.0f} s on")

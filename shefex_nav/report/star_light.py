@@ -159,7 +159,7 @@ def notes(scenario):
         lines.append(f"star_camera.stars.faintest: {words} for a sky as full as this camera sees it")
     reached = min(seen.faintest, catalogue.SILICON_TO if band == "silicon" else LISTED)
     if reached - known_to > DEEPER and tracker.identification.deepest is None:
-        deep = min(reached - 1.0, drawn_to)
+        deep = math.floor(10.0 * min(reached - 1.0, drawn_to)) / 10.0  # as it is written
         words = f"the star tracker knows stars to {band} {known_to:g}"
         words += f", {seen.in_field:.0f} in the field on average"
         if deep > known_to:

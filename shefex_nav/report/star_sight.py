@@ -1,6 +1,7 @@
 """Where the star camera looks while a programme points it: too near to the Sun, or to the Earth's limb?
 
-And whether the programme turns it faster than its star tracker takes frames (`too_fast`).
+And whether the programme turns it faster than its star tracker takes frames (`too_fast`), or the vehicle
+turns so while the star tracker is on (`turning`).
 
 Frames within the exclusion angles are taken and tried all the same, and are not of the star tracker's window.
 So a programme that points the camera there has a star tracker that counts nothing.
@@ -90,6 +91,26 @@ def too_fast(scenario):
             )
             limit = f"{np.degrees(tracker.highest_rate):.3g} deg/s"
             yield ("programme", name), f"{words}, {limit}, give no attitude: turn more slowly, or raise it"
+
+
+def turning(scenario, moved):
+    """Warnings: (path in the scenario, text) of a star tracker that is on while the vehicle turns too fast.
+
+    moved : imu_range.Motion, the largest rates of each second
+    """
+    tracker = scenario.star_tracker
+    if not tracker.enabled or tracker.software != BUILT_IN or any(too_fast(scenario)):
+        return
+    rates = moved.rate[(moved.t_s >= tracker.on) & (moved.t_s < tracker.off)].max(axis=1, initial=0.0)
+    fast = rates > tracker.highest_rate
+    if fast.any() and fast.mean() > SHARE:
+        words = (
+            f"in {fast.sum()} of the {fast.size} seconds in which the star tracker is on, the vehicle turns "
+            f"faster than {np.degrees(tracker.highest_rate):.3g} deg/s at an instant at least, up to "
+            f"{np.degrees(rates.max()):.3g} deg/s about an axis: frames from then give no attitude; switch "
+            "it on when the vehicle is slow, or raise this"
+        )
+        yield ("star_tracker", "highest_rate"), words
 
 
 def _aims(looks, t_s):

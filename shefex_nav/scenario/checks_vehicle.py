@@ -278,6 +278,10 @@ def _lift_off(scenario):
             f"{name} gives {_newtons(force)} on the rail within a second after ignition, the weight along "
             f"the rail is {_newtons(weight)}; the vehicle would not lift off"
         )
+        if (later_s := _reaches(curve, weight + pressure * stage.motor.exit_area)) is not None:
+            words += (
+                f" before {later_s:.3g} s, and lift-off counts from ignition: the thrust must rise faster"
+            )
         yield ("vehicle", "stages", name, "motor"), words
 
 
@@ -300,6 +304,14 @@ def _highest(curve, until_s):
         part = min(1.0, (until_s - t_a) / (t_b - t_a))
         highest = max(highest, a, a + part * (b - a))
     return highest
+
+
+def _reaches(curve, force):
+    """When the thrust of a Curve exceeds a force, s since ignition; None: it never does."""
+    for (t_a, a), (t_b, b) in pairwise(zip(curve.t_s, curve.thrust_n, strict=True)):
+        if b > force >= a:
+            return t_a + (t_b - t_a) * (force - a) / (b - a)
+    return None
 
 
 def _newtons(force):

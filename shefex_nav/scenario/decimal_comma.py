@@ -12,9 +12,16 @@ REST_WITH_UNIT = re.compile(r"\d+\s*[A-Za-z%].*")
 
 
 def in_text(text):
-    """`; write 56.0 kg: ...` if a text has a decimal comma, else nothing."""
+    """`; write 56.0 kg: ...` if a text has a decimal comma, else nothing.
+
+    `1,000 m` may be one metre or a thousand.
+    """
     meant = re.sub(r"(?<=\d),(?=\d)", ".", text)
-    return f"; write {meant}: numbers have a point" if meant != text and text.count(",") == 1 else ""
+    if meant == text or text.count(",") > 1 or meant.count(".") > 1:
+        return ""
+    thousands = re.sub(r"(?<![\d.])([1-9]\d{0,2}),(?=\d{3}(?!\d))", r"\1", text)
+    either = f"{meant} or, if thousands are meant, {thousands}" if thousands != text else meant
+    return f"; write {either}: numbers have a point"
 
 
 def of_mapping(node, k):

@@ -58,7 +58,8 @@ def _complete_by_use(block, blocks):
 def _partial(block):
     """A schema block without required keys, pointing to others like it; `null` takes any value away.
 
-    What is not complete may be any of several forms, hence anyOf for oneOf.
+    What is not complete may be any of several forms, hence anyOf for oneOf; a form that takes the place of
+    another one takes keys of that away, which it does not have itself.
     """
     if isinstance(block, list):
         return [_partial(item) for item in block]
@@ -73,5 +74,9 @@ def _partial(block):
         values = partial.get(key, {})
         partial |= (
             {key: {name: {"anyOf": [v, {"type": "null"}]} for name, v in values.items()}} if values else {}
+        )
+    if (others := partial.get("additionalProperties", True)) is not True:
+        partial["additionalProperties"] = (
+            {"anyOf": [others, {"type": "null"}]} if others else {"type": "null"}
         )
     return partial

@@ -97,7 +97,7 @@ def nav_params(scenario):
     shaken = params_shaken.at_rest(vibration, 1.0 / IMU_HZ)
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, False, shaken)
     white, walk = params.clock(scenario).densities
-    told, period_s = _beforehand(scenario), 1.0 / vibration.lowest_frequency
+    told, period_s = beforehand(scenario), 1.0 / vibration.lowest_frequency
     late_s = max(scenario.gps.latency, aboard.longest_latency(scenario))
     return NavParams(
         imu=_imu_model(scenario, told),
@@ -142,8 +142,8 @@ def _gps_told(scenario):
     )
 
 
-def _beforehand(scenario):
-    """Beforehand of a Scenario."""
+def beforehand(scenario):
+    """Beforehand of a Scenario as the computer is told."""
     sensors, imu = scenario.navigation.sensors, scenario.imu
     return Beforehand(
         gyro=imu.gyro,
@@ -152,7 +152,7 @@ def _beforehand(scenario):
         gyro_misalignment=_given(sensors.gyro_misalignment, imu.gyro.misalignment),
         rectified=imu.accelerometer.vibration_rectification * params_shaken.strongest(imu.vibration) ** 2,
         gravity=scenario.navigation.gravity_error,
-        mounting=_given(sensors.camera_mounting, _boresight_error(scenario)),
+        mounting=camera_turn(scenario),
         lever_arm=sensors.lever_arm_error,
         clock=(sensors.clock_bias, sensors.clock_drift),
         gps_latency=sensors.gps_latency_error,
@@ -199,11 +199,19 @@ def _motors(scenario):
     return np.array(rows).reshape(-1, 2)
 
 
-def _boresight_error(scenario):
-    """Constant attitude error of the star camera, rad: mounting and offset of the principal point."""
-    optics, detector = scenario.star_camera.optics, scenario.star_camera.detector
-    offset = optics.principal_point_error * detector.pixel_size / optics.focal_length
-    return float(np.hypot(scenario.star_camera.mounting.error, offset))
+def camera_turn(scenario):
+    """Constant attitude error of the star camera, rad, each axis, of a Scenario as the computer is told.
+
+    That of mounting and principal point, unless `navigation.sensors` has another one.
+    """
+    return _given(scenario.navigation.sensors.camera_mounting, turn_of(scenario.star_camera))
+
+
+def turn_of(star_camera):
+    """The same of a star camera, section or settings."""
+    optics = star_camera.optics
+    offset = optics.principal_point_error * star_camera.detector.pixel_size / optics.focal_length
+    return float(np.hypot(star_camera.mounting.error, offset))
 
 
 def _given(override, value):

@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import sample_s
-from shefex_nav.onboard.navigation.blocks import ANGLE, DURATION, SPEED, STATES, Beforehand
-from shefex_nav.scenario import aboard, weight
+from shefex_nav.onboard.navigation.blocks import ANGLE, DURATION, SPEED, STATES
+from shefex_nav.scenario import aboard, params_onboard, weight
 
 WINDOW_S = 60.0  # [E] three times the filter's memory of thrust: an error that lasts longer is no noise
 SWAMPS = 3.0  # [E] times the noise
@@ -103,7 +103,7 @@ def effects(scenario, moved, events, end_s):
     -------
     list of Effect
     """
-    sigmas = _sigmas(scenario.imu)
+    sigmas = _sigmas(params_onboard.beforehand(scenario))
     sizes = {
         name: _worst(moved.rate_windows if by_rate else moved.force_windows, sigma)
         for name, (by_rate, sigma) in sigmas.items()
@@ -130,9 +130,12 @@ def effects(scenario, moved, events, end_s):
     return found + _of_others(scenario)
 
 
-def _sigmas(imu):
-    """{block: (whether it goes with rates, (3, 3) sigma of what axis i sees per unit along j)} of the IMU."""
-    told, out = Beforehand(imu.gyro, imu.accelerometer, imu.gyro.scale_factor_roll, imu.gyro.misalignment), {}
+def _sigmas(told):
+    """{block: (whether it goes with rates, (3, 3) sigma of what axis i sees per unit along j)} of the IMU.
+
+    told : Beforehand
+    """
+    out = {}
     for state in STATES:
         if state.drives and state.drives[0].weight != DURATION:
             by_rate = state.drives[0].weight < SPEED
@@ -177,7 +180,8 @@ def _rectified(scenario, moved):
 def noise(scenario, block):
     """What noise makes in a window: rad of gyros, m/s of accelerometers. block : its name"""
     if block.startswith("gyro"):
-        return scenario.imu.gyro.random_walk * np.sqrt(WINDOW_S)
+        walk = scenario.navigation.sensors.gyro_random_walk or scenario.imu.gyro.random_walk
+        return walk * np.sqrt(WINDOW_S)
     gps, fixes = scenario.gps, WINDOW_S * scenario.gps.rate
     by_positions = DILUTION * gps.range_noise * np.sqrt(720.0 / fixes) / WINDOW_S
     if gps.fix != "full":
@@ -201,9 +205,9 @@ def _of_others(scenario):
     """Effect of blocks that are not the IMU's."""
     tracker, camera = scenario.star_tracker, scenario.star_camera
     one_star = tracker.identification.centroid_error * camera.detector.pixel_size / camera.optics.focal_length
-    enabled = tracker.enabled and camera.mounting.error > 0.0
+    turn = params_onboard.camera_turn(scenario)
     words = "constant, no number of fixes averages it out" if tracker.enabled else "no star tracker"
-    found = [Effect("mounting", enabled, camera.mounting.error, one_star, "deg", words)]
+    found = [Effect("mounting", tracker.enabled and turn > 0.0, turn, one_star, "deg", words)]
     if scenario.navigation.gps == "tight":
         found.append(Effect("clock", True, np.nan, np.nan, "m", "ranges need it"))
         if scenario.gps.errors.model_dump(exclude_none=True):

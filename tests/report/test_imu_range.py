@@ -55,3 +55,13 @@ def test_counts_stay_for_a_turn_where_noise_needs_longer_to_walk_through_one(def
 
 def test_the_default_mission_stays_within_its_ranges(default_scenario):
     assert programme.foreseen(load.load(default_scenario)) == ()
+
+
+def test_seconds_of_which_a_part_exceeds_a_range_are_not_said_to_exceed_it_throughout(default_scenario):
+    """Four short peaks of 10 ms each: not 4 s beyond the range."""
+    t_s = np.arange(0.0, 9.0, 0.0025)
+    omega_b = np.where((t_s % 2.0 < 0.01)[:, None] & (t_s[:, None] > 1.0), [2.0, 0.0, 0.0], 0.0)
+    flown = imu_range.motion(t_s, omega_b, np.zeros_like(omega_b))
+    imu = load.load(default_scenario, ["imu.gyro.range=100 deg/s"]).imu
+    ((_, text),) = imu_range.beyond(imu, flown)
+    assert text.startswith("100 deg/s is exceeded at instants of 4 seconds, first at T+2 s")

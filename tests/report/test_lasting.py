@@ -177,3 +177,58 @@ def test_run_tells_it_before_and_in_its_result(command, tmp_path):
     (told,) = json.loads(result.out)["warnings"]
     assert told["field"] == "navigation.states" and line.endswith(told["text"])
     assert "stands on the ground for 3 s" in told["text"]
+
+
+def turning(rate, seconds=100.0, hz=100.0):
+    """A minute at rest, then a body that spins about x."""
+    t_s = np.arange(0.0, 60.0 + seconds, 1.0 / hz)
+    angle = rate * np.maximum(t_s - 60.0, 0.0)
+    q_ib = np.array([rotation.quat_from_rotvec(np.array([one, 0.0, 0.0])) for one in angle])
+    omega_b = np.where(t_s[:, None] > 60.0, [rate, 0.0, 0.0], 0.0)
+    return lasting.turned(SimpleNamespace(t_s=t_s, q_ib=q_ib, omega_ib_b=omega_b))
+
+
+def test_what_an_error_of_the_gyros_makes_of_a_spin():
+    """The scale factor of the roll gyro grows with the angle; what is across goes round."""
+    angle = 9.0 * lasting.WINDOW_S
+    worst = np.sqrt(turning(9.0).max(axis=0))
+    assert worst[0, 0] == pytest.approx(angle, rel=0.01)
+    assert worst[1, 0] < 2.1 and worst[2, 0] < 2.1  # 2 of a radian per rad: a half turn
+    assert not worst[:, 1:].any()
+    assert turning(0.04) is None
+
+
+def told_of_turns(states, rate=9.0, *overrides):
+    """What is said of the gyros of the default scenario in a spin."""
+    scenario = load.load(DEFAULT, [f"navigation.states={states}", "star_tracker.enabled=false", *overrides])
+    return lasting.words(scenario, programme.Flown((), 0.0, 160.0, turned=turning(rate)))
+
+
+def test_a_spin_that_makes_an_error_of_the_gyros_too_large_for_noise_is_told():
+    """The default flight without gyro_roll_column: NEES of the attitude per axis 1460 at T+150 s."""
+    text = told_of_turns("[gravity]")
+    size = np.degrees(30e-6 * 9.0 * lasting.WINDOW_S / np.sqrt(3.0))
+    assert text.startswith(f"gyro_roll_column is missing: its error turns the attitude by {size:.2g} deg")
+    assert text.endswith("write states: [gyro_roll_column, gravity]")
+    for enough in ("[gyro_roll_column]", "[gyro_scale]", "[gyro_scale, gyro_misalignment]"):
+        assert not told_of_turns(enough)
+    assert told_of_turns("[gyro_misalignment]").endswith("write states: [gyro_scale, gyro_misalignment]")
+    assert not told_of_turns("[gravity]", 9.0, "imu.gyro.scale_factor_roll=1 ppm")  # noise is larger
+    assert not told_of_turns("[gravity]", 9.0, "navigation.manoeuvre_angle=100 rad")  # noise stands for it
+
+
+def test_a_camera_that_is_off_for_good_is_told():
+    """NEES of the attitude of the default flight without the block: 4700 to 14500, 3 expected."""
+    without = OF_THE_DEFAULT.replace(", mounting", "")
+
+    def text(*overrides):
+        return said(load.load(DEFAULT, [without, *overrides]))
+
+    error = np.hypot(0.02, np.degrees(0.3 * 9.9e-6 / 24.95e-3))
+    assert text().startswith(f"mounting is missing: the star camera is off by {error:.3g} deg (1 sigma, of ")
+    assert text().endswith(f"write states: {OF_THE_DEFAULT.partition('=')[2]}")
+    assert not said(load.load(DEFAULT, [OF_THE_DEFAULT])) and not text("star_tracker.enabled=false")
+    mounted, point = "star_camera.mounting.error=0 deg", "star_camera.optics.principal_point_error=0 pix"
+    assert text(mounted) and text(point) and not text(mounted, point)
+    absent = "without=[camera_mounting, camera_principal_point]"
+    assert not text(absent) and not text("navigation.star_fix_floor=1 deg")

@@ -13,6 +13,7 @@ from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.records import Event, Phase, TruthSample, rows
 from shefex_nav.report import metrics, page, programme, table
 from shefex_nav.scenario import load
+from shefex_nav.scenario.document import dotted
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / "scenarios" / "shefex2_andoya.yaml"
@@ -29,7 +30,7 @@ SHIFTED = (  # as far as the entry moves
 
 
 def fields(found):
-    return [".".join(one.field) for one in found]
+    return [dotted(one.field) for one in found]
 
 
 @pytest.fixture(scope="module")
@@ -168,8 +169,13 @@ def test_an_elevation_that_cannot_help_is_not_named():
         assert "more impulse" in said and "elevation" not in said
 
 
+OF_OUTAGES = "lift_off", "burn_out_1", "separation_1", "ignition_2", "burn_out_2"  # of the GPS receiver
+
+
 def flown(*events, end_s=500.0, astray_deg=0.2):
     made = [Event(t_s, name, 1e3 * height_km, "") for t_s, name, height_km in events]
+    given = {event.name for event in made}
+    made += [Event(1.0, name, 1e3, "") for name in OF_OUTAGES if name not in given]
     return programme.Flown(tuple(made), astray_deg, end_s)
 
 
@@ -200,9 +206,7 @@ USUAL = (
 )
 def test_what_does_not_fit(scenario, events, field, words):
     end_s = max(t_s for t_s, *_ in events)
-    found = {
-        ".".join(one.field): one.text for one in programme.warnings(scenario, flown(*events, end_s=end_s))
-    }
+    found = {dotted(one.field): one.text for one in programme.warnings(scenario, flown(*events, end_s=end_s))}
     assert words in found[field]
 
 
@@ -210,10 +214,10 @@ def test_a_flight_that_never_leaves_the_air_is_told_of_its_slew(scenario):
     """No entry that the time could be counted from: a first motor that is misaligned, an apogee of 92 km."""
     low = (235.0, "slew_start", 91.0), (262.0, "apogee", 92.0), (330.0, "altitude_60km", 60.0)
     found = programme.warnings(scenario, flown(*low, (420.0, "impact", 0.0)))
-    words = {".".join(one.field): one.text for one in found}
+    words = {dotted(one.field): one.text for one in found}
     assert "405 s is on the way down, below 60 km" in words["programme.entry_slew.at"]
     found = programme.warnings(scenario, flown(*low, (390.0, "impact", 0.0)))
-    words = {".".join(one.field): one.text for one in found}
+    words = {dotted(one.field): one.text for one in found}
     assert "405 s is after the impact, T+390.0 s" in words["programme.entry_slew.at"]
 
 
@@ -278,7 +282,7 @@ def test_result_table_and_page_tell(flat, data):
     scenario, flight = flat
     summary = metrics.summarise(data)
     wanted = programme.warnings(scenario, programme.of_flight(flight))
-    assert summary["warnings"] == [{"field": ".".join(one.field), "text": one.text} for one in wanted]
+    assert summary["warnings"] == [{"field": dotted(one.field), "text": one.text} for one in wanted]
     assert metrics.summarise(data, scenario=scenario)["warnings"] == summary["warnings"]
     lines = dict(table.rows(summary))["warnings"]
     assert [name for name, _ in lines] == fields(wanted)
@@ -346,3 +350,28 @@ def test_a_warning_about_an_item_of_a_list_names_it(monkeypatch):
     monkeypatch.setattr(metrics.programme, "warnings", lambda scenario, flown: [warned])
     found = metrics._warnings(None, object())
     assert found == [{"field": "vehicle.pressure_station.10", "text": "far off"}]
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "field", "words"),
+    [
+        ("shefex2_andoya", ("star_tracker.on=100 s",), "star_tracker.on",
+         "100 s is on the way up, at 92.9 km: the star camera looks into the air"),
+        ("rexus_like", ("star_tracker.enabled=true", "star_tracker.on=60 s", "star_tracker.off=120 s"),
+         "star_tracker.enabled", "the vehicle stays in the air, its apogee is 80.6 km: the star camera"),
+    ],
+)  # fmt: skip
+def test_a_star_tracker_that_is_on_in_the_air_before_the_apogee(name, overrides, field, words):
+    """Its pictures would show stars through air that they do not know."""
+    (text,) = [
+        one.text for one in programme.foreseen(load.load(name, overrides)) if dotted(one.field) == field
+    ]
+    assert text.startswith(words)
+
+
+def test_a_star_tracker_that_is_switched_on_above_the_air_is_right():
+    """From where `check` says; the spin there is another matter."""
+    spun = "star_tracker.highest_rate=600 deg/s"
+    (early,) = programme.foreseen(load.load(DEFAULT, [spun, "star_tracker.on=100 s"]))
+    at = early.text.partition("from T+")[2].partition(" s on")[0]
+    assert programme.foreseen(load.load(DEFAULT, [spun, f"star_tracker.on={at} s"])) == ()

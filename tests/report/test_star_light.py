@@ -110,6 +110,16 @@ def test_keys_that_are_made_for_a_camera_with_less_light_are_named():
     assert list(noted(lens, "star_tracker.enabled=false")) == ["star_camera"]
 
 
+def test_what_a_fainter_catalogue_knows_is_what_it_knows_when_it_is_written_so():
+    """The magnitude is rounded before its stars are counted: 6.6 mag knew 38, and 39 when one wrote it."""
+    camera = "star_camera.use=altair_hb", "star_tracker.rate=2 Hz"
+    words = noted(*camera)["star_tracker.catalogue.faintest"]
+    deep = words.split("; ")[1].split(" mag")[0]
+    said = float(words.split("knows ")[2].split(",")[0])
+    share = star_light._solid_angle_share(load.load("shefex2_andoya", camera))
+    assert said == round(share * np.count_nonzero(load_catalogue(8.0).vmag <= float(deep)))
+
+
 @pytest.mark.parametrize(("system", "end"), [("V", 8.0), ("Hp", 8.0), ("silicon", 6.5)])
 def test_magnitudes_are_of_the_band_of_the_catalogue(system, end):
     """Words and numbers of stars; V is said of what is drawn alone. silicon ends where the table is whole."""

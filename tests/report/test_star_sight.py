@@ -5,7 +5,7 @@ import pytest
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.report import programme, star_sight
+from shefex_nav.report import imu_range, programme, star_sight
 from shefex_nav.scenario import load
 
 
@@ -84,3 +84,25 @@ def test_a_programme_that_turns_faster_than_the_star_tracker_takes_frames():
     assert [
         one.field for one in programme.warnings(load.load("orbit", [*rates]), programme.Flown((), 0.0, 9.0))
     ]
+
+
+def test_a_star_tracker_that_is_on_while_the_vehicle_spins():
+    """On from T+100 s to T+200 s; the vehicle spins until the share of that which is not told, and longer."""
+    times = "star_tracker.on=100 s", "star_tracker.off=200 s"
+    off = "star_tracker.enabled=false"
+    for until_s, told in ((130.0, False), (131.0, True)):
+        t_s = np.arange(0.0, 300.0)
+        rate = np.zeros((300, 3))
+        rate[t_s < until_s, 0] = np.radians(540.0)
+        moved = imu_range.Motion(t_s, rate, rate)
+        found = list(star_sight.turning(load.load("shefex2_andoya", times), moved))
+        assert bool(found) is told
+        assert not list(star_sight.turning(load.load("shefex2_andoya", [*times, off]), moved))
+    ((path, text),) = found
+    assert path == ("star_tracker", "highest_rate")
+    assert text.startswith(
+        "in 31 of the 100 seconds in which the star tracker is on, the vehicle turns faster"
+    )
+    assert "2.5 deg/s at an instant at least, up to 540 deg/s" in text
+    quick = load.load("shefex2_andoya", [*times, "star_tracker.highest_rate=541 deg/s"])
+    assert not list(star_sight.turning(quick, moved))

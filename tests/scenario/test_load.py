@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shefex_nav.scenario import document
+from shefex_nav.scenario import document, layers
 from shefex_nav.scenario.json_schema import json_schema
 from shefex_nav.scenario.load import Scenario, ScenarioError, load, load_text
 
@@ -291,7 +291,8 @@ def test_schema_holds_together():
             kinds = ("Imu", "Gps", "StarCamera")
             of_use = name == "Scenario" and reference in {f"#/$defs/{kind}.partial" for kind in kinds}
             assert reference.endswith(".partial") == name.endswith(".partial") or of_use
-        assert block["additionalProperties"] is False
+        others = {"type": "null"} if name.endswith(".partial") else False  # of another form, taken away
+        assert block["additionalProperties"] == others
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
         optional |= {"BarometerUse", "Computer", "Day", "DriftWatch", "MagnetometerUse", "Use"}
@@ -319,12 +320,26 @@ def test_schema_accepts_the_scenarios(path):
     """As an editor would say; and what it would say of a misspelt key."""
     jsonschema = pytest.importorskip("jsonschema")
     validator = jsonschema.Draft202012Validator(json_schema())
-    tree = document.parse(path.read_text(encoding="utf-8"), path.name).tree
+    read = document.parse(path.read_text(encoding="utf-8"), path.name)
+    tree = read.tree
+    for gone in read.removed:  # `null`, which an editor sees
+        layers.node(tree, gone[:-1])[gone[-1]] = None
     validator.validate(tree)
-    tree.setdefault("programme", {})["damping"] = None
+    tree["programme"] = {**(tree.get("programme") or {}), "damping": None}
     assert validator.is_valid(tree) == ("extends" in tree)
     tree["programme"]["damping"] = {"task": "damp", "from": "65 s", "untill": "70 s"}
     assert not validator.is_valid(tree)
+
+
+def test_schema_lets_a_file_take_away_what_another_one_gives():
+    """Also a dispersion, and keys of the kind of task that was there; a misspelt key is still none."""
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft202012Validator(json_schema())
+    turned = {"task": "turn_with_orbit", "from": "0 s", "until": "9 s", "cross_rate": None}
+    for part in ({"dispersions": {"launch.elevation": None}}, {"programme": {"pointing": turned}}):
+        assert validator.is_valid({"extends": "shefex2_dispersed", **part}), part
+    wrong = {"dispersions": {"launch.elevation": 1}}, {"gps": {"rrate": "1 Hz"}}, {"gpss": {}}
+    assert not any(validator.is_valid({"extends": "shefex2_dispersed", **part}) for part in wrong)
 
 
 def test_a_scenario_goes_to_another_process_and_still_knows_its_lines(default):

@@ -40,8 +40,16 @@ def test_a_decimal_comma_anywhere_else(tmp_path):
     """A pair of numbers is none: a position is not told to be one number."""
     (said,) = lines(tmp_path, "launch:\n  height: 300,5 m\n")
     assert said.endswith("; write 300.5 m: numbers have a point")
-    (said,) = lines(tmp_path, "launch:\n  height: 1,2,3 m\n")
-    assert "point" not in said
+    for several in ("1,2,3 m", "1.000,5 m"):  # write 1.000.5 m would be no number
+        (said,) = lines(tmp_path, f"launch:\n  height: {several}\n")
+        assert "point" not in said
+
+
+def test_a_comma_may_stand_between_thousands(tmp_path):
+    """Who is told to write 1.000 m of a thousand metres has a thousandth of them."""
+    for written, meant in (("1,000 m", "1.000 m or, if thousands are meant, 1000 m"), ("0,300 m", "0.300 m")):
+        (said,) = lines(tmp_path, f"launch:\n  height: {written}\n")
+        assert said.endswith(f"; write {meant}: numbers have a point")
 
 
 def test_tables_of_spreadsheets_in_other_languages():

@@ -134,6 +134,35 @@ def test_what_the_rest_of_the_scenario_asks_for(scenario):
     assert tight["clock"].on and tight["range_bias"].on and np.isnan(tight["clock"].effect)
 
 
+def test_a_principal_point_that_is_off_turns_the_camera_as_its_mounting_does(scenario):
+    """2 pixels of 9.9 um behind 24.95 mm; without the block the NEES of the attitude was 20000 to 110000."""
+    camera = ["star_camera.mounting.error=0 deg", "star_camera.optics.principal_point_error=2 pix"]
+    one = found(load(NAME, [SET, *camera]), moving())["mounting"]
+    assert one.on and one.effect == pytest.approx(2.0 * 9.9e-6 / 24.95e-3)
+    both = found(scenario, moving())["mounting"].effect
+    assert both == pytest.approx(np.hypot(np.radians(0.02), 0.3 * 9.9e-6 / 24.95e-3))
+    assert not found(load(NAME, [SET, camera[0], camera[1].replace("2", "0", 1)]), moving())["mounting"].on
+
+
+def test_they_follow_what_the_filter_is_to_assume():
+    """`navigation.sensors` is what counts on board: a sigma of a block that is off would have no effect."""
+    spun = moving(omega_b=(9.0, 0.0, 0.0))
+
+    def of(key, value, *more):
+        return found(load(NAME, [SET, f"navigation.sensors.{key}={value}", *more]), spun)
+
+    assert of("gyro_scale_factor_roll", "1 %")["gyro_scale"].effect == pytest.approx(
+        0.01 * 9.0 * W / np.sqrt(3.0), rel=1e-3
+    )
+    assert not of("gyro_scale_factor_roll", "1e-9 ppm", "imu.gyro.misalignment=0 mrad")["gyro_roll_column"].on
+    across = of("gyro_misalignment", "20 mrad", "imu.gyro.scale_factor_roll=0 ppm")["gyro_roll_column"]
+    assert across.on and across.effect == pytest.approx(0.02 * np.sqrt(2.0 / 3.0) * 9.0 * W, rel=1e-3)
+    walk = of("gyro_random_walk", "10 deg/sqrt(h)")["gyro_scale"]
+    assert walk.noise == pytest.approx(np.radians(10.0) / 60.0 * np.sqrt(W)) and not walk.on
+    mounted = of("camera_mounting", "0.5 deg", "star_camera.mounting.error=0 deg")["mounting"]
+    assert mounted.on and mounted.effect == pytest.approx(np.radians(0.5))
+
+
 def test_it_is_the_default_and_every_scenario_of_the_package_names_its_states():
     assert Navigation.model_fields["states"].default == AUTOMATIC
     for path in SCENARIO_FOLDER.glob("*.yaml"):

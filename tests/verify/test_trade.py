@@ -348,6 +348,14 @@ def test_it_warns_of_what_check_warns(name, more, states):
     assert any("navigation.states" in text for text in texts[1]) is (states != "automatic")
 
 
+def test_a_warning_about_an_item_of_a_list_is_one():
+    """It ended in a traceback: the place of the item is a number."""
+    span = "gps.only=[{from: 300 s, until: 310 s, satellites: 2}]"
+    brief = ["mission.time_limit=200 s", "star_tracker.off=200 s", "star_tracker.enabled=false"]
+    (text,) = predicted("night_sky", [*brief, span]).warnings
+    assert text.startswith("gps.only.0.from: 300 s is after the end of the flight, T+200.0 s")
+
+
 def test_the_largest_error_between_star_fixes():
     """A fix every 20 s, between them white noise of the gyros: sigma = N sqrt(20 s), far above that of a fix.
 

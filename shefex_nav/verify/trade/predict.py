@@ -17,6 +17,7 @@ from shefex_nav.report import imu_range, metrics, programme, track
 from shefex_nav.scenario import params, star_statistics, surroundings, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.dispersions import OF_FLIGHT
+from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model, over_bound
 from shefex_nav.verify.trade import pointing, stars
@@ -132,7 +133,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
         seen.frames,
         seen.solved,
         seen.sigma,
-        tuple(f"{'.'.join(one.field)}: {one.text}" for one in programme.foreseen(scenario, flown)),
+        tuple(f"{dotted(one.field)}: {one.text}" for one in programme.foreseen(scenario, flown)),
         at_range(scenario.imu, flown.motion, errors[0].t_s) or bool(widest > LARGE),
         _taken_over(scenario),
         largest,
