@@ -42,9 +42,7 @@ def robustness(
     """Fly the stress matrix: told wrongly, sensors that fail, every phase, grade of IMU and rocket."""
     if resume and out is None:
         raise typer.BadParameter("needs --out FOLDER, where the flights are", param_hint="--resume")
-    for option, given in (("--cells", cells), ("--flights", flights)):
-        if random_faults and given is not None:
-            raise typer.BadParameter("random faults have no cells of the design", param_hint=option)
+    _without_cells(random_faults, {"--cells": cells, "--flights": flights})
     chosen = _cells(cells)
     from shefex_nav.verify.robustness import running, store
 
@@ -67,6 +65,13 @@ def robustness(
             if one["good"] is False:
                 say(f"not met: {one['words']}: {one['found']}")
         raise typer.Exit(1)
+
+
+def _without_cells(random_faults, given):
+    """Refuse options {name: value, or None} that are of cells where faults are drawn at random."""
+    for option, value in given.items():
+        if random_faults and value is not None:
+            raise typer.BadParameter("random faults have no cells of the design", param_hint=option)
 
 
 def _cells(text):

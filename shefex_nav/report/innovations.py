@@ -4,6 +4,8 @@ If the filter is right, innovations are white and each NIS is chi-square distrib
 freedom as the measurement has rows; so is their sum. All that met the gate count, refused ones too.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from shefex_nav.clock import SAME_S
@@ -32,6 +34,7 @@ def summarise(gates, begin_s=-np.inf, text=""):
     return {name: _of_sensor(some, errors_last(name) or name in fixes) for name, some in met.items()}
 
 
+@lru_cache(maxsize=4)
 def fixes_last(text):
     """Measurements of GPS whose errors last and are noise to the filter: names, () if there are none.
 

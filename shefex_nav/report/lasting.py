@@ -19,6 +19,7 @@ from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.records import Phase
 from shefex_nav.scenario import params, params_onboard, wanted_states, weight
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.software import BUILT_IN
 from shefex_nav.scenario.wanted_states import WINDOW_S
 from shefex_nav.world import absent
 
@@ -94,6 +95,8 @@ def words(scenario, flown):
     navigation = scenario.navigation
     if navigation.states == AUTOMATIC:
         raise ValueError("navigation.states: automatic is not settled yet: prepare.settled")
+    if navigation.software != BUILT_IN:
+        return ""  # which takes no notice of them
     by_force = _of_weight(scenario, flown)
     by_force = by_force if by_force[0] else _of_push(scenario, flown)
     found = [one for one in (by_force, _of_turn(scenario, flown), _of_camera(scenario)) if one[0]]

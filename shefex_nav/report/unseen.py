@@ -40,7 +40,5 @@ def _outages(outages, had):
     """Outages that no event begins. had : names of the events that happened"""
     for k, outage in enumerate(outages):
         if outage.event not in had:
-            words = (
-                f"the flight has no {outage.event}, so this outage does not happen; it has {', '.join(had)}"
-            )
+            words = f"the flight has no {outage.event}, so this outage does not happen; it has "
             yield ("gps", "outages", k, "event"), words + ", ".join(had)

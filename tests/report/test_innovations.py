@@ -85,7 +85,7 @@ def test_fixes_whose_errors_last_may_have_a_small_nis():
         assert found["gps_position"]["errors_last"] is (scenario is lasting)
         ((name, text),) = innovations.rows(found)
         assert name == "NIS, GPS position" and words in text
-    tight = load("night_sky", ("gps.errors.satellite={range: 2 m, rate: 0.5 mm/s}", "navigation.gps=tight"))
-    assert innovations.fixes_last(tight.source) == () and innovations.fixes_last("") == ()
+    assert innovations.fixes_last(load("cubesat").source) == ()  # tightly coupled: states of the ranges
+    assert innovations.fixes_last("") == ()
     for share, last in (("75 %", innovations.FIXES), ("0 %", ()), ("0.0 %", ())):
         assert innovations.fixes_last(f"gnss: {{lasting_share: {share}}}") == last

@@ -91,6 +91,12 @@ def test_what_is_to_be_written_is_accepted_and_enough(states):
     assert foreseen(NIGHT_SKY, f"navigation.states={text.partition('write states: ')[2]}") == {}
 
 
+def test_nothing_is_told_of_states_that_software_of_ones_own_does_not_have():
+    scenario = load.load(DEFAULT, [PARACHUTE])
+    own = scenario.with_sections(navigation=scenario.navigation.model_copy(update={"software": "mine"}))
+    assert said(own, (450.0, "parachute"), (580.0, "impact")) == ""
+
+
 def test_a_minute_on_the_ground_is_not_told():
     short = ["star_tracker.off=50 s", OF_THE_DEFAULT]
     assert foreseen(NIGHT_SKY, "mission.time_limit=60 s", *short) == {}
