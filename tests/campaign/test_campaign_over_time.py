@@ -12,6 +12,7 @@ from shefex_nav.campaign import over_time, parts
 from shefex_nav.campaign.flight import Flown
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.campaign.store import Store
+from shefex_nav.report import innovations
 
 
 def series_of(folder, n=120, **options):
@@ -170,6 +171,10 @@ def test_nis_below_1_is_right_where_errors_last():
         assert one.good is good and one.low == 0.0
     (alone,) = over_time.judge_nis(made_up_nis(0.3 * squares[:1], dof[:1], "magnetometer"))
     assert alone.good
+    fixes = made_up_nis(0.3 * squares, dof, "gps_position")
+    for lasting, good in ((innovations.FIXES, True), ((), False)):  # of `gps.errors`
+        (one,) = over_time.judge_nis(fixes, lasting)
+        assert one.good is good
 
 
 @pytest.mark.parametrize(

@@ -102,6 +102,14 @@ def test_errors_that_last_have_a_nis_without_a_verdict(flown):
     assert row.quantity.better == NEITHER and row.a.median == pytest.approx(1.0, abs=0.5)
 
 
+def test_fixes_whose_errors_last_in_one_of_the_scenarios_have_none_either(flown):
+    a, b = logs(flown, refusing(flown))
+    lasting = "gps: {errors: {multipath: {range: 2 m, time: 30 s}}}"
+    rows = rows_of(comparison.compare(a, b._replace(source=lasting)))
+    assert rows["NIS, GPS position, below 1 expected"].quantity.better == NEITHER
+    assert "NIS, star fixes, 1 expected" in rows
+
+
 def test_a_campaign_has_the_rows_of_its_records(whole):
     folder, _ = whole
     side = sides.of("campaign", folder, "A", "A")
