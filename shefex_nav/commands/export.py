@@ -62,9 +62,7 @@ def export(
         Path | None,
         typer.Option(help="Folder for the star camera's frames, whole, with truth.csv and camera.yaml."),
     ] = None,
-    format: Annotated[
-        str | None, typer.Option(help="Of the frames: png (8 or 16 bits) or fits; default png.")
-    ] = None,
+    format: Annotated[str | None, typer.Option(help="Of the frames: png (default) or fits.")] = None,
     from_: Annotated[
         str | None,
         typer.Option("--from", metavar="TIME", help="Frames from this mission time on, e.g. 240s."),
