@@ -123,9 +123,15 @@ def dcm_from_rotvec(phi):
 
 
 def xyzw(q):
-    """Scalar-last copy for scipy, rerun and Foxglove; the only place where the order changes."""
+    """Scalar-last copy for scipy, rerun and Foxglove; the order changes here and in `wxyz` alone."""
     q = np.asarray(q)
     return np.concatenate([q[..., 1:], q[..., :1]], axis=-1)
+
+
+def wxyz(q):
+    """Scalar-first copy of what scipy gives: `xyzw` undone."""
+    q = np.asarray(q)
+    return np.concatenate([q[..., 3:], q[..., :3]], axis=-1)
 
 
 def rotvec_between(q_estimate, q_true):

@@ -63,7 +63,7 @@ def at(truth, earth, imu, t_s):
         plain.t_s,
         np.where(taken, plain.r_i + dr_i[j], plain.r_i),
         np.where(taken, plain.v_i + dv_i[j], plain.v_i),
-        np.where(taken, np.roll(q_ib[j].as_quat(), 1, axis=1), plain.q_ib),
+        np.where(taken, rotation.wxyz(q_ib[j].as_quat()), plain.q_ib),
     )
 
 

@@ -12,7 +12,7 @@ from shefex_nav.replay.schema_alignment import Static
 from shefex_nav.replay.schema_data import CsvData
 from shefex_nav.scenario import aboard, kind
 from shefex_nav.scenario import load as missions
-from shefex_nav.scenario.checks import states_that_clash
+from shefex_nav.scenario.checks import band_without_width, states_that_clash
 from shefex_nav.scenario.columns import named_twice
 
 SHORTEST_S = 1.0  # of a replay
@@ -132,10 +132,7 @@ def _reference(scenario):
 
 def _vibration(scenario):
     """A band that has a width."""
-    vibration = scenario.imu.vibration
-    if vibration.lowest_frequency >= vibration.highest_frequency:
-        words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
-        yield ("imu", "vibration", "lowest_frequency"), words
+    yield from band_without_width(scenario.imu.vibration)
 
 
 def _states(scenario):

@@ -80,6 +80,13 @@ def _clocks(scenario):
         yield ("log", "rate"), f"{rate:g} Hz is not offered; choose from: 10 Hz, 20 Hz, 50 Hz, 100 Hz"
 
 
+def band_without_width(vibration):
+    """(path, words) of a vibration whose band ends before it begins."""
+    if vibration.lowest_frequency >= vibration.highest_frequency:
+        words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
+        yield ("imu", "vibration", "lowest_frequency"), words
+
+
 def _vibration(scenario):
     """Bands and durations the right way round."""
     vibration = scenario.imu.vibration
@@ -88,9 +95,8 @@ def _vibration(scenario):
             f"{vibration.lowest_frequency:g} Hz must be below {IMU_NYQUIST:g} Hz, half the rate of the IMU"
         )
         yield ("imu", "vibration", "lowest_frequency"), words
-    elif vibration.lowest_frequency >= vibration.highest_frequency:
-        words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
-        yield ("imu", "vibration", "lowest_frequency"), words
+    else:
+        yield from band_without_width(vibration)
     given = scenario.trajectory
     stages = len(scenario.vehicle.stages) if given is None else 1 + len(given.separations)
     if len(vibration.boost) != stages and not (given and not vibration.boost):

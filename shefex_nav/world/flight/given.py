@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from shefex_nav.environment.atmosphere import us76
 from shefex_nav.environment.gravity import gravity_e
-from shefex_nav.geometry import frames, wgs84
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.elementary import arctan2, exp
 from shefex_nav.records import Phase, Trajectory
 from shefex_nav.world.flight import events
@@ -101,11 +101,10 @@ def _part(given, t_s, model, earth):
     dtheta_b, dv_b = np.zeros((len(t_s), 3)), np.zeros((len(t_s), 3))
     dtheta_b[1:] = _simpson(motion.omega_ib_b, dt_s)
     dv_b[1:] = _simpson(f_b, dt_s) + np.einsum("kji,kj->ki", C_ib[1::2], missing_i)
-    q = motion.attitude.as_quat()[::2]
     return {
         "r_i": motion.r_i[::2],
         "v_i": motion.v_i[::2],
-        "q_ib": np.column_stack([q[:, 3], q[:, :3]]),
+        "q_ib": rotation.wxyz(motion.attitude.as_quat()[::2]),
         "omega_ib_b": motion.omega_ib_b[::2],
         "f_b": f_b[::2],
         "dtheta_b": dtheta_b,
