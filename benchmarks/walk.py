@@ -8,10 +8,10 @@ The scenario night_sky is flown until two star fixes have been used. Then, until
 
 frame     from `Computer.update` being handed a frame to the filter having used its fix: that call ("chain"),
           and the later one at whose tick the fix is due ("fusion"). Ticks between the two are not counted.
-samples   the IMU samples: `imu.measure` and `imu.stacked`, which make those of the whole flight at once
-          ("world"); from every call of `Computer.advance` to the next of `Computer.update` ("ticks"); and the
-          log, from taking the ticks' ImuBlock, NavSolution and NavCovariance to having them on the disk
-          ("log").
+samples   the IMU samples: `imu.sense`, `imu.reported` and `imu.stacked`, which make those of the whole flight
+          at once ("world"); from every call of `Computer.advance` to the next of `Computer.update`
+          ("ticks"); and the log, from taking the ticks' ImuBlock, NavSolution and NavCovariance to having
+          them on the disk ("log").
 
 Counted are calls and returns of functions, generators and comprehensions, as `sys.setprofile` reports them.
 A file counts if code of it ran. A move is a call or a return after which code of another file of the package
@@ -58,6 +58,7 @@ BEFORE = 2  # star fixes that have been used before anything is followed
 BRIEF = ["mission.time_limit=10 s", "star_tracker.off=10 s"]
 SMALL = ["star_camera.detector.columns=330", "star_camera.detector.rows=246"]
 PARTS = {"frame": ("chain", "fusion"), "samples": ("world", "ticks", "log")}
+OF_WORLD = "sense", "reported", "stacked"  # of world.imu
 OF_SAMPLES = ImuBlock, NavSolution, NavCovariance
 COMPILED, INTERPRETED = "compiled", "interpreted"
 GOALS = {"frame": "goal: 25 files, 120 moves", "samples": "goal: 12 files"}  # compiled
@@ -156,8 +157,7 @@ class Follower:
         self.stand_ins = [
             patch.object(Computer, "advance", lambda *given: self.advance(*given)),
             patch.object(Computer, "update", lambda *given: self.update(*given)),
-            patch.object(imu, "measure", self._made(imu.measure)),
-            patch.object(imu, "stacked", self._made(imu.stacked)),
+            *(patch.object(imu, name, self._made(getattr(imu, name))) for name in OF_WORLD),
             patch.object(Kernel, "__call__", call_of(Kernel.__call__, walks)),
         ]
 
@@ -216,11 +216,12 @@ def is_used(record):
 def fly(overrides):
     """Fly and follow. -> {part: Walk}"""
     follower, records = Follower(), []
+    scenario = load.load(str(SCENARIOS / "night_sky.yaml"), overrides)
+    prepare.build_world(scenario, SEED)  # loads what is compiled
     with ExitStack() as open_ones:
         folder = open_ones.enter_context(tempfile.TemporaryDirectory())
         for stand_in in follower.stand_ins:
             open_ones.enter_context(stand_in)
-        scenario = load.load(str(SCENARIOS / "night_sky.yaml"), overrides)
         world = prepare.build_world(scenario, SEED)
         mission = prepare.mission(scenario, SEED, world.flight.trajectory)
         log = open_ones.enter_context(
