@@ -19,6 +19,7 @@ from shefex_nav.replay import reference
 
 TURN_RAD = 0.02  # [E] by which gyros and truth may disagree from row to row
 TURN_SHARE = 0.1  # [E] likewise, of the turn
+LEAST_STEPS = 5  # [E] from row to row, of which the median is the bias of a gyro
 CALM = 1e-3  # m/s, change of course that the rows would hardly show
 
 
@@ -36,7 +37,7 @@ def at(truth, earth, imu, t_s):
 
     They stay as `reference.at` has them where a sample is missing between two rows, and where the IMU departs
     from the rows as no motion does: from a line by more velocity than rows near there, or from their turn by
-    TURN_RAD and TURN_SHARE of it.
+    TURN_RAD and TURN_SHARE of it, when the usual bias of its gyros is taken off.
 
     truth, earth, imu : series.TruthSeries, EarthRotation, dataset.Increments;  t_s : (N,) s, of imu.t_s
     """
@@ -81,17 +82,30 @@ def _between(way):
 
 def _attitudes(way, rows, imu):
     """Attitudes at ends of samples, (N,) Rotation; whether gyros and rows disagree before a row: (L,)."""
-    last = np.clip(np.searchsorted(way.t_s, way.row_s - SAME_S), 1, len(way.t_s) - 1)  # where a row lies
-    part = (way.row_s - way.t_s[last - 1]) / (way.t_s[last] - way.t_s[last - 1])
-    turned = Rotation.from_quat(rotation.xyzw(_turned(imu.dtheta_b)))
-    at_rows = turned[last - 1] * Rotation.from_rotvec(part[:, None] * imu.dtheta_b[last])
     true = Rotation.from_quat(rotation.xyzw(rows.q_ib))
-    turn = at_rows[:-1].inv() * at_rows[1:]
-    lacks = (turn.inv() * true[:-1].inv() * true[1:]).as_rotvec()
-    since = at_rows[way.k - 1].inv() * turned
+    step_s, dtheta_b = np.diff(way.row_s)[:, None], imu.dtheta_b
+    _, _, lacks = _lacks(way, true, dtheta_b)
+    if len(lacks) >= LEAST_STEPS:
+        bias = np.median(lacks / step_s, axis=0)
+        dtheta_b = dtheta_b + bias * np.diff(way.t_s, prepend=way.t_s[0])[:, None]
+    since, turn, lacks = _lacks(way, true, dtheta_b)
     q_ib = true[way.k - 1] * since * Rotation.from_rotvec(way.x[:, None] * lacks[way.k - 1])
     apart = np.linalg.norm(lacks, axis=1) > TURN_RAD + TURN_SHARE * turn.magnitude()
     return q_ib, np.append(True, apart)
+
+
+def _lacks(way, true, dtheta_b):
+    """What increments (N, 3) rad lack to the turns from row to row.
+
+    -> turn since the row before each sample, (N,) Rotation; from row to row, (L - 1,) Rotation; what that
+    lacks to the turn of the attitudes `true` (L,), (L - 1, 3) rad
+    """
+    last = np.clip(np.searchsorted(way.t_s, way.row_s - SAME_S), 1, len(way.t_s) - 1)  # where a row lies
+    part = (way.row_s - way.t_s[last - 1]) / (way.t_s[last] - way.t_s[last - 1])
+    turned = Rotation.from_quat(rotation.xyzw(_turned(dtheta_b)))
+    at_rows = turned[last - 1] * Rotation.from_rotvec(part[:, None] * dtheta_b[last])
+    turn = at_rows[:-1].inv() * at_rows[1:]
+    return at_rows[way.k - 1].inv() * turned, turn, (turn.inv() * true[:-1].inv() * true[1:]).as_rotvec()
 
 
 @kernel

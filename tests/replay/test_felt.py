@@ -42,10 +42,11 @@ def errors(driven, states):
     return [np.linalg.norm(part, axis=1) for part in parts]
 
 
-def test_a_motion_between_rows_is_that_of_the_imu(driven):
-    """Biases of a phone's IMU do not matter, for they last longer than a row."""
+@pytest.mark.parametrize("biases", [(2e-3, 0.1), (0.05, 0.05)])
+def test_a_motion_between_rows_is_that_of_the_imu(driven, biases):
+    """Biases of a phone's IMU, and of a gyro with 3 deg/s, do not matter, for they last longer than a row."""
     truth = told(driven)
-    imu = sensed(driven, gyro_bias=2e-3, accelerometer_bias=0.1)
+    imu = sensed(driven, *biases)
     lines = errors(driven, reference.at(truth, EARTH, driven.t_s))
     found = errors(driven, felt.at(truth, EARTH, imu, driven.t_s))
     assert np.max(lines[1]) > 0.3 and np.degrees(np.max(lines[2])) > 1.0  # the family is no trivial one
