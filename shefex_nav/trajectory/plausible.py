@@ -12,7 +12,9 @@ from shefex_nav.scenario.data_table import DataError
 from shefex_nav.trajectory import placing
 from shefex_nav.world.flight import track
 
-DEEPEST_M, FARTHEST_M = -20e3, 5e8  # heights that can be meant
+# m, height (spheres of other programs lie 7 km below the ellipsoid) and distance that can be meant
+DEEPEST_M, FARTHEST_M = -20e3, 5e8
+LOWEST_M = -600.0  # height, lower than any ground
 FASTEST = 2e4  # m/s, inertial
 STILL = 0.5  # m/s relative to the Earth, of a vehicle that stands
 MISFIT, FITS = 0.3, 0.1  # share of the way by which positions and velocities differ: refused; what fits
@@ -36,10 +38,8 @@ class Oddity(NamedTuple):
 
 def refuse(rows, earth):
     """DataError where positions or velocities are impossible."""
-    C_ie = frames.dcms_ie(earth, rows.t_s)
-    r_e = placing.rotated(C_ie.transpose(0, 2, 1), rows.r_i)
-    radius, speed = np.linalg.norm(r_e, axis=1), np.linalg.norm(rows.v_i, axis=1)
-    bad = np.flatnonzero((radius < wgs84.B + DEEPEST_M) | (radius > FARTHEST_M))
+    radius, speed = np.linalg.norm(rows.r_i, axis=1), np.linalg.norm(rows.v_i, axis=1)
+    bad = np.flatnonzero((_heights(rows, earth) < DEEPEST_M) | (radius > FARTHEST_M))
     if len(bad):
         words = f"is {radius[bad[0]] / 1e3:.6g} km from the centre of the Earth"
         raise DataError(
@@ -90,7 +90,7 @@ def _first_speed(rows, earth):
 
 def found(rows, flight, earth):
     """list of Oddity. flight : Flight along the rows"""
-    out = [*_disagree(rows, earth), *_steps(rows, earth)]
+    out = [*_disagree(rows, earth), *_steps(rows, earth), *_deep(rows, earth)]
     out += list(_coarse(rows)) or list(_rough(rows))  # too few rows are rough by themselves
     if rows.attitudes is not None:
         out += _turns(rows.attitudes)
@@ -133,6 +133,21 @@ def _steps(rows, earth):
         k = int(bad[np.argmax(aside[bad])])
         words = f"{rows.table.place(k + 1)}: the position steps by {aside[k]:.3g} m beside its velocity"
         yield Oddity(("trajectory", "file"), f"{words} ({len(bad)} such rows)")
+
+
+def _heights(rows, earth):
+    """Heights above the ellipsoid (N,) m."""
+    r_e = placing.rotated(frames.dcms_ie(earth, rows.t_s).transpose(0, 2, 1), rows.r_i)
+    return np.array([wgs84.geodetic_from_ecef(one)[2] for one in r_e])
+
+
+def _deep(rows, earth):
+    """Positions below all ground, as where a column counts downwards."""
+    height = _heights(rows, earth)
+    k = int(np.argmin(height))
+    if height[k] < LOWEST_M:
+        words = f"{rows.table.place(k)}: the position is {-height[k]:.0f} m below the ellipsoid"
+        yield Oddity(("trajectory", "file"), f"{words}; are heights positive upwards, and the frame right?")
 
 
 def _coarse(rows):
