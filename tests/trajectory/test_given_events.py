@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from given_flight import ALONG, ORIGIN, flown, in_orbit
+from given_flight import ALONG, ORIGIN, flown, in_orbit, scenario
 from made import csv, satellite, write_ccsds
 
 from shefex_nav.records import Phase
+from shefex_nav.report import programme
 
 G = 9.8  # m/s^2
 COLUMNS = {
@@ -14,13 +15,19 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def vertical(path, height, climb, until_s, *overrides):
-    """Trajectory and {event: s} of a stone above the origin. height : m; climb : m/s, at the begin"""
+def stone(path, height, climb, until_s, drift=0.0):
+    """Section of a stone above the origin. height : m; climb, drift : m/s, up at the begin and to the east"""
     t_s = np.arange(round(until_s / 0.1) + 1) * 0.1
     none = np.zeros(len(t_s))
-    columns = (t_s, none, none, height + climb * t_s - 0.5 * G * t_s**2, none, none, climb - G * t_s)
+    up = height + climb * t_s - 0.5 * G * t_s**2
+    columns = (t_s, drift * t_s, none, up, none + drift, none, climb - G * t_s)
     csv(path, ("t", "e", "n", "u", "ve", "vn", "vu"), columns)
-    flight, _ = flown({"file": path, "pad": "0 s"} | COLUMNS, "mission.start=0 s", *overrides)
+    return {"file": path, "pad": "0 s"} | COLUMNS
+
+
+def vertical(*stones):
+    """Trajectory and {event: s} of a `stone`."""
+    flight, _ = flown(stone(*stones), "mission.start=0 s")
     return flight.trajectory, {event.name: event.t_s for event in flight.events}
 
 
@@ -53,3 +60,12 @@ def test_apogee_of_what_moves_when_the_file_begins(tmp_path):
     assert events["impact"] == pytest.approx(40.8)
     down = trajectory.t_s > events["apogee"] + 0.01
     assert set(trajectory.phase[down]) == {Phase.DESCENT} and set(trajectory.phase[:8000]) == {Phase.COAST}
+
+
+@pytest.mark.parametrize("drift, turned", [(0.0, True), (20.0, False)])
+def test_forward_that_turns_round_is_warned_of(tmp_path, drift, turned):
+    """Up and down again: along a velocity of 20 m/s to the east it turns in seconds, without it at once."""
+    section = stone(tmp_path / "up.csv", 0.0, 200.0, 40.0, drift)
+    found = [one.text for one in programme.of_trajectory(scenario(section, "mission.start=0 s"))]
+    assert [words for words in found if "turns by 180 deg in 0.1 s at T+20." in words] == found
+    assert bool(found) == turned
