@@ -53,6 +53,22 @@ def test_from_the_air_to_the_ground(tmp_path):
     assert events["impact"] == pytest.approx(16.5)
 
 
+def test_what_lies_still_at_the_end_has_no_impact_there(tmp_path):
+    """Down at 40.8 s, where the curve through the rows rings, then on a ground that sinks by 1 mm/s."""
+    section = stone(tmp_path / "up.csv", 0.0, 200.0, 70.0, 30.0)
+    lines = section["file"].read_text().splitlines()
+    rows = np.array([line.split(",") for line in lines[1:]], dtype=float)
+    down = rows[:, 0] > 2.0 * 200.0 / G
+    since = rows[down, 0] - 2.0 * 200.0 / G
+    rows[down, 1:] = 0.0
+    rows[down, 1], rows[down, 3], rows[down, 6] = 30.0 * 2.0 * 200.0 / G, -1e-3 * since, -1e-3
+    csv(section["file"], lines[0].split(","), rows.T)
+    flight, _ = flown(section, "mission.start=0 s")
+    events = {event.name: event.t_s for event in flight.events}
+    assert "impact" not in events and not any("ignition" in name for name in events)
+    assert events["apogee"] == pytest.approx(200.0 / G, abs=0.02)
+
+
 def test_apogee_of_what_moves_when_the_file_begins(tmp_path):
     """Up with 200 m/s: the top is v/g later, from there on it descends, and it is down after twice that."""
     trajectory, events = vertical(tmp_path / "up.csv", 0.0, 200.0, 40.8)

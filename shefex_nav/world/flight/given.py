@@ -182,14 +182,13 @@ def _by_motion(params, t_s, shown, starts):
         return np.zeros(len(t_s), dtype=int), {}
     if starts == Phase.PAD:
         instants["lift_off"] = float(t_s[np.argmax(moving)])
-    landed = _lands(height, starts)
+    landed = bool(moving[-1]) and _lands(height, starts)  # what lies still came down before
     rises = starts != Phase.ORBIT and np.argmax(moving) < np.argmax(height) < len(height) - 1
     instants |= events.found(rises, t_s, height, pressure, landed)
     if landed:
         instants["impact"] = float(t_s[-1])
     number = np.zeros(len(t_s), dtype=int)
-    until_s = instants.get("apogee", np.inf) if starts == Phase.PAD else np.inf
-    for k, (first, last) in enumerate(_burns(t_s, push, until_s), 1):
+    for k, (first, last) in enumerate(_burns(t_s, push, instants.get("apogee", np.inf)), 1):
         number[first : last + 1] = 1 + sum(at <= t_s[first] for at in params.separations)
         if k > 1 or starts != Phase.PAD:
             instants[f"ignition_{k}"] = float(t_s[first])
