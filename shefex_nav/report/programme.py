@@ -43,6 +43,7 @@ class Flown(NamedTuple):
     sight: star_sight.Sight | None = None  # likewise
     pushed: lasting.Pushed | None = None  # None: not known, or hardly any
     turned: np.ndarray | None = None  # likewise, of `lasting.turned`
+    is_part: bool = False  # it went on after end_s
 
 
 class _Moments(NamedTuple):
@@ -75,7 +76,9 @@ def of_data(data):
         sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
         pushed, turned = lasting.pushed(truth), lasting.turned(truth)
     astray = astray_deg(data.control, truth)
-    return Flown(tuple(data.events), astray, float(data.last_t_s), moved, track, sight, pushed, turned)
+    is_part = data.ended_early or data.until_s is not None
+    end_s = float(data.last_t_s)
+    return Flown(tuple(data.events), astray, end_s, moved, track, sight, pushed, turned, is_part)
 
 
 def astray_deg(control, truth):

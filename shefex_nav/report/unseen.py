@@ -13,6 +13,8 @@ def found(scenario, flown):
     for event in flown.events:
         at.setdefault(event.name, event.t_s)
     ended_s, words = at.get("impact"), "the impact"
+    if ended_s is None and scenario.trajectory is not None and not flown.is_part:
+        ended_s, words = flown.end_s, "the end of the trajectory"
     if ended_s is not None:
         had = [name for name in events.possible(scenario) if name in at]
         yield from _outages(scenario.gps.outages, had)

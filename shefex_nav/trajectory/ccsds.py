@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.numerals import number
@@ -284,8 +285,9 @@ def _teme_to_e(earth, t_s, epoch):
     from astropy.time import Time
 
     utc = Time(epoch.utc, format="isot", scale="utc")
-    ut1 = utc.jd2 + (epoch.ut1_minus_utc + np.asarray(t_s)) / 86400.0
-    sidereal = erfa.gmst82(utc.jd1, ut1)
+    with ephemeris.quiet():
+        day, part = erfa.utcut1(utc.jd1, utc.jd2, epoch.ut1_minus_utc)  # of a day that may be a second longer
+    sidereal = erfa.gmst82(day, part + np.asarray(t_s) / 86400.0)
     c, s = np.cos(sidereal), np.sin(sidereal)
     C = np.zeros((len(t_s), 3, 3))
     C[:, 0, 0], C[:, 0, 1], C[:, 1, 0], C[:, 1, 1], C[:, 2, 2] = c, s, -s, c, 1.0

@@ -8,11 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.geometry.elementary import arccos
 from shefex_nav.scenario.data_table import DataError
 from shefex_nav.trajectory import placing
 from shefex_nav.world.flight import track
 
-DEEPEST_M, FARTHEST_M = -20e3, 5e8  # heights that can be meant
+# m, height (spheres of other programs lie 7 km below the ellipsoid) and distance that can be meant
+DEEPEST_M, FARTHEST_M = -20e3, 5e8
+LOWEST_M = -600.0  # height, lower than any ground
 FASTEST = 2e4  # m/s, inertial
 STILL = 0.5  # m/s relative to the Earth, of a vehicle that stands
 MISFIT, FITS = 0.3, 0.1  # share of the way by which positions and velocities differ: refused; what fits
@@ -21,6 +24,7 @@ ODD = 0.02
 MOVES = 5.0  # m/s, above which velocities are held against positions
 STEP_M, STEP_SHARE = 1.0, 0.2  # a position that steps aside by this, and this share of the way of a row
 TURN, MOST_TURN = np.radians(60.0), np.radians(150.0)  # between two rows: odd, refused
+WITHIN_S = 0.1  # in which a forward along the velocity that turns so far is odd
 ROUGH = 1.0  # m/s^2
 COARSE_M = 1.0  # by which the curve between rows may be off
 ASTRAY, FAST = np.radians(60.0), 50.0  # angle of attack of a vehicle that climbs at this speed, m/s
@@ -36,10 +40,8 @@ class Oddity(NamedTuple):
 
 def refuse(rows, earth):
     """DataError where positions or velocities are impossible."""
-    C_ie = frames.dcms_ie(earth, rows.t_s)
-    r_e = placing.rotated(C_ie.transpose(0, 2, 1), rows.r_i)
-    radius, speed = np.linalg.norm(r_e, axis=1), np.linalg.norm(rows.v_i, axis=1)
-    bad = np.flatnonzero((radius < wgs84.B + DEEPEST_M) | (radius > FARTHEST_M))
+    radius, speed = np.linalg.norm(rows.r_i, axis=1), np.linalg.norm(rows.v_i, axis=1)
+    bad = np.flatnonzero((_heights(rows, earth) < DEEPEST_M) | (radius > FARTHEST_M))
     if len(bad):
         words = f"is {radius[bad[0]] / 1e3:.6g} km from the centre of the Earth"
         raise DataError(
@@ -90,10 +92,9 @@ def _first_speed(rows, earth):
 
 def found(rows, flight, earth):
     """list of Oddity. flight : Flight along the rows"""
-    out = [*_disagree(rows, earth), *_steps(rows, earth)]
+    out = [*_disagree(rows, earth), *_steps(rows, earth), *_deep(rows, earth)]
     out += list(_coarse(rows)) or list(_rough(rows))  # too few rows are rough by themselves
-    if rows.attitudes is not None:
-        out += _turns(rows.attitudes)
+    out += _flips(flight) if rows.attitudes is None else _turns(rows.attitudes)
     return [*out, *_astray(rows, flight), *_late(flight)]
 
 
@@ -133,6 +134,21 @@ def _steps(rows, earth):
         k = int(bad[np.argmax(aside[bad])])
         words = f"{rows.table.place(k + 1)}: the position steps by {aside[k]:.3g} m beside its velocity"
         yield Oddity(("trajectory", "file"), f"{words} ({len(bad)} such rows)")
+
+
+def _heights(rows, earth):
+    """Heights above the ellipsoid (N,) m."""
+    r_e = placing.rotated(frames.dcms_ie(earth, rows.t_s).transpose(0, 2, 1), rows.r_i)
+    return np.array([wgs84.geodetic_from_ecef(one)[2] for one in r_e])
+
+
+def _deep(rows, earth):
+    """Positions below all ground, as where a column counts downwards."""
+    height = _heights(rows, earth)
+    k = int(np.argmin(height))
+    if height[k] < LOWEST_M:
+        words = f"{rows.table.place(k)}: the position is {-height[k]:.0f} m below the ellipsoid"
+        yield Oddity(("trajectory", "file"), f"{words}; are heights positive upwards, and the frame right?")
 
 
 def _coarse(rows):
@@ -175,6 +191,23 @@ def _turns(attitudes):
     if turned[k] > TURN:
         words = f"{attitudes.table.place(k + 1)}: the attitude turns by {np.degrees(turned[k]):.0f} deg"
         yield Oddity(("trajectory", "attitude"), f"{words} from the row before: its rate is hardly known")
+
+
+def _flips(flight):
+    """Forward that turns round with the velocity it is made along, as at the top of a vertical flight."""
+    trajectory = flight.trajectory
+    q = trajectory.q_ib[:: round(WITHIN_S / np.diff(trajectory.t_s[:2])[0])]
+    w, x, y, z = q.T
+    forward_i = np.column_stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)])
+    turned = arccos(np.clip(np.einsum("ki,ki->k", forward_i[1:], forward_i[:-1]), -1.0, 1.0))
+    k = int(np.argmax(turned)) if len(turned) else 0
+    if len(turned) and turned[k] > TURN:
+        at_s = trajectory.t_s[0] + (k + 1) * WITHIN_S
+        words = f"forward, along the velocity, turns by {np.degrees(turned[k]):.0f} deg in {WITHIN_S:g} s"
+        yield Oddity(
+            ("trajectory", "attitude"),
+            f"{words} at T{at_s:+.1f} s: no vehicle does; it needs its own attitude",
+        )
 
 
 def _astray(rows, flight):

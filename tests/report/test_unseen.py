@@ -9,9 +9,9 @@ from shefex_nav.scenario import load
 EVENTS = (Event(0.0, "lift_off", 0.0, ""), Event(140.0, "apogee", 80e3, ""), Event(495.0, "impact", 0.0, ""))
 
 
-def told(name, *overrides, events=EVENTS, end_s=495.0):
+def told(name, *overrides, events=EVENTS, end_s=495.0, is_part=False):
     """{field: text} of what is said of a flight with these events."""
-    flown = programme.Flown(events, 0.0, end_s)
+    flown = programme.Flown(events, 0.0, end_s, is_part=is_part)
     return {".".join(map(str, path)): text for path, text in unseen.found(load.load(name, overrides), flown)}
 
 
@@ -50,3 +50,14 @@ def test_who_does_not_come_down_flies_to_the_time_limit():
     ).values()
     assert text.startswith(f"90000 s is after the end of the flight, T{limit:+.1f} s")
     assert not told("orbit", given.replace("900", "90000").replace("950", "95000"), events=(), end_s=9.0)
+
+
+def test_a_trajectory_ends_with_its_file():
+    """In the air, without an impact, unless it is that of a log that is cut."""
+    given = "gps.only=[{from: 90 s, until: 95 s, satellites: 2}]"
+    outage = "gps.outages=[{event: entry, shortest: 1 s, longest: 2 s}]"
+    cut = {"events": EVENTS[:2], "end_s": 70.0}
+    found = told("given_trajectory", given, outage, **cut)
+    assert found["gps.only.0.from"].startswith("90 s is after the end of the trajectory, T+70.0 s")
+    assert found["gps.outages.0.event"].startswith("the flight has no entry")
+    assert not told("given_trajectory", given, outage, **cut, is_part=True)

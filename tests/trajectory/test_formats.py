@@ -7,6 +7,7 @@ flight simulation, as public readers of such files quote it; feet and seconds. O
 and 504.0-B.
 """
 
+import erfa
 import numpy as np
 import pytest
 from astropy import units as u
@@ -16,8 +17,10 @@ from astropy.utils import iers
 from given_flight import ALONG, ORIGIN, at, flown, in_orbit, reckoned, scenario
 from made import AEM, EARTH, EPOCH, OEM, Path3, csv, rocket, satellite, write_ccsds
 
+from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.records import Phase
+from shefex_nav.trajectory import ccsds, placing
 
 FOOT = 0.3048
 LEVEL = {"format": "csv", "time": "t", "origin": ORIGIN, "attitude": ALONG}
@@ -268,6 +271,22 @@ def test_frames_of_messages(tmp_path):
     write_ccsds(tmp_path / "a.oem", tmp_path / "a.aem", moved, np.eye(3), "TEME")
     t = in_orbit(told)[0].trajectory
     assert np.linalg.norm(t.r_i[at(t, orbit.t_s)] - orbit.r_i, axis=1).max() < 0.5
+
+
+@pytest.mark.parametrize("utc", ["2012-06-22T19:18:00", "2012-06-30T18:00:00", "2016-12-31T23:00:00"])
+def test_true_equator_and_mean_equinox(utc):
+    """Two of these days have a leap second. TEME lies by the equation of the equinoxes from the true equinox.
+
+    IAU 1976 precession and IAU 1980 nutation, without UT1 at all; they differ from those of 2006 by 0.06".
+    """
+    ut1_minus_utc, t_s = -0.4, np.array([0.0, 100.0])
+    earth = ephemeris.earth_rotation(utc, ut1_minus_utc, 0.0, 0.0)
+    here = placing.place(earth, t_s)
+    found = ccsds._axes_in_i(here, t_s, ccsds.TEME, ccsds.Epoch(utc, ut1_minus_utc))
+    time = Time(utc, scale="utc").tt
+    equinoxes = rotation.dcm_from_rotvec(np.array([0.0, 0.0, -erfa.eqeq94(time.jd1, time.jd2)]))
+    C_fi = equinoxes @ erfa.pnm80(time.jd1, time.jd2)
+    assert np.abs(found @ C_fi - np.eye(3)).max() < 4e-7
 
 
 @pytest.mark.parametrize("system, ahead_s", [("TAI", 35.0), ("GPS", 16.0), ("TT", 67.184)])

@@ -78,3 +78,13 @@ def test_the_filter_does_as_well(again, default_run):
     ):
         flown, along = (one["navigation"][name]["rms"] for one in (default_run.summary, again.summary()))
         assert along == pytest.approx(flown, abs=unit), name
+
+
+def test_a_part_of_a_log_has_the_events_of_that_part(along, again):
+    part = along.with_sections(mission=along.mission.model_copy(update={"time_limit": 390.0}))
+    flight, whole = prepare.fly_vehicle(part, 1), {event.name: event for event in again.data.events}
+    assert flight.trajectory.t_s[-1] == 390.0
+    found = {event.name: event for event in flight.events}
+    assert "apogee" in found and not {"entry", "altitude_20km", "impact"} & set(found)
+    for name, event in found.items():
+        assert event.t_s <= 390.0 and abs(event.altitude_m - whole[name].altitude_m) < 1e-3

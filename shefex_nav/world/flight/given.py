@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.environment.atmosphere import us76
 from shefex_nav.environment.gravity import gravity_e
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -27,7 +28,8 @@ PUSHED = 2.0  # m/s^2 along the air velocity from which on a motor burns; drag i
 SHORTEST_BURN, SHORTEST_PAUSE = 0.2, 0.5  # s
 MOVES = 0.5  # m/s relative to the Earth: it has lifted off
 SPACE = 100e3  # m, above which a vehicle that is there at the start is in orbit
-GROUND = 100.0  # m above the start, or the ellipsoid: a vehicle that comes down ends there by an impact
+GROUND = 100.0  # m above the ground: a vehicle that comes down ends there by an impact
+HIGHEST_GROUND = 9e3  # m above the ellipsoid; who stands higher hangs, and the ellipsoid counts as ground
 
 
 class KnownPhases(NamedTuple):
@@ -180,10 +182,9 @@ def _by_motion(params, t_s, shown, starts):
         return np.zeros(len(t_s), dtype=int), {}
     if starts == Phase.PAD:
         instants["lift_off"] = float(t_s[np.argmax(moving)])
-    sinks = height[-1] < height[-2]
-    landed = bool(sinks and height[-1] < max(GROUND, height[0] + GROUND))
-    launch = starts == Phase.PAD and 0 < np.argmax(height) < len(height) - 1
-    instants |= events.found(launch, t_s, height, pressure, landed)
+    landed = bool(moving[-1]) and _lands(height, starts)  # what lies still came down before
+    rises = starts != Phase.ORBIT and np.argmax(moving) < np.argmax(height) < len(height) - 1
+    instants |= events.found(rises, t_s, height, pressure, landed)
     if landed:
         instants["impact"] = float(t_s[-1])
     number = np.zeros(len(t_s), dtype=int)
@@ -193,6 +194,16 @@ def _by_motion(params, t_s, shown, starts):
             instants[f"ignition_{k}"] = float(t_s[first])
         instants[f"burn_out_{k}"] = float(t_s[last])
     return number, {name: at for name, at in instants.items() if t_s[0] <= at <= t_s[-1]}
+
+
+def _lands(height, starts):
+    """Whether it ends by an impact. Who stands on the ground shows its height, who starts in the air not.
+
+    height : (N,) m
+    """
+    stands = starts == Phase.PAD and height[0] < HIGHEST_GROUND
+    ground = max(0.0, height[0]) if stands else 0.0
+    return bool(height[-1] < height[-2] and height[-1] < ground + GROUND)
 
 
 def _burns(t_s, push, until_s):
@@ -217,7 +228,8 @@ def _by_file(params, t_s):
     """The burning motor and the events of a flight whose file says so; as `_by_motion`."""
     boost = _phases_of_file(params.known, t_s) == Phase.BOOST
     number = 1 + np.searchsorted(np.array(params.separations, dtype=float), t_s, side="right")
-    instants = {name: at for name, at in params.known.instants.items() if at >= t_s[0]}
+    begin_s, end_s = t_s[0] - SAME_EVENT_S, params.t_end_s + SAME_EVENT_S  # an impact is between two samples
+    instants = {name: at for name, at in params.known.instants.items() if begin_s <= at <= end_s}
     return np.where(boost, number, 0), instants
 
 
