@@ -180,6 +180,7 @@ class GpsTold(NamedTuple):
     clock_offset_s: float = 0.0  # stamps are later than the instants that are measured by so much
     latency_s: float = np.nan  # from the instant that is measured to the arrival; NaN: the stamp says it
     lasting_factor: float = 1.0  # on those of errors of ranges that last
+    fix_factor: float = 1.0  # besides, on those of positions, in which noise and what lasts are one
 
 
 NOTHING_TOLD = GpsTold()
