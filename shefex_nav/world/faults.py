@@ -99,11 +99,15 @@ def _acting(faults, kinds, t_s, increments, flags=(None, None)):
 
 
 def _repeat_block(rows, *columns):
-    """Samples of whole blocks become those of the last block before them, in place; columns : (N, 3)."""
+    """Samples of whole blocks become those of the last block before them, in place; columns : (N, 3).
+
+    A unit sends a block anew or again, never a part of each: the last is that in which the last row lies.
+    """
     first = 1 + ((rows[0] - 1) // SAMPLES_PER_TICK) * SAMPLES_PER_TICK  # row 0 belongs to no block
     if first == 1:
         return
-    rows = np.arange(first, rows[-1] + 1)
+    end = 1 + ((rows[-1] - 1) // SAMPLES_PER_TICK + 1) * SAMPLES_PER_TICK
+    rows = np.arange(first, min(end, len(columns[0])))
     source = first - SAMPLES_PER_TICK + (rows - first) % SAMPLES_PER_TICK
     for column in columns:
         column[rows] = column[source]

@@ -92,6 +92,10 @@ def test_blocks_repeat_from_the_block_in_which_the_fault_begins():
         expected = before.copy()
         expected[9:13], expected[13:17] = before[5:9], before[5:9]
         np.testing.assert_array_equal(bad, expected)
+    middle, *_ = sent(imu_fault("repeat", 10 / RATE_HZ, 13.5 / RATE_HZ))  # ends in the middle of a block
+    np.testing.assert_array_equal(middle, dtheta_b)
+    last, *_ = sent(imu_fault("repeat", 10 / RATE_HZ, 13.5 / RATE_HZ), count=15)  # the flight ends there
+    np.testing.assert_array_equal(last, dtheta_b[:15])
     dtheta_b, dv_b, *_ = sent(imu_fault("repeat", 2 / RATE_HZ, 16 / RATE_HZ))
     assert np.array_equal(dtheta_b, good) and np.array_equal(dv_b, other)
 
