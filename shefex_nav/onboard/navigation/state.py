@@ -243,7 +243,7 @@ def initial(params, order, alignment):
     )
     P = np.zeros((order.n, order.n))
     P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
-    turn = rotation.skew(alignment.omega_i)
+    turn = np.cross(alignment.omega_i, np.eye(3)).T  # omega_i x; once, so not worth a kernel
     P[VEL, POS] = alignment.sigma_r**2 * turn
     P[POS, VEL] = P[VEL, POS].T
     P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3) + alignment.sigma_r**2 * turn @ turn.T
