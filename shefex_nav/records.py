@@ -106,6 +106,7 @@ class Alignment(NamedTuple):
     gyro_bias: number("rad/s", "gyro bias found while aligning, if any", (-1,)) = np.empty(0)
     sigma_gyro_bias: number("rad/s", "its standard deviation, each axis") = 0.0
     P_with_biases: number("", "covariance: attitude, gyros, accelerometers", (-1, 9)) = np.empty((0, 9))
+    omega_i: vector("rad/s", "rate of the axes against which sigma_v counts, as of the Earth") = np.zeros(3)
 
 
 class ImuBlock(NamedTuple):

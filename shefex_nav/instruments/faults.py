@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav.instruments.instrument import Column, Fault, FaultKind
 from shefex_nav.settings import choice, declared, quantity
-from shefex_nav.world.fault_settings import with_fault
+from shefex_nav.world.fault_settings import in_turn, with_fault
 
 RESERVED = frozenset(("fault", "from", "until", "start", "end", "words", "name"))  # keys of every fault
 
@@ -195,7 +195,8 @@ def __getattr__(name):
 def applied(one, settings, faults, measured):
     """What an instrument says when it is faulty: Measured.
 
-    Faults of what it senses come first, in their order, then range and quanta, then those of what it sends.
+    Faults of what it senses come first, in their order, then range and quanta, then those of what it sends,
+    as they begin.
 
     Parameters
     ----------
@@ -215,7 +216,7 @@ def applied(one, settings, faults, measured):
     for k, (was, now) in enumerate(zip(before, sensed, strict=True)):
         if now is not was:
             readings[k] = now if one.limited is None else one.limited(settings, now)
-    for fault in faults:
+    for fault in in_turn(faults):
         if not of[type(fault)].sensed:
             readings = _changed(of[type(fault)].change, fault, readings)
     return measured._replace(readings=readings)

@@ -126,11 +126,13 @@ def _true_field(truth, k, drive):
 
     trajectory, harmonics = truth.trajectory, magnetic_field.load(truth.year)
     sigma_n = magnetic_field.sigma_n(truth.year)
-    out, more, before = np.empty((len(k), 3)), drive[0], None
+    out, more, before = np.empty((len(k), 3)), np.zeros(3), None
     for j, sample in enumerate(k.tolist()):
         C_ei = frames.dcm_ie(truth.earth, trajectory.t_s[sample]).T
         r_e = C_ei @ trajectory.r_i[sample]
-        if before is not None:
+        if before is None:
+            more = drive[j]
+        else:
             keeps = math.exp(-np.linalg.norm(r_e - before) / ANOMALY_LENGTH)
             more = keeps * more + np.sqrt(1.0 - keeps**2) * drive[j]
         b_e, before = _field_e(harmonics, r_e, sigma_n * more), r_e

@@ -76,7 +76,7 @@ RULES = {
     GateResult: Rule(("t_s", "t_valid_s")),
     NavHealth: Rule(("t_s",)),
     Timing: Rule(("t_s",)),
-    Alignment: Rule((*MOTION, "sigma_r", "sigma_v", "P_theta_b"), far="r_i"),
+    Alignment: Rule((*MOTION, "sigma_r", "sigma_v", "P_theta_b", "omega_i"), far="r_i"),
     FrameTruth: Rule(("t_valid_s", "q_ic"), increases="t_valid_s"),
     GpsFix: Rule(("t_valid_s", "r_ea_e", "R_r_e"), where=lambda one: one.valid),
     GpsRanges: Rule(("t_valid_s", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range")),

@@ -151,7 +151,8 @@ def alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
     """Alignment with the covariance of the attitude given about north, east and down, (3, 3) rad^2."""
     C_ie = frames.dcm_ie(earth, t_s)
     C_bn = rotation.dcm_from_quat(q_ib).T @ C_ie @ wgs84.level_axes(C_ie.T @ r_i)
-    return Alignment(t_s, r_i, v_i, q_ib, sigma_r, sigma_v, C_bn @ P_n @ C_bn.T)
+    omega_i = frames.omega_ie_i(earth)  # all velocities of data are against the Earth
+    return Alignment(t_s, r_i, v_i, q_ib, sigma_r, sigma_v, C_bn @ P_n @ C_bn.T, omega_i=omega_i)
 
 
 def _place(scenario, fixes, begin_s, end_s):

@@ -21,6 +21,7 @@ LARGEST = {  # [E] of an alignment; beyond them nothing is known of a flight, an
     "v_i": (1e6, "m/s"),
     "sigma_r": (1e9, "m"),
     "sigma_v": (1e6, "m/s"),
+    "omega_i": (TURNS, "rad/s"),
     "gyro_bias": (TURNS, "rad/s"),
     "sigma_gyro_bias": (TURNS, "rad/s"),
 }
@@ -117,9 +118,10 @@ def _placed(path, data):
     if apart_s.min(initial=np.inf) > NEAR_S:
         return
     k = int(apart_s.argmin())
+    sigma_v = told.sigma_v + float(np.linalg.norm(told.omega_i)) * told.sigma_r
     for name, most, unit in (
         ("r_i", SIGMAS * told.sigma_r + SLACK_R, "m"),
-        ("v_i", SIGMAS * told.sigma_v + SLACK_V, "m/s"),
+        ("v_i", SIGMAS * sigma_v + SLACK_V, "m/s"),
     ):
         off = float(np.linalg.norm(getattr(told, name) - getattr(truth, name)[k]))
         if off > most:

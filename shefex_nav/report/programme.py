@@ -12,7 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight, unseen
+from shefex_nav.report import (
+    air_on_board,
+    gps_limits,
+    imu_range,
+    lasting,
+    odd_parts,
+    star_light,
+    star_sight,
+    unseen,
+)
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
 from shefex_nav.scenario import lens
@@ -163,6 +172,8 @@ def _by_flight(scenario, flown):
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
+    if text := air_on_board.words(scenario, flown):
+        found.append(Warned(("atmosphere", "model"), text))
     return [*found, *(Warned(*one) for one in unseen.found(scenario, flown))]
 
 

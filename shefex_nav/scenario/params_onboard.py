@@ -18,6 +18,7 @@ from shefex_nav.scenario.told import as_told
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
 SLANT_TROPOSPHERE = 5.0  # m
+UNSET_CLOCK = 300e3, 300.0  # m, m/s [E]: 1 ms, 1 ppm
 
 
 def nominal_camera(scenario):
@@ -125,17 +126,28 @@ def nav_params(scenario):
 
 
 def _gps_told(scenario):
-    """GpsTold of a Scenario."""
+    """GpsTold of a Scenario.
+
+    The lasting errors of ranges are of one size for all causes, true and told; those of a fix are in its
+    covariance together with its noise.
+    """
     from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 
     true, told = scenario.gps, scenario.navigation.told.gps
-    lasting = _lasting_sigma(scenario)
-    known = {"lasting_factor": _range_bias(scenario) / lasting if lasting else 1.0}
+    lasting, counted = _lasting_sigma(scenario), _range_bias(as_told(scenario))
+    noise = true.range_noise if told is None else _given(told.range_noise, true.range_noise)
+    near = noise / true.range_noise
+    known = {}
+    if counted != lasting:
+        known["lasting_factor"] = counted / lasting if lasting else 1.0
+    if lasting or counted:
+        whole = np.hypot(noise, counted) / np.hypot(true.range_noise, lasting)
+        known["fix_factor"] = float(whole / near)
     if told is None:
-        return NOTHING_TOLD if known["lasting_factor"] == 1.0 else GpsTold(**known)
+        return GpsTold(**known) if counted != lasting else NOTHING_TOLD
     return GpsTold(
         **known,
-        position_factor=_given(told.range_noise, true.range_noise) / true.range_noise,
+        position_factor=near,
         velocity_factor=_given(told.range_rate_noise, true.range_rate_noise) / true.range_rate_noise,
         clock_offset_s=_given(told.clock_offset, 0.0),
         latency_s=_given(told.latency, np.nan),
@@ -154,9 +166,19 @@ def beforehand(scenario):
         gravity=scenario.navigation.gravity_error,
         mounting=camera_turn(scenario),
         lever_arm=sensors.lever_arm_error,
-        clock=(sensors.clock_bias, sensors.clock_drift),
+        clock=_clock_known(scenario),
         gps_latency=sensors.gps_latency_error,
         range_bias=_range_bias(scenario),
+    )
+
+
+def _clock_known(scenario):
+    """Sigmas of bias, m, and drift, m/s, of the receiver's clock at the start: those of a clock that nobody
+    has set, or of the receiver's where that is worse."""
+    sensors, (bias, drift) = scenario.navigation.sensors, params.clock(scenario).sigmas
+    return (
+        _given(sensors.clock_bias, max(UNSET_CLOCK[0], bias)),
+        _given(sensors.clock_drift, max(UNSET_CLOCK[1], drift)),
     )
 
 

@@ -40,6 +40,10 @@ SAME = {  # keys of `navigation.sensors`: what they say too
     "accelerometer_random_walk": ("imu", "accelerometer", "random_walk"),
     "camera_mounting": ("star_camera", "mounting", "error"),
     "lever_arm": ("gps", "antenna", "lever_arm"),
+    "clock_bias": ("gps", "clock", "bias"),
+    "clock_drift": ("gps", "clock", "drift"),
+    "clock_white_frequency": ("gps", "clock", "h_0"),
+    "clock_random_walk": ("gps", "clock", "h_minus_2"),
     "range_bias": ("gps", "errors"),
 }
 

@@ -196,9 +196,9 @@ def outputs_at(flight, layout, at, growth=None, **histories):
     trajectory = flight.trajectory
     steps = problem(flight, layout, sample_s(trajectory.t_s), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
-    P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
-    omega_ie_i = frames.omega_ie_i(flight.earth)
-    P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
+    known = flight.alignment
+    P_psi = C_ib @ known.P_theta_b @ C_ib.T
+    P = bound_model.start(layout, known.sigma_r, known.sigma_v, P_psi, known.omega_i)
     yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at], **histories), strict=True)
 
 

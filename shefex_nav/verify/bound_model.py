@@ -280,13 +280,13 @@ def fading(layout):
     )
 
 
-def start(layout, sigma_r, sigma_v, P_psi, omega_ie_i):
+def start(layout, sigma_r, sigma_v, P_psi, omega_i):
     """Covariance at the alignment: the velocity is that of a point on the Earth at the surveyed place.
 
-    Layout, m, m/s, (3, 3) rad^2 in inertial axes, (3,) rad/s -> (n, n)
+    Layout, m, m/s, (3, 3) rad^2 in inertial axes, (3,) rad/s of the Earth, zero in orbit -> (n, n)
     """
     P = np.zeros((layout.n, layout.n))
-    turn = rotation.skew(omega_ie_i)
+    turn = rotation.skew(omega_i)
     P[POS, POS] = sigma_r**2 * np.eye(3)
     P[VEL, POS] = sigma_r**2 * turn
     P[POS, VEL] = P[VEL, POS].T

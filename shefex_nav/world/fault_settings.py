@@ -230,6 +230,14 @@ def within(fault, t_s):
     return (t_s > fault.start - SAME_S) & (t_s < fault.end - SAME_S)
 
 
+def in_turn(faults):
+    """Faults as they begin, those that begin together as they are listed: list.
+
+    What repeats, repeats what was sent before it, with the faults that had begun by then.
+    """
+    return sorted(faults, key=lambda fault: fault.start)
+
+
 def with_fault(fault, records, change, is_good):
     """Records of a sensor with one fault: list.
 

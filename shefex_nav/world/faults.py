@@ -30,6 +30,7 @@ from shefex_nav.world.fault_settings import (
     Outage,
     Repeat,
     Stuck,
+    in_turn,
     with_fault,
     within,
 )
@@ -73,7 +74,7 @@ def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
     (N,) bool, samples that are not sent; None without faults
     """
     missing = np.zeros(len(t_s), dtype=bool) if faults else None
-    for fault, rows, increments, flags in _acting(faults, SENT, t_s, (dtheta_b, dv_b), at_range):
+    for fault, rows, increments, flags in _acting(in_turn(faults), SENT, t_s, (dtheta_b, dv_b), at_range):
         match fault:
             case Stuck(k=k):
                 increments[rows, k], flags[rows, k] = increments[rows[0] - 1, k], flags[rows[0] - 1, k]
@@ -98,11 +99,15 @@ def _acting(faults, kinds, t_s, increments, flags=(None, None)):
 
 
 def _repeat_block(rows, *columns):
-    """Samples of whole blocks become those of the last block before them, in place; columns : (N, 3)."""
+    """Samples of whole blocks become those of the last block before them, in place; columns : (N, 3).
+
+    A unit sends a block anew or again, never a part of each: the last is that in which the last row lies.
+    """
     first = 1 + ((rows[0] - 1) // SAMPLES_PER_TICK) * SAMPLES_PER_TICK  # row 0 belongs to no block
     if first == 1:
         return
-    rows = np.arange(first, rows[-1] + 1)
+    end = 1 + ((rows[-1] - 1) // SAMPLES_PER_TICK + 1) * SAMPLES_PER_TICK
+    rows = np.arange(first, min(end, len(columns[0])))
     source = first - SAMPLES_PER_TICK + (rows - first) % SAMPLES_PER_TICK
     for column in columns:
         column[rows] = column[source]
@@ -110,7 +115,7 @@ def _repeat_block(rows, *columns):
 
 def gps(faults, fixes):
     """The fixes with their faults. tuple of fault_settings.Gps, list of GpsFix -> list of GpsFix"""
-    for fault in faults:
+    for fault in in_turn(faults):
         fixes = with_fault(fault, fixes, _gps_fault, lambda fix: fix.valid)
     return fixes
 
@@ -138,7 +143,7 @@ def gps_ranges(faults, messages, antenna):
         _Heard(message, r_e, v_e)
         for message, r_e, v_e in zip(messages, antenna.r_ea_e, antenna.v_ea_e, strict=True)
     ]
-    for fault in faults:
+    for fault in in_turn(faults):
         heard = with_fault(fault, heard, _ranges_fault, lambda one: not one.message.reason)
     return [one.message for one in heard] if faults else messages
 

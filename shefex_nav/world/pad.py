@@ -39,8 +39,9 @@ def align(settings, trajectory, earth, rng, absent=()):
     error_r, error_v, error_n = rng.standard_normal((3, 3))
     of_place, of_angles = of_alignment(absent)
     error_r, error_v = of_place * settings.position * error_r, of_place * settings.velocity * error_v
+    omega_i = frames.omega_ie_i(earth)  # of what the velocity is known against
     if trajectory.phase[0] == Phase.ORBIT:
-        C_ie = frames.dcm_ie(earth, t_s)
+        C_ie, omega_i = frames.dcm_ie(earth, t_s), np.zeros(3)
         r_i, v_i = trajectory.r_i[0] - C_ie @ error_r, trajectory.v_i[0] - C_ie @ error_v
     else:
         r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e - error_r, v_e - error_v)
@@ -55,4 +56,5 @@ def align(settings, trajectory, earth, rng, absent=()):
 
     C_bn = rotation.dcm_from_quat(q_ib).T @ C_in
     P_theta_b = C_bn @ np.diag(sigma_n**2) @ C_bn.T
-    return Alignment(t_s, r_i, v_i, q_ib, settings.position, settings.velocity, P_theta_b)
+    sigmas = settings.position, settings.velocity
+    return Alignment(t_s, r_i, v_i, q_ib, *sigmas, P_theta_b, omega_i=omega_i)

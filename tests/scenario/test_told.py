@@ -174,6 +174,20 @@ def test_nothing_is_told_twice():
     assert "navigation.told.gps.antenna.lever_arm: navigation.sensors.lever_arm says so too" in said
 
 
+@pytest.mark.parametrize(
+    ("told_so", "key", "value"),
+    [
+        ("gps.clock.bias=10 ms", "clock_bias", "5 km"),
+        ("gps.clock.drift=10 ppm", "clock_drift", "20 m/s"),
+        ("gps.clock.h_0=1e-18 s", "clock_white_frequency", "0.1 m/sqrt(s)"),
+        ("gps.clock.h_minus_2=1e-19 1/s", "clock_random_walk", "0.2 m/s/sqrt(s)"),
+    ],
+)
+def test_a_clock_is_told_once(told_so, key, value):
+    said = the_message(NAME, [f"navigation.told.{told_so}", f"navigation.sensors.{key}={value}"])
+    assert f"navigation.told.{told_so.partition('=')[0]}: navigation.sensors.{key} says so too" in said
+
+
 def test_check_says_what_differs(monkeypatch, capsys):
     sets = ["imu.gyro.bias=1 deg/h", "imu.gyro.range=unlimited", "imu.gyro.scale_factor=100 ppm"]
     sets += ["gps.antenna.lever_arm=[1 m, 0.05 m, -30 mm]"]

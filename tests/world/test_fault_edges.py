@@ -92,6 +92,10 @@ def test_blocks_repeat_from_the_block_in_which_the_fault_begins():
         expected = before.copy()
         expected[9:13], expected[13:17] = before[5:9], before[5:9]
         np.testing.assert_array_equal(bad, expected)
+    middle, *_ = sent(imu_fault("repeat", 10 / RATE_HZ, 13.5 / RATE_HZ))  # ends in the middle of a block
+    np.testing.assert_array_equal(middle, dtheta_b)
+    last, *_ = sent(imu_fault("repeat", 10 / RATE_HZ, 13.5 / RATE_HZ), count=15)  # the flight ends there
+    np.testing.assert_array_equal(last, dtheta_b[:15])
     dtheta_b, dv_b, *_ = sent(imu_fault("repeat", 2 / RATE_HZ, 16 / RATE_HZ))
     assert np.array_equal(dtheta_b, good) and np.array_equal(dv_b, other)
 
@@ -107,6 +111,33 @@ def test_scale_multiplies_and_bias_adds_whatever_the_sign(sensor):
         expected = np.full((2, 41, 3), -1.0)
         expected[int(sensor != "gyro"), 11:21, 0] = -1.1 if kind == "scale" else -1.0 + 0.2 / RATE_HZ
         np.testing.assert_allclose(increments, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_repeats_has_what_was_sent_when_it_began_whatever_the_order_of_the_list(turned):
+    """An axis that is dead when it gets stuck stays at zero; a receiver that freezes stays displaced."""
+
+    def listed(*wrong):
+        return wrong[::-1] if turned else wrong
+
+    dead = imu_fault("dead", 0.03, 0.07, sensor="gyro", axis="x")
+    stuck = imu_fault("stuck", 0.05, 0.09, sensor="gyro", axis="x")
+    dtheta_b, *_ = sent(*listed(dead, stuck))
+    good = readings()[1][:, 0]
+    expected = np.where((np.arange(41) > 12) & (np.arange(41) <= 36), 0.0, good)
+    np.testing.assert_array_equal(dtheta_b[:, 0], expected)
+    jump = gps_fault("jump", 2.0, 7.0, position=(300.0, 0.0, 0.0))
+    got = faults.gps(listed(jump, gps_fault("freeze", 5.0, 10.0)), [gps_fix(float(t)) for t in range(12)])
+    before = gps_fix(4.0).r_ea_e
+    off = np.array([np.linalg.norm(fix.r_ea_e - before) for fix in got[4:10]])
+    np.testing.assert_allclose(off, [300.0, 300.0, 300.0, 300.0, 300.0, 300.0], atol=0.5)
+    told, antenna = messages()
+    got = faults.gps_ranges(
+        listed(gps_fault("freeze", 3.0, 6.0), gps_fault("outage", 2.0, 4.0)), told, antenna
+    )
+    assert [one.reason for one in got] == ["lost", "", "outage", "", "", ""]
+    for one in got[3:]:
+        np.testing.assert_array_equal(one.pseudorange, told[1].pseudorange)
 
 
 def test_an_outage_leaves_no_number_of_the_fix():

@@ -46,6 +46,11 @@ def test_the_field_is_that_of_the_model_but_for_what_no_model_has(flight):
     assert 0.05 * sigma < np.linalg.norm(off, axis=1).mean() < 3.0 * sigma
 
 
+def test_a_flight_that_ends_before_the_first_reading_has_none(flight):
+    _, said = fields(flight, rate=0.01)
+    assert said.readings == []
+
+
 def test_irons_and_noise_are_as_large_as_said(flight):
     clean, _ = fields(flight)
     read, said = fields(flight, hard_iron=5e-7, soft_iron=3e-3)

@@ -8,6 +8,8 @@ import synthetic_trajectory as synthetic
 from scipy import stats
 
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard.navigation import state
+from shefex_nav.scenario import load, params_onboard
 from shefex_nav.world import noise, pad
 from shefex_nav.world.settings import PadAlignment
 
@@ -94,6 +96,25 @@ def test_alignment_in_orbit():
     np.testing.assert_allclose(np.rad2deg(error_b.std(axis=0)), [0.05, 0.05, 0.3], rtol=0.2)
     same = align(flight, 1, PadAlignment(level=0.0, azimuth=0.0, position=0.0, velocity=0.0))
     np.testing.assert_allclose(same.v_i, flight.v_i[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("where", ["ground", "orbit"])
+@pytest.mark.parametrize("position", [3.0, 1e3, 1e6])
+def test_the_filter_starts_with_the_covariance_of_what_is_wrong(flight, where, position):
+    """300 draws against that of position and velocity at 99.9 %: at rest the velocity errs with the place.
+
+    1 km of the Earth turns by 7 cm/s, seven times the velocity that the crew leaves open.
+    """
+    flown = flight if where == "ground" else synthetic.orbit(end_s=0.1)
+    nav = params_onboard.nav_params(load.load("shefex2_andoya", ["navigation.states=[]"]))
+    order, both, total = state.layout(nav.states), slice(state.POS.start, state.VEL.stop), 0.0
+    for seed in range(300):
+        alignment = align(flown, seed, replace(PARAMS, position=position))
+        _, P = state.initial(nav, order, alignment)
+        error = np.concatenate([flown.r_i[0] - alignment.r_i, flown.v_i[0] - alignment.v_i])
+        total += error @ np.linalg.solve(P[both, both], error)
+    low, high = stats.chi2.interval(0.999, 6 * 300)
+    assert low < total < high
 
 
 def test_same_seed_same_alignment(flight):

@@ -269,4 +269,7 @@ def understood(told, message):
             "sigma_shared": told.lasting_factor * message.sigma_shared,
         }
         return message._replace(t_valid_s=t_valid_s, **sigmas)
-    return message._replace(t_valid_s=t_valid_s, R_r_e=near**2 * message.R_r_e, R_v_e=fast**2 * message.R_v_e)
+    whole = near * told.fix_factor
+    return message._replace(
+        t_valid_s=t_valid_s, R_r_e=whole**2 * message.R_r_e, R_v_e=fast**2 * message.R_v_e
+    )

@@ -38,15 +38,17 @@ class SensorOverrides(Settings):
     gps_latency_error: float = quantity(
         "s", "1 ms", "fixes are older than they say by so much", "1 ms", positive=True, at_most="100 s"
     )
-    clock_bias: float = quantity(
+    clock_bias: float | None = quantity(
         "m",
         "300 km",
-        "of the GPS receiver, unknown at the start",
-        "300 km",
+        "of the GPS receiver, unknown at the start; left out: 300 km, or its clock's where that is larger",
+        None,
         positive=True,
         at_most="1000000 km",
     )
-    clock_drift: float = quantity("m/s", "300 m/s", "unknown at the start: 1 ppm", "300 m/s", positive=True)
+    clock_drift: float | None = quantity(
+        "m/s", "300 m/s", "likewise; left out: 300 m/s, 1 ppm, or its clock's", None, positive=True
+    )
     clock_white_frequency: float | None = quantity(
         "m/sqrt(s)", "0.1 m/sqrt(s)", "noise of the clock", None, positive=True
     )

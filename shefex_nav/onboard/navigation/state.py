@@ -180,6 +180,7 @@ class GpsTold(NamedTuple):
     clock_offset_s: float = 0.0  # stamps are later than the instants that are measured by so much
     latency_s: float = np.nan  # from the instant that is measured to the arrival; NaN: the stamp says it
     lasting_factor: float = 1.0  # on those of errors of ranges that last
+    fix_factor: float = 1.0  # besides, on those of positions, in which noise and what lasts are one
 
 
 NOTHING_TOLD = GpsTold()
@@ -225,6 +226,9 @@ class NavParams(NamedTuple):
 def initial(params, order, alignment):
     """State and covariance at the start.
 
+    Where the velocity is known against the Earth, one that stands on it at another place moves otherwise:
+    v = omega_i x r and an error of sigma_v.
+
     NavParams, Layout, Alignment -> NavState, (n, n)
     """
     is_found = len(alignment.gyro_bias) > 0
@@ -239,7 +243,10 @@ def initial(params, order, alignment):
     )
     P = np.zeros((order.n, order.n))
     P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
-    P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3)
+    turn = np.cross(alignment.omega_i, np.eye(3)).T  # omega_i x; once, so not worth a kernel
+    P[VEL, POS] = alignment.sigma_r**2 * turn
+    P[POS, VEL] = P[VEL, POS].T
+    P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3) + alignment.sigma_r**2 * turn @ turn.T
     P[ATT, ATT] = alignment.P_theta_b
     P[BG, BG] = (alignment.sigma_gyro_bias if is_found else params.sigma_gyro_bias) ** 2 * np.eye(3)
     P[BA, BA] = params.sigma_accel_bias**2 * np.eye(3)
