@@ -8,6 +8,7 @@ from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.centroids import METHODS, solve_centroids
+from shefex_nav.solve.image import solve_image
 
 EPOCH = 2012.47
 CAMERA = Camera(659, 493, 25.0e-3 / 9.9e-6)
@@ -252,6 +253,16 @@ def test_a_centroid_without_light_is_refused(method, value):
 def test_wrong_camera_is_named(arguments, says):
     with pytest.raises(ValueError, match=says):
         Camera(*arguments)
+
+
+def test_a_lens_that_folds_the_picture_over_is_refused():
+    """Its corners are the image of no direction: the iterations ended up somewhere, 19 px off."""
+    camera = Camera(1024, 1024, 1207.0, None, (-0.47, 0.0, 0.0, 0.0, 0.0))
+    centroids = np.array([[100.0, 200.0], [300.0, 40.0], [700.0, 800.0], [500.0, 512.0]])
+    with pytest.raises(ValueError, match=r"^Camera.distortion: .* folds the picture over"):
+        solve_centroids(centroids, None, camera=camera, epoch=EPOCH)
+    with pytest.raises(ValueError, match=r"^Camera.distortion: .* folds the picture over"):
+        solve_image(np.zeros((1024, 1024), dtype=np.uint8), camera=camera, epoch=EPOCH)
 
 
 def test_a_wide_field_uses_the_stars_that_it_needs():

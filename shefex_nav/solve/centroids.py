@@ -27,7 +27,7 @@ from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.plugins import STEPS
 from shefex_nav.records import Reason
 from shefex_nav.solve import given
-from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
+from shefex_nav.solve.camera import Camera, check_lens, pinhole_of, undistorted
 
 METHODS = STEPS["identification"].ways()  # those of papers and plug-ins among them
 MERGE_PX = 2.0  # closer stars are one point of light
@@ -248,6 +248,7 @@ def _sky(camera, band, epoch, max_magnitude):
     if not -2.0 < max_magnitude <= faintest:
         words = f"between -2 and {faintest:g} ({band})"
         raise ValueError(f"max_magnitude: expected a magnitude {words}, got {max_magnitude!r}")
+    check_lens(camera)
     pinhole = pinhole_of(camera)
     right, bottom = camera.width_px - 0.5, camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])

@@ -17,7 +17,7 @@ import numpy as np
 from shefex_nav import warmup
 from shefex_nav.solve import field, given, lens, naming, patterns, picture, proof, told, triangles
 from shefex_nav.solve import search as searching
-from shefex_nav.solve.camera import Camera
+from shefex_nav.solve.camera import Camera, check_lens
 from shefex_nav.solve.header import Taken, of_header, says_day, this_year
 from shefex_nav.solve.orientation import AS_STORED, ON_ITS_SIDE
 from shefex_nav.solve.solution import failed
@@ -226,6 +226,7 @@ def _focal_range(size_px, camera, fov_deg, is_turned=False):
                 f"camera: has {camera.width_px} x {camera.height_px} pixels, "
                 f"the picture {size_px[0]} x {size_px[1]}"
             )
+        check_lens(camera)
         return camera.focal_length_px / CAMERA_TOLERANCE, camera.focal_length_px * CAMERA_TOLERANCE
     narrow, wide = FOV_DEG[0] / EDGE, FOV_DEG[1] * EDGE
     if fov_deg is not None:
