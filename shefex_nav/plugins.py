@@ -308,6 +308,7 @@ _PROBLEM = {
 _WATCHED = {
     Instrument: plugin_checks.checked,
     OwnState: plugin_checks.checked_state,
+    Method: plugin_checks.checked_method,
     models.Gravity: plugin_checks.checked_gravity,
     models.Atmosphere: plugin_checks.checked_atmosphere,
     models.Wind: plugin_checks.checked_wind,
