@@ -358,6 +358,33 @@ def test_a_kernel_that_lies_beside_a_plug_in_is_kept_and_loaded(tmp_path):
     assert len(list((tmp_path / "cache").rglob("beside.total*.kernel"))) == 1
 
 
+WITH_TABLE = """
+from pathlib import Path
+
+from shefex_nav.plugins import Method
+
+TABLE = Path(__file__).with_name("table.csv").read_text()
+PROVIDES = [Method("centroid", "mine", lambda: TABLE)]
+
+
+class Mine:
+    table = TABLE
+"""
+
+
+def test_the_same_file_in_two_folders_reads_what_lies_beside_it(tmp_path):
+    """The second folder was flown with the table of the first."""
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mine.py").write_text(WITH_TABLE)
+        (tmp_path / name / "table.csv").write_text(name)
+    for name in "aba":
+        path = str(tmp_path / name / "mine.py")
+        plugin, (method,) = plugins.load(path, trust=True)
+        assert (plugin.path, method.function()) == (path, name)
+        assert plugins.software(f"{path}:Mine")[1].table == name
+
+
 SEARCH = """
 from shefex_nav.onboard.startracker import objects
 from shefex_nav.plugins import Method
