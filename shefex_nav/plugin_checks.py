@@ -41,6 +41,7 @@ TAKEN = frozenset(
     "gps_errors sightings gyro accelerometer ".split()
 )
 PREFIXES = ("gps", "star")  # of what the filter tells apart by it
+LARGEST_GATE = 0.1  # that a healthy reading is rejected, as of navigation.gate_probability
 FASTEST = 10.0  # 1/s, law of a block of states: slow against a tick
 ROUNDING = 1e-9  # of a covariance, in the trace of it
 
@@ -289,6 +290,9 @@ def _aid(one, given, use, known):
     if (aid.name, aid.record, found) != (one.name, one.record, said):
         made = f"its aid is {aid.name!r} of {aid.record.__name__} with states {found}"
         raise CodeError(f"{words}: {made}; expected the same name and record, and states {said}")
+    if aid.gate_probability is not None and not 0.0 < aid.gate_probability <= LARGEST_GATE:
+        chance = f"gate_probability, that a healthy reading is rejected, must be above 0 and {LARGEST_GATE:g}"
+        raise CodeError(f"{words}: {chance} at most, got {aid.gate_probability!r}")
     judges = {
         key: partial(called, f"{words}: {key}", getattr(aid, key))
         for key in ("holds", "unfit")

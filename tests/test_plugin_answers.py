@@ -126,3 +126,16 @@ def test_what_a_plug_in_prints_is_no_result(capsys):
     one = plugin_checks.checked_method(Method("centroid", "mine", print))
     one.function("said")
     assert capsys.readouterr() == ("", "said\n")
+
+
+@pytest.mark.parametrize("chance", [0.0, 3.0, -1e-4, 0.2, np.nan])
+def test_a_gate_that_is_none_is_refused(chance):
+    """Of 0 no reading was ever rejected, of 3 (sigma?) each was, without a word."""
+    one = instrument(aid=(Aid("mine", Height, None, gate_probability=chance),))
+    with pytest.raises(CodeError, match=r"'mine': gate_probability.* must be above 0 and 0.1 at most, got"):
+        one.aid(None, None, None)
+
+
+def test_a_gate_of_its_own_stays():
+    one = instrument(aid=(Aid("mine", Height, None, gate_probability=1e-9),))
+    assert one.aid(None, None, None).gate_probability == 1e-9
