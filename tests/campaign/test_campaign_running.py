@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import keeping
 import numpy as np
@@ -489,6 +490,25 @@ def test_a_machine_that_ends_in_other_digits_is_refused(setting, scenario, tmp_p
         fly(scenario, tmp_path, 2)
     with pytest.raises(flight.WorkerError, match=f"target {re.escape(now['target'])}, not "):
         flight._check_versions(plan.versions)
+
+
+def test_getting_ready_is_no_time_of_the_runs(scenario, tmp_path, monkeypatch):
+    """A report tells runs an hour; compiling took minutes of it."""
+    clock, made = [0.0], running.with_flight
+
+    def slow(*given):
+        clock[0] += 3600.0
+        return made(*given)
+
+    monkeypatch.setattr(running, "with_flight", slow)
+    monkeypatch.setattr(running, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+
+    def flown(job):
+        clock[0] += 2.0
+
+    fly(scenario, tmp_path, 3, before=flown)
+    head = heads.read_head(tmp_path)
+    assert (head["timed"], head["wall_s"]) == ({"runs": 3, "wall_s": 6.0}, 3606.0)
 
 
 def test_files_of_others_are_left_alone(scenario, tmp_path):
