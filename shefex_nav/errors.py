@@ -1,7 +1,9 @@
 """What is said to people instead of a traceback."""
 
 import os
+import sys
 import traceback
+from contextlib import redirect_stdout
 
 
 class UserError(Exception):
@@ -41,3 +43,14 @@ class SoftwareError(CodeError):
     """The same in flight, of software of a user's own on board; the log up to then is kept."""
 
     exit_code = 3
+
+
+def called(words, function, *given):
+    """What a function of somebody's own gives; CodeError if it fails. words : where it is called"""
+    try:
+        with redirect_stdout(sys.stderr):  # standard output is for results
+            return function(*given)
+    except KeyboardInterrupt:  # of the user
+        raise
+    except BaseException as error:  # SystemExit, too: the program would end as if all were done
+        raise CodeError(words, error) from error

@@ -11,7 +11,7 @@ import numpy as np
 from shefex_nav import instruments
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import models
-from shefex_nav.errors import CodeError, shown
+from shefex_nav.errors import CodeError, called, shown
 from shefex_nav.instruments import faults
 from shefex_nav.instruments.instrument import (
     Column,
@@ -41,6 +41,7 @@ TAKEN = frozenset(
     "gps_errors sightings gyro accelerometer ".split()
 )
 PREFIXES = ("gps", "star")  # of what the filter tells apart by it
+LARGEST_GATE = 0.1  # that a healthy reading is rejected, as of navigation.gate_probability
 FASTEST = 10.0  # 1/s, law of a block of states: slow against a tick
 ROUNDING = 1e-9  # of a covariance, in the trace of it
 
@@ -158,7 +159,7 @@ def checked_state(one):
 def _block(one, settings):
     """As OwnState.block."""
     words = f"block of states '{one.name}'"
-    block = _called(f"{words}: block", one.block, settings)
+    block = called(f"{words}: block", one.block, settings)
     if not isinstance(block, Block) or block.name != one.name:
         raise CodeError(f"{words}: block must give a Block of that name, got {block!r}")
     return _checked_block(words, one.size, block)
@@ -182,7 +183,7 @@ def _checked_block(words, size, block):
 def _drives(words, size, drives, sensed):
     """As Block.drives."""
     words = f"{words}: drives, T{sensed.t_s:+.2f} s"
-    return _numbers(words, _called(words, drives, sensed), (6, size))
+    return _numbers(words, called(words, drives, sensed), (6, size))
 
 
 def _covariance(words, value, size):
@@ -241,7 +242,7 @@ def checked(one):
 def _equation(one, settings, truth):
     """As Instrument.equation."""
     words = f"instrument '{one.name}': equation"
-    equation = _called(words, one.equation, settings, truth)
+    equation = called(words, one.equation, settings, truth)
     if not isinstance(equation, Equation):
         raise CodeError(f"{words} must give an Equation, got {equation!r}")
     return equation._replace(read=partial(_read, words, equation.read, len(equation.R)))
@@ -250,30 +251,22 @@ def _equation(one, settings, truth):
 def _read(words, read, m, place, errors):
     """As Equation.read."""
     words = f"{words}: read, T{place.t_s:+.2f} s"
-    return _numbers(words, _called(words, read, place, errors), (m,))
+    return _numbers(words, called(words, read, place, errors), (m,))
 
 
 def _reading(one, what, function, *given):
     """A reading that a function of the instrument gives; None stands for no reading."""
     words = f"instrument '{one.name}': {what}"
-    reading = _called(words, function, *given)
+    reading = called(words, function, *given)
     if type(reading) is not one.record and (reading is not None or what == "limited"):
         raise CodeError(f"{words} must give a reading of {one.record.__name__}, got {reading!r}")
     return reading
 
 
-def _called(words, function, *given):
-    """What a function of the plug-in gives. words : where it is called"""
-    try:
-        return function(*given)
-    except Exception as error:
-        raise CodeError(words, error) from error
-
-
 def _measure(one, settings, truth, rng):
     """As Instrument.measure."""
     words = f"instrument '{one.name}': measure"
-    measured = _of_type(words, Measured, _called(words, one.measure, settings, truth, rng))
+    measured = _of_type(words, Measured, called(words, one.measure, settings, truth, rng))
     if not isinstance(measured.readings, list | tuple):
         raise CodeError(f"{words}: readings must be a list, got {shown(measured.readings)}")
     if not all(type(reading) is one.record for reading in measured.readings):
@@ -291,14 +284,17 @@ def _measure(one, settings, truth, rng):
 def _aid(one, given, use, known):
     """As Instrument.aid."""
     words = f"instrument '{one.name}'"
-    aid = _of_type(f"{words}: aid", Aid, _called(f"{words}: aid", one.aid, given, use, known))
+    aid = _of_type(f"{words}: aid", Aid, called(f"{words}: aid", one.aid, given, use, known))
     found = [(block.name, block.size) for block in aid.blocks]
     said = [(block.name, block.size) for block in one.states]
     if (aid.name, aid.record, found) != (one.name, one.record, said):
         made = f"its aid is {aid.name!r} of {aid.record.__name__} with states {found}"
         raise CodeError(f"{words}: {made}; expected the same name and record, and states {said}")
+    if aid.gate_probability is not None and not 0.0 < aid.gate_probability <= LARGEST_GATE:
+        chance = f"gate_probability, that a healthy reading is rejected, must be above 0 and {LARGEST_GATE:g}"
+        raise CodeError(f"{words}: {chance} at most, got {aid.gate_probability!r}")
     judges = {
-        key: partial(_called, f"{words}: {key}", getattr(aid, key))
+        key: partial(called, f"{words}: {key}", getattr(aid, key))
         for key in ("holds", "unfit")
         if getattr(aid, key) is not None
     }
@@ -311,7 +307,7 @@ def _aid(one, given, use, known):
 def _expect(words, expect, here, reading):
     """As Aid.expect."""
     words = f"{words}: expect, T{reading.t_valid_s:+.2f} s"
-    seen = _of_type(words, Linearised, _called(words, expect, here, reading))
+    seen = _of_type(words, Linearised, called(words, expect, here, reading))
     m, n = np.size(seen.z), here.rows(1).shape[1]
     shapes = [np.shape(one) for one in (seen.z, seen.H, seen.R, *(one for one, _ in seen.lasting))]
     if shapes != [(m,), (m, n), *[(m, m)] * (1 + len(seen.lasting))]:
@@ -329,6 +325,19 @@ def _expect(words, expect, here, reading):
     return seen._replace(R=R, lasting=lasting)
 
 
+def checked_method(one):
+    """A Method whose function says with CodeError that it has failed."""
+    how = _each if one.step == "search" else called
+    return one._replace(function=partial(how, f"{one.step} '{one.name}'", one.function))
+
+
+def _each(words, function, *given):
+    """What a function gives one after the other, each made when it is asked for."""
+    found = iter(called(words, function, *given))
+    while (one := called(words, next, found, None)) is not None:
+        yield one
+
+
 def checked_gravity(one):
     """A Gravity whose function says with CodeError what is wrong with what it does."""
     return one._replace(coefficients=partial(_coefficients, one))
@@ -337,7 +346,7 @@ def checked_gravity(one):
 def _coefficients(one, degree):
     """As Gravity.coefficients."""
     words = models.words(one)
-    given = _of_type(words, models.Coefficients, _called(f"{words}: coefficients", one.coefficients, degree))
+    given = _of_type(words, models.Coefficients, called(f"{words}: coefficients", one.coefficients, degree))
     gm, radius = (_numbers(f"{words}: {key}", getattr(given, key), ()) for key in ("gm", "radius"))
     n = len(np.atleast_1d(given.cosine))
     cosine, sine = (_numbers(f"{words}: {key}", getattr(given, key), (n, n)) for key in ("cosine", "sine"))
@@ -358,7 +367,7 @@ def checked_atmosphere(one):
 def _air(one, heights, site):
     """As Atmosphere.air."""
     words = models.words(one)
-    given = _of_type(words, models.Air, _called(f"{words}: air", one.air, heights, site))
+    given = _of_type(words, models.Air, called(f"{words}: air", one.air, heights, site))
     air = {key: value for key, value in given._asdict().items() if key != "sound" or value is not None}
     for key in air:
         air[key] = _numbers(f"{words}: {key}", air[key], heights.shape)
@@ -377,7 +386,7 @@ def checked_wind(one):
 def _wind(one, heights, t_s, site):
     """As Wind.wind."""
     words = models.words(one)
-    given = _called(f"{words}: wind", one.wind, heights, t_s, site)
+    given = called(f"{words}: wind", one.wind, heights, t_s, site)
     return _numbers(f"{words}: north and east, T{t_s:+.2f} s,", given, (2, *heights.shape))
 
 

@@ -62,8 +62,8 @@ class Plugin(NamedTuple):
         return f"{self.name}{version} (sha256 {self.sha256[:12]})"
 
 
-_LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
-_MODULES = {}  # sha256 -> module of software
+_LOADED = {}  # Plugin -> tuple of what it provides; two places of one content may have other data beside them
+_MODULES = {}  # Plugin -> module of software
 _INSTALLED = (*(sysconfig.get_path(kind) for kind in ("purelib", "platlib")), os.path.dirname(__file__))
 _EVERY = []  # not empty: within `trusting`
 
@@ -82,18 +82,16 @@ def load(name, sha256=None, trust=False):
     """
     path, version = (name, "") if is_file(name) else _installed(name)
     sources, found = _read(name, path, sha256)
-    if found not in _LOADED:
-        plugin = Plugin(
-            os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
-        )
+    plugin = Plugin(os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path))
+    if plugin not in _LOADED:
         if is_file(name):
             _ask(name, path, found, trust)
             provided = _module(plugin, sources)
         else:
             provided = _entry(name).load()
-        _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
-    activate(_LOADED[found][1])
-    return _LOADED[found]
+        _LOADED[plugin] = tuple(_brought(one, plugin) for one in _provided(provided, name))
+    activate(_LOADED[plugin])
+    return plugin, _LOADED[plugin]
 
 
 def software(name, sha256=None, trust=False):
@@ -107,11 +105,11 @@ def software(name, sha256=None, trust=False):
     path = where if is_file(where) else _module_file(where)
     sources, found = _read(where, path, sha256)
     if is_file(where):
-        if found not in _MODULES:
+        plugin = Plugin(os.path.basename(path), "", found, os.path.abspath(path))
+        if plugin not in _MODULES:
             _ask(where, path, found, trust)
-            plugin = Plugin(os.path.basename(path), "", found, os.path.abspath(path))
-            _MODULES[found] = _module(plugin, sources)
-        module = _MODULES[found]
+            _MODULES[plugin] = _module(plugin, sources)
+        module = _MODULES[plugin]
     else:
         module = import_module(where)
     made = getattr(module, attribute, None)
@@ -258,7 +256,8 @@ def _entry(name):
 
 def _module(plugin, sources):
     """The module that the bytes of a file make, under a name of its own. They are what consent is about."""
-    name = f"shefex_nav_plugin_{plugin.sha256[:16]}"
+    place = hashlib.sha256(os.fsencode(plugin.path)).hexdigest()
+    name = f"shefex_nav_plugin_{plugin.sha256[:16]}_{place[:8]}"
     module = types.ModuleType(name)
     module.__file__ = plugin.path
     sys.modules[name] = module  # where its records are found again in other processes
@@ -308,6 +307,7 @@ _PROBLEM = {
 _WATCHED = {
     Instrument: plugin_checks.checked,
     OwnState: plugin_checks.checked_state,
+    Method: plugin_checks.checked_method,
     models.Gravity: plugin_checks.checked_gravity,
     models.Atmosphere: plugin_checks.checked_atmosphere,
     models.Wind: plugin_checks.checked_wind,

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
 
 from shefex_nav import children
@@ -136,7 +136,9 @@ def each(function, calls, most):
 
 
 def _begin(prepare, arguments):
-    """First thing that a worker does."""
+    """First thing that a worker does. What it prints goes to stderr: standard output is for results."""
+    with suppress(OSError):  # one of them is closed
+        os.dup2(2, 1)
     bind_to_parent()
     end_quickly()
     without_folders_of_astropy()

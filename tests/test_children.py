@@ -54,3 +54,18 @@ def test_what_a_user_has_set_stays(monkeypatch):
         assert os.environ[children.SAFE] == "1"
     children.begun()
     assert os.environ[children.SAFE] == "1"
+
+
+def test_what_a_worker_prints_is_no_result():
+    program = """
+        import os
+        from shefex_nav import workers
+
+        if __name__ == "__main__":
+            pool = workers.Pool(1)
+            pool.submit(os.write, 1, b"said by a plug-in").result()
+            pool.stop()
+            print("{}")
+    """
+    done = said(program, None)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "{}\n", "said by a plug-in")

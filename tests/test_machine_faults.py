@@ -14,6 +14,7 @@ from shefex_nav.files import whole
 LIMIT = 20_000  # bytes of a file; Linux refuses more with EFBIG, a full disk with ENOSPC, in the same places
 LIMITED = f"""
 import resource, sys
+sys.dont_write_bytecode = True  # it would be cut off at the limit, and stay in the package
 resource.setrlimit(resource.RLIMIT_FSIZE, ({LIMIT}, {LIMIT}))
 from shefex_nav.commands.main import main
 main()

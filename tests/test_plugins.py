@@ -1,9 +1,12 @@
 """Plug-ins: the same file inside and outside the package, consent, refusals, logs and campaigns with one."""
 
 import json
+import os
 import pickle
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -302,6 +305,84 @@ def test_a_worker_of_a_cluster_has_the_consent_of_the_one_who_asks(tmp_path, mon
     finally:
         flight._pilots.pop(briefing.digest, None)
     assert not (tmp_path / "config" / "shefex_nav" / "trusted").exists()  # for this campaign only
+
+
+KERNELS = """
+from shefex_nav.compiled import inner, kernel
+
+
+@inner
+def twice(x):
+    return 2.0 * x
+
+
+@kernel
+def total(values):
+    s = 0.0
+    for x in values:
+        s += twice(x)
+    if s < 0.0:
+        raise ValueError("below zero")
+    return s
+"""
+USE = """
+from beside import total
+from shefex_nav.plugins import Method
+
+PROVIDES = [Method("centroid", "totals", total)]
+"""
+CALL = """
+import sys
+import numpy as np
+from shefex_nav import plugins
+function = plugins.load(sys.argv[1], trust=True)[1][0].function
+print(function(np.ones(3)))
+function(-np.ones(3))
+"""
+
+
+def test_a_kernel_that_lies_beside_a_plug_in_is_kept_and_loaded(tmp_path):
+    """The second process failed, and all workers of a campaign: its module is none of the process."""
+    (tmp_path / "beside.py").write_text(KERNELS)
+    (tmp_path / "mine.py").write_text(USE)
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "XDG_CONFIG_HOME": str(tmp_path / "config")}
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", CALL, tmp_path / "mine.py"],
+            env={**os.environ, **settings},
+            capture_output=True,
+            text=True,
+        )
+        assert done.stdout == "6.0\n", done.stderr
+        assert "ValueError: below zero" in done.stderr
+    assert len(list((tmp_path / "cache").rglob("beside.total*.kernel"))) == 1
+
+
+WITH_TABLE = """
+from pathlib import Path
+
+from shefex_nav.plugins import Method
+
+TABLE = Path(__file__).with_name("table.csv").read_text()
+PROVIDES = [Method("centroid", "mine", lambda: TABLE)]
+
+
+class Mine:
+    table = TABLE
+"""
+
+
+def test_the_same_file_in_two_folders_reads_what_lies_beside_it(tmp_path):
+    """The second folder was flown with the table of the first."""
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mine.py").write_text(WITH_TABLE)
+        (tmp_path / name / "table.csv").write_text(name)
+    for name in "aba":
+        path = str(tmp_path / name / "mine.py")
+        plugin, (method,) = plugins.load(path, trust=True)
+        assert (plugin.path, method.function()) == (path, name)
+        assert plugins.software(f"{path}:Mine")[1].table == name
 
 
 SEARCH = """

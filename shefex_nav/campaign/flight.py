@@ -1,5 +1,6 @@
 """One run of a campaign: its scenario, the mission, what is kept of it."""
 
+import errno
 import hashlib
 import io
 import json
@@ -20,6 +21,7 @@ from shefex_nav.workers import collected_afterwards
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
+LACKING = errno.ENOMEM, errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE  # of OSErrors
 OF_THE_MACHINE = (MemoryError, OSError, ImportError)  # exceptions that say nothing of the run
 
 
@@ -76,7 +78,9 @@ class Pilot:
             raise MachineError(_reason(error)) from error
         except LogError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
+            if _is_of_machine(error.__cause__):  # of a user's own code, which has its words around it
+                raise MachineError(_reason(error)) from error
             record |= {"status": "failed", "reason": _reason(error), "traceback": _traceback(error)}
         record["timing"] = {
             "wall_s": time.perf_counter() - began,
@@ -100,6 +104,11 @@ class Pilot:
         data = _records(scenario, job.seed, world, job.log)
         summary = metrics.summarise(data, scenario=scenario)
         return summary, series(data, world.flight.trajectory, world.imu_biases, self.plan.series_rate)
+
+
+def _is_of_machine(cause):
+    """Whether code of a user's own had no memory or disk left. cause : its exception, or None"""
+    return isinstance(cause, MemoryError) or getattr(cause, "errno", None) in LACKING
 
 
 def _peak_memory_mb():

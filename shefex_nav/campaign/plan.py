@@ -3,17 +3,19 @@
 import hashlib
 import json
 import math
+import os
 import sys
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav import files
+from shefex_nav.compiled import target
 
 FORMAT = 2  # of the folder
 BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # of a series, in this order
 PACKAGE = Path(__file__).parents[1]
-DATA = "data/*.csv", "data/*.csv.gz"  # stars and gravity; the coast lines are of pictures alone
+DATA = "data/*.csv", "data/*.csv.gz", "data/*.f8"  # stars, fields, air; coast lines are of pictures alone
 
 
 class Plan(NamedTuple):
@@ -74,14 +76,26 @@ def digest(content):
 
 
 def versions():
-    """Versions of what a result may depend on; `code` and `data` are digests of files of this package."""
+    """Versions of what a result may depend on: {name: str}.
+
+    `code` and `data` are digests of files of this package, `target` is what arithmetic is done with.
+    """
     from importlib.metadata import version
 
     from shefex_nav import __version__
 
     own = {"shefex_nav": __version__, "python": ".".join(map(str, sys.version_info[:3]))}
     own |= {"code": _contents(PACKAGE, "**/*.py"), "data": _contents(PACKAGE, *DATA)}
+    own |= {"target": target.told(os.environ), "libc": _libc()}
     return own | {name: version(name) for name in ("numpy", "scipy", "numba", "astropy", "filterpy")}
+
+
+def _libc():
+    """Version of the C library, whose functions change from one to the next: str; "" where it is not told."""
+    try:
+        return os.confstr("CS_GNU_LIBC_VERSION") or ""
+    except (AttributeError, OSError, ValueError):  # Windows; another library
+        return ""
 
 
 @cache

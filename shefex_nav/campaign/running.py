@@ -153,6 +153,7 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
                 compile_kernels(request.scenario, show)
             plan = with_flight(plan, store, request.scenario)
             lanes = (crew or partial(_lanes, request))(plan, len(missing))
+            session.book(of_runs=False)  # compiling may take longer than all runs
             with show.bar(tally) as note:
                 jobs = (sampler.job(run) for run in missing)
                 take, suspects = partial(_take, store, tally, session, bad, note), _suspects(store)

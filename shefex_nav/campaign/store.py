@@ -29,7 +29,9 @@ MOST_DIFFERENCES = 10  # values, that are told
 
 NAMES = {  # of versions
     "code": "the source code of shefex_nav",
-    "data": "the star catalogue or the gravity field",
+    "data": "the star catalogue, a field or the table of the air",
+    "target": "the processor that is compiled for",
+    "libc": "the C library",
 }
 
 

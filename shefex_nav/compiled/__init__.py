@@ -16,10 +16,13 @@
 This file imports numba when the first kernel is marked, not before: `target` has to choose first.
 """
 
+import sys
 from functools import cached_property, update_wrapper
+from types import ModuleType
 
 from shefex_nav.compiled.lending import lent as lent
 
+GONE = "<dynamic>"  # numba's module of kernels whose own is none of the process, such as beside a plug-in
 DEFAULTS = {
     "nopython": True,
     "boundscheck": None,
@@ -44,6 +47,7 @@ def kernel(function=None, **options):
 
     if config.DISABLE_JIT:
         return function
+    sys.modules.setdefault(GONE, ModuleType(GONE))  # files of such kernels import it
     from shefex_nav.compiled.numba_hooks import Kernel
     from shefex_nav.late_packages import late
 

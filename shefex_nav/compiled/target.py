@@ -59,6 +59,21 @@ def baseline():
     return Target("x86-64-v2", "Nehalem") if flags >= V2_FLAGS else Target("x86-64", None)
 
 
+def told(environ):
+    """What a process that starts now computes with, in words: str. Results of another end in other digits.
+
+    Not what this very process was compiled for: of one that had imported numba first that is another one.
+    """
+    target = baseline()
+    kernels = environ.get("NUMBA_CPU_NAME", target.kernels)
+    if features := environ.get("NUMBA_CPU_FEATURES"):
+        kernels += f" {features}"
+    if environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        kernels = "Python"
+    algebra = environ.get("OPENBLAS_CORETYPE", target.algebra) or "as found"
+    return f"{sys.platform} {platform.machine()}, kernels {kernels}, OpenBLAS {algebra}"
+
+
 def _flags():
     """What this x86-64 processor has, of V3_FLAGS: set of str."""
     try:

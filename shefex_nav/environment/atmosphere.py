@@ -88,6 +88,8 @@ def us76(height_m):
     86 km sound is given the speed it would have in air of the composition at 86 km: the Standard defines none
     there, and a Mach number is still wanted where the entry begins.
     """
+    if np.isnan(height_m):  # a motion without a solution; it has no row in the table
+        return np.nan, np.nan, np.nan, np.nan
     if height_m < Z_86:
         h = EARTH_RADIUS * height_m / (EARTH_RADIUS + height_m)
         b = 0

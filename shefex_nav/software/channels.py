@@ -1,13 +1,16 @@
 """Bytes to a program and back: standard input and output, TCP, UDP."""
 
+import ctypes
 import os
 import select
 import signal
 import socket
 import subprocess
+import sys
 import time
 from collections import deque
 from contextlib import suppress
+from functools import partial
 
 from shefex_nav import stopping
 from shefex_nav.software.messages import HEAD, split
@@ -15,6 +18,8 @@ from shefex_nav.software.messages import HEAD, split
 LARGEST = 65507  # bytes of a datagram
 CHUNK = 1 << 16
 LONGEST = 1 << 26  # bytes of a message
+LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
+PR_SET_PDEATHSIG = 1
 ASKED = 300  # times, some 300 us, before a process goes to sleep
 
 
@@ -26,6 +31,16 @@ class Late(Silent):
     """There is no answer by the time at which there must be one."""
 
 
+def _end_with_parent(parent):
+    """In a program before it starts, on Linux: it is killed when the one that starts it is gone.
+
+    Whoever reads its standard input learns that it is closed; one that hangs would go on for ever.
+    """
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # gone already
+        os._exit(1)
+
+
 class Pipe:
     """A program that has been started, by its standard input and output; what it prints to stderr is shown.
 
@@ -34,6 +49,8 @@ class Pipe:
 
     def __init__(self, words):
         how = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "bufsize": 0}
+        if LIBC is not None:
+            how["preexec_fn"] = partial(_end_with_parent, os.getpid())
         self._process = subprocess.Popen(words, start_new_session=True, **how)  # Ctrl-C is not for it
         self._in, self._out = self._process.stdin.fileno(), self._process.stdout.fileno()
         os.set_blocking(self._in, False)

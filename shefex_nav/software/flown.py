@@ -1,5 +1,8 @@
 """From a scenario to software of a user's own that flies."""
 
+import sys
+from contextlib import redirect_stdout
+
 from shefex_nav import plugins
 from shefex_nav.errors import SoftwareError
 from shefex_nav.onboard.own_computer import OwnComputer
@@ -58,8 +61,11 @@ def _made(own, searches=False):
     if isinstance(own, software.Own):
         _, cls = plugins.software(own.python, own.sha256)
         try:
-            return cls()
-        except Exception as error:
+            with redirect_stdout(sys.stderr):  # standard output is for results
+                return cls()
+        except KeyboardInterrupt:  # of the user
+            raise
+        except BaseException as error:
             raise SoftwareError(f"{software.name(own)} cannot be made", error) from error
     from shefex_nav.software import remote
 

@@ -21,6 +21,7 @@ from shefex_nav.campaign import flight, mending, results, running, store, table
 from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import plan as planning
 from shefex_nav.commands.app import app
+from shefex_nav.errors import called
 from shefex_nav.scenario import load
 
 RUNS = 3
@@ -358,6 +359,26 @@ def test_a_log_that_cannot_be_written_is_no_failed_run(scenario, tmp_path):
     job = sampler.job(0)._replace(log=str(tmp_path / "nowhere" / "run.mcap"))
     with pytest.raises((flight.MachineError, flight.import_module("shefex_nav.log.topics").LogError)):
         flight.Pilot(plan).fly(job)
+
+
+@pytest.mark.parametrize("cause", [MemoryError(), OSError(28, "No space left on device")])
+def test_code_of_a_user_without_memory_or_disk_is_no_failed_run(cause, scenario, monkeypatch):
+    """It would count as a flight that failed."""
+    plan, sampler = running.prepared(scenario, 1, 1)
+
+    def measure(*_):
+        raise cause
+
+    monkeypatch.setattr(flight.Pilot, "_mission", lambda *_: called("instrument 'mine': measure", measure))
+    with pytest.raises(flight.MachineError, match="instrument 'mine': measure"):
+        flight.Pilot(plan).fly(sampler.job(0))
+
+
+def test_an_exit_of_code_of_a_user_is_a_failed_run(scenario, monkeypatch):
+    """The whole campaign would end by it, and as if all were done."""
+    plan, sampler = running.prepared(scenario, 1, 1)
+    monkeypatch.setattr(flight.Pilot, "_mission", lambda *_: sys.exit(0))
+    assert flight.Pilot(plan).fly(sampler.job(0)).record["reason"] == "SystemExit: 0"
 
 
 # ---- digests ---------------------------------------------------------------------------------------------

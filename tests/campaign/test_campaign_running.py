@@ -2,9 +2,11 @@
 
 import csv
 import json
+import re
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import keeping
 import numpy as np
@@ -128,7 +130,7 @@ def test_a_killed_session_leaves_what_it_took(scenario, tmp_path, monkeypatch):
     with pytest.raises(SystemError):
         fly(scenario, tmp_path, 3, before=die)
     head = heads.read_head(tmp_path)
-    assert head["timed"]["runs"] == 2 and 0.0 < head["timed"]["wall_s"] == head["wall_s"]
+    assert head["timed"]["runs"] == 2 and 0.0 < head["timed"]["wall_s"] < head["wall_s"]  # getting ready
     ended = fly(scenario, tmp_path, 3, keep=(running.Keep("worst", 1),))
     head = heads.read_head(tmp_path)
     assert head["timed"]["runs"] == 3 and head["timed"]["wall_s"] < head["wall_s"] == ended.wall_s  # a log
@@ -451,7 +453,12 @@ def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "differs"),
-    [("hipparcos_v8.csv.gz", {"data"}), ("egm96_36x36.csv", {"data"}), ("land_110m.json", set())],
+    [
+        ("hipparcos_v8.csv.gz", {"data"}),
+        ("egm96_36x36.csv", {"data"}),
+        ("us76_upper.f8", {"data"}),
+        ("land_110m.json", set()),
+    ],
 )
 def test_another_catalogue_or_field_is_another_program(name, differs, tmp_path, monkeypatch):
     """Results depend on the package's data as on its code; the coast lines are of pictures alone."""
@@ -466,6 +473,42 @@ def test_another_catalogue_or_field_is_another_program(name, differs, tmp_path, 
     path.write_bytes(path.read_bytes()[:-1] + b"#")
     then = planning.versions()
     assert {key for key in now if now[key] != then[key]} == differs
+
+
+@pytest.mark.parametrize(
+    "setting", ["OPENBLAS_CORETYPE=Other", "NUMBA_CPU_NAME=other", "NUMBA_DISABLE_JIT=1"]
+)
+def test_a_machine_that_ends_in_other_digits_is_refused(setting, scenario, tmp_path, monkeypatch):
+    """A folder that moves there, or a worker of a cluster, would mix results that no machine repeats."""
+    fly(scenario, tmp_path, 1)
+    then, (plan, _) = planning.versions(), running.prepared(scenario, 1, 1)
+    monkeypatch.setenv(*setting.split("="))
+    now = planning.versions()
+    assert {name for name in now if now[name] != then[name]} == {"target"}
+    assert setting.split("=")[1] in now["target"] or "kernels Python" in now["target"]
+    with pytest.raises(store.StoreError, match=r"mixed, .*: the processor that is compiled for"):
+        fly(scenario, tmp_path, 2)
+    with pytest.raises(flight.WorkerError, match=f"target {re.escape(now['target'])}, not "):
+        flight._check_versions(plan.versions)
+
+
+def test_getting_ready_is_no_time_of_the_runs(scenario, tmp_path, monkeypatch):
+    """A report tells runs an hour; compiling took minutes of it."""
+    clock, made = [0.0], running.with_flight
+
+    def slow(*given):
+        clock[0] += 3600.0
+        return made(*given)
+
+    monkeypatch.setattr(running, "with_flight", slow)
+    monkeypatch.setattr(running, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+
+    def flown(job):
+        clock[0] += 2.0
+
+    fly(scenario, tmp_path, 3, before=flown)
+    head = heads.read_head(tmp_path)
+    assert (head["timed"], head["wall_s"]) == ({"runs": 3, "wall_s": 6.0}, 3606.0)
 
 
 def test_files_of_others_are_left_alone(scenario, tmp_path):

@@ -142,3 +142,9 @@ def test_interpolation_above_86_km_is_smooth():
 def test_outside_the_standard():
     assert us76(1.0e6 + 1.0)[:2] == (0.0, 0.0)
     assert us76(-100.0)[1] > 101325.0
+
+
+def test_no_height_has_no_air():
+    """As Python, which tells an index that is none: compiled code read beyond the end of the table."""
+    for function in (us76, getattr(us76, "py_func", us76)):
+        assert np.isnan(function(np.nan)).all()

@@ -8,7 +8,11 @@ import time
 
 import pytest
 
+from shefex_nav import plugins
+from shefex_nav.errors import SoftwareError
+from shefex_nav.scenario import software
 from shefex_nav.scenario.load import Scenario, ScenarioError
+from shefex_nav.software import flown
 
 SHORT = [part for one in ("star_tracker.off=3 s", "mission.time_limit=4 s") for part in ("--set", one)]
 BUILT_IN = "from shefex_nav.software.built_in import BuiltIn\n"
@@ -26,19 +30,19 @@ def test_code_that_hangs_is_ended_by_the_second_signal(tmp_path):
     """It never gives the next record, between two of which the first one would end the flight."""
     code = f"import time\n{BUILT_IN}class Own(BuiltIn):\n    def step(self, imu, arrived):\n        "
     code += "print('hangs', flush=True)\n        time.sleep(600.0)\n"
-    flown = subprocess.Popen(words(tmp_path, code), stderr=subprocess.PIPE, text=True)
+    flying = subprocess.Popen(words(tmp_path, code), stderr=subprocess.PIPE, text=True)
     try:
-        for line in flown.stderr:
+        for line in flying.stderr:
             if line == "hangs\n":
                 break
-        flown.send_signal(signal.SIGTERM)
+        flying.send_signal(signal.SIGTERM)
         time.sleep(0.5)
-        assert flown.poll() is None
-        flown.send_signal(signal.SIGTERM)
-        _, said = flown.communicate(timeout=60)
+        assert flying.poll() is None
+        flying.send_signal(signal.SIGTERM)
+        _, said = flying.communicate(timeout=60)
     finally:
-        flown.kill()
-    assert flown.returncode == 130 and said.splitlines()[-1] == "interrupted"
+        flying.kill()
+    assert flying.returncode == 130 and said.splitlines()[-1] == "interrupted"
 
 
 @pytest.mark.parametrize("code", [0, 3])
@@ -46,6 +50,19 @@ def test_code_that_ends_the_process_when_it_is_read_is_named(code, tmp_path):
     ends = words(tmp_path, f"raise SystemExit({code})\n")
     done = subprocess.run(ends, capture_output=True, text=True, timeout=100)
     assert done.returncode == 2 and f"own.py:1: SystemExit: {code}" in done.stderr
+
+
+def test_code_that_ends_the_process_when_it_is_made_has_failed(monkeypatch):
+    """The command would end with exit code 0 and say nothing."""
+    own = software.Own(python="mine.py:Ends")
+    monkeypatch.setattr(plugins, "software", lambda *_: (None, Ends))
+    with pytest.raises(SoftwareError, match=r"cannot be made.*SystemExit: 0"):
+        flown._made(own)
+
+
+class Ends:
+    def __init__(self):
+        sys.exit(0)
 
 
 def test_what_is_printed_when_code_is_read_is_no_result(tmp_path):

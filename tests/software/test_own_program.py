@@ -364,6 +364,25 @@ def test_what_a_program_has_started_ends_with_it(tmp_path):
     assert not _runs(pid)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such signal")
+def test_a_program_that_hangs_ends_with_the_simulator_however_that_ends():
+    """`sleep` never reads its standard input, whose end others take for theirs."""
+    code = (
+        "from shefex_nav.software import channels\n"
+        "pipe = channels.Pipe(['sleep', '300'])\nprint(pipe._process.pid, flush=True)\ninput()"
+    )
+    run = subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    pid, until_s = int(run.stdout.readline()), time.monotonic() + 30.0
+    assert _runs(pid)
+    run.kill()
+    run.communicate()
+    while _runs(pid) and time.monotonic() < until_s:
+        time.sleep(0.02)
+    assert not _runs(pid)
+
+
 def test_serve_is_a_function_after_it_has_served():
     """Python puts a submodule of the same name in its place when that is imported."""
     code = "import shefex_nav.software.server\nfrom shefex_nav.software import serve\nassert callable(serve)"
