@@ -27,6 +27,7 @@ import numpy as np
 
 from shefex_nav.clock import sample_s
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.records import Phase
 from shefex_nav.verify import bound_model, linear
 from shefex_nav.verify.bound_model import N_NAV, POS, PSI, VEL
 from shefex_nav.verify.field import beyond
@@ -197,8 +198,10 @@ def outputs_at(flight, layout, at, growth=None, **histories):
     steps = problem(flight, layout, sample_s(trajectory.t_s), at, growth)
     C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
     P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
-    omega_ie_i = frames.omega_ie_i(flight.earth)
-    P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
+    alignment, turn = flight.alignment, frames.omega_ie_i(flight.earth)
+    if trajectory.phase[0] == Phase.ORBIT:  # errors of position and velocity are drawn each by itself
+        turn = np.zeros(3)
+    P = bound_model.start(layout, alignment.sigma_r, alignment.sigma_v, P_psi, turn)
     yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at], **histories), strict=True)
 
 

@@ -283,7 +283,7 @@ def fading(layout):
 def start(layout, sigma_r, sigma_v, P_psi, omega_ie_i):
     """Covariance at the alignment: the velocity is that of a point on the Earth at the surveyed place.
 
-    Layout, m, m/s, (3, 3) rad^2 in inertial axes, (3,) rad/s -> (n, n)
+    Layout, m, m/s, (3, 3) rad^2 in inertial axes, (3,) rad/s -> (n, n); omega_ie_i zero: they are not tied
     """
     P = np.zeros((layout.n, layout.n))
     turn = rotation.skew(omega_ie_i)

@@ -49,7 +49,7 @@ def of_run(scenario, seed, fixes, *, number=HISTORIES, rng, one_field=False):
     recorder = flown.Recorder(float(world.alignment.t_valid_s))
     run = flown.filter_run(scenario, seed, fixes, recorder=recorder, world=world)
     order = state.layout(nav_params.states)
-    _, P = state.initial(nav_params, order, world.alignment)
+    _, P = state.initial(nav_params, order, world.alignment, world.earth)
     extra = reported_besides(nav_params, recorder.vibration(run.t_s))
     histories = simulate(P, recorder.steps, run.t_s, run.phase, extra, number=number, rng=rng)
     if one_field and order.places["gravity"] is not None:

@@ -8,7 +8,7 @@ from imu_settings import PERFECT, imu_with
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import Alignment, GpsFix, Trajectory, rows
+from shefex_nav.records import Alignment, GpsFix, Phase, Trajectory, rows
 from shefex_nav.verify import bound, bound_model
 from shefex_nav.world import imu
 
@@ -392,6 +392,20 @@ def test_bound_is_the_filters_covariance_where_the_filter_knows_the_world():
     for k, block in enumerate((known.position_i, known.velocity_i, known.attitude_b)):
         sigma = np.sqrt(np.einsum("kii->ki", block))
         assert sigma == pytest.approx(np.sqrt(reported[:, 3 * k : 3 * k + 3]), rel=0.01), k
+
+
+@pytest.mark.parametrize(("phase", "tied"), [(Phase.PAD, 1.0), (Phase.ORBIT, 0.0)])
+def test_on_the_ground_a_wrong_place_has_a_wrong_velocity_and_not_in_orbit(phase, tied):
+    """`world.pad` draws them so. A place that is 10 km off: 0.73 m/s, where 0.1 m/s are known."""
+    trajectory, params = flight(0.5), imu_with(QUIET)
+    trajectory = trajectory._replace(phase=np.full(len(trajectory.t_s), int(phase)))
+    alignment = Alignment(0.0, R_0, V_0, Q_0, 1e4, 0.1, 1e-12 * np.eye(3))
+    flown = bound.Flight(trajectory, EARTH, alignment, [], [], params, Camera, ARM)
+    known = bound.follow(flown, bound_model.sources(params, Camera, 0.0, np.inf)).velocity_i[0]
+    turn = rotation.skew(frames.omega_ie_i(EARTH))
+    wanted = 0.01 * np.eye(3) + tied * 1e8 * turn @ turn.T
+    gravitation = 0.5 * 2.0 * 1.6e-6 * 1e4  # m/s, what 10 km change of it in half a second
+    np.testing.assert_allclose(np.sqrt(np.diag(known)), np.sqrt(np.diag(wanted)), atol=gravitation)
 
 
 def test_a_further_error_source_never_helps():

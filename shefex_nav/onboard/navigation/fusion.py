@@ -94,7 +94,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
     Filter
     """
     order, known = layout(params.states, params.blocks), table(params)
-    state, P = initial(params, order, alignment)
+    state, P = initial(params, order, alignment, earth)
     model, errors = error_model.record(params), momentary.of(params)
     constants = prediction.constants(order, model, earth, params.blocks, errors)
     first = Tick(state.t_s, pack(state), P, None)

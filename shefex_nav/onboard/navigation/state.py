@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.geometry import rotation
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
 from shefex_nav.onboard.navigation.settings import Releases
 
@@ -34,6 +34,7 @@ ATT = slice(6, 9)  # dtheta_b [rad]
 BG = slice(9, 12)  # gyro bias [rad/s]
 BA = slice(12, 15)  # accelerometer bias [m/s^2]
 N_CORE = 15
+LOW = 1e5  # [E] m, height below which nothing stays in orbit
 WITH_BIASES = slice(ATT.start, BA.stop)  # errors of Alignment.P_with_biases
 PVA = slice(0, 9)  # position, velocity, attitude
 CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
@@ -222,10 +223,10 @@ class NavParams(NamedTuple):
         return (*(block for aid in self.aids for block in aid.blocks), *self.own_blocks)
 
 
-def initial(params, order, alignment):
+def initial(params, order, alignment, earth):
     """State and covariance at the start.
 
-    NavParams, Layout, Alignment -> NavState, (n, n)
+    NavParams, Layout, Alignment, EarthRotation -> NavState, (n, n)
     """
     is_found = len(alignment.gyro_bias) > 0
     state = NavState(
@@ -240,6 +241,12 @@ def initial(params, order, alignment):
     P = np.zeros((order.n, order.n))
     P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
     P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3)
+    if alignment.r_i @ alignment.r_i < (wgs84.A + LOW) ** 2:
+        # known is the velocity against the Earth, which moves otherwise 1 km away, by 0.07 m/s
+        turn = rotation.skew(frames.omega_ie_i(earth))
+        P[VEL, POS] = alignment.sigma_r**2 * turn
+        P[POS, VEL] = P[VEL, POS].T
+        P[VEL, VEL] += alignment.sigma_r**2 * (turn @ turn.T)
     P[ATT, ATT] = alignment.P_theta_b
     P[BG, BG] = (alignment.sigma_gyro_bias if is_found else params.sigma_gyro_bias) ** 2 * np.eye(3)
     P[BA, BA] = params.sigma_accel_bias**2 * np.eye(3)
