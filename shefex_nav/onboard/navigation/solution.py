@@ -161,29 +161,31 @@ def _sigmas(P, axes, added, known, sigma):
 def _derive(at, memory, place, P, noise, earth, out, axes):
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
-    The angles are those of the velocity against the air, with sigmas of pi at most; the rate is the mean of
-    the last sample.
+    The angles are those of the velocity against the air, with sigmas of pi at most. The rate is the mean of
+    the last sample, half a sample late; half of its change counts in its sigma, but for what noise changes.
 
     at : of Layout;  memory, place : prediction.Memory and the tick's place in it;  P : (n, n), as reported
     noise : row of `error_model.record`; rad^2, of an instant; of `mean_rate.unread`
     out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
-    t_s, dt_s, vibration = memory.numbers[place, 0], memory.numbers[place, 1], memory.numbers[place, 3]
-    drive = memory.drives[place]
-    x, sample = memory.xs[place], memory.increments[place, BEFORE - 1 + int(memory.numbers[place, 2])]
-    _of_state(x, P, t_s, earth, out, axes)
+    x = memory.xs[place]
+    _of_state(x, P, memory.numbers[place, 0], earth, out, axes)
+    dt_s, n, vibration = memory.numbers[place, 1], int(memory.numbers[place, 2]), memory.numbers[place, 3]
+    drive, increments = memory.drives[place], memory.increments[place, : BEFORE + n]
+    sample, before = increments[BEFORE - 1 + n], increments[BEFORE - 2 + n]
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
     sensed = np.array(dtheta + dv) / dt_s
     J_omega, _ = jacobians_packed(at, P.shape[0], x, sensed[:3], sensed[3:], vibration, drive)
-    row, moment2, gyros = (
-        noise  # what a sample has and the state has not, an error of the moment at both ends
-    )
-    white = mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, dt_s) + 2.0 * moment2 / dt_s**2
-    increments = memory.increments[place, BEFORE : BEFORE + int(memory.numbers[place, 2])]
+    row, moment2, gyros = noise
+    walk2, both_ends2 = row.gyro_random_walk**2 / dt_s, 2.0 * moment2 / dt_s**2
+    white = mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, dt_s) + both_ends2
     for k in range(3):
-        more = white + mean_rate.unread(increments[:, k], memory.extra[place, 0, k], dt_s, gyros)
+        # a mean is that of the middle of its sample; of its change noise has so much
+        late2 = (0.5 * (sample[k] - before[k]) / dt_s) ** 2 - 0.5 * walk2 - 0.75 * both_ends2
+        missed2 = mean_rate.unread(increments[BEFORE:, k], memory.extra[place, 0, k], dt_s, gyros)
+        more = white + max(late2, 0.0) + missed2
         out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + more)
 
 
