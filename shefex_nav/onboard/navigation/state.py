@@ -243,7 +243,7 @@ def initial(params, order, alignment, earth):
     P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3)
     if alignment.r_i @ alignment.r_i < (wgs84.A + LOW) ** 2:
         # known is the velocity against the Earth, which moves otherwise 1 km away, by 0.07 m/s
-        turn = rotation.skew(frames.omega_ie_i(earth))
+        turn = np.cross(frames.omega_ie_i(earth), np.eye(3)).T  # times a vector: the cross product with it
         P[VEL, POS] = alignment.sigma_r**2 * turn
         P[POS, VEL] = P[VEL, POS].T
         P[VEL, VEL] += alignment.sigma_r**2 * (turn @ turn.T)
