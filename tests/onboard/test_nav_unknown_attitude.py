@@ -43,7 +43,7 @@ def predicted(P, seconds, f_b):
 
 def covariance_with(sigma_rad):
     """That of the alignment, but for the attitude."""
-    _, P = initial(PARAMS, ORDER, alignment(START))
+    _, P = initial(PARAMS, ORDER, alignment(START), EARTH)
     P[ATT, ATT] = sigma_rad**2 * np.eye(3)
     return P
 

@@ -82,7 +82,7 @@ def one_tick(P, f_b, extra):
 def test_a_missed_force_is_felt_across_by_the_error_of_the_attitude():
     """Covariance of m theta x e_z with theta drawn, `ALIKE` times as large as it is."""
     rng, m = np.random.default_rng(4), 30.0
-    _, P = initial(PARAMS, ORDER, alignment(START))
+    _, P = initial(PARAMS, ORDER, alignment(START), EARTH)
     root = 0.03 * rng.standard_normal((3, 3))
     P[ATT, ATT] = root @ root.T
     extra = np.zeros((3, 3))
@@ -97,7 +97,7 @@ def test_a_missed_force_is_felt_across_by_the_error_of_the_attitude():
 
 
 def test_what_is_lost_across_is_bounded_as_a_sine_is():
-    _, P = initial(PARAMS, ORDER, alignment(START))
+    _, P = initial(PARAMS, ORDER, alignment(START), EARTH)
     P[ATT, ATT] = UNKNOWN2 * np.eye(3)
     extra = np.zeros((3, 3))
     extra[1, AXIS] = 1.0
