@@ -364,7 +364,7 @@ def _outer_noise(constants, T, vector, out):
     walks, F = constants.walks, constants.F
     m, last = walks.shape[0], out.shape[0] - walks.shape[0]
     if F.shape[0] > 0:
-        Q = laws.law_noise(laws.transition(F, T), walks, T)
+        Q = laws.law_noise(F, walks, T)
         out[last:] -= Q @ vector[last:]
         return
     for k in range(m):

@@ -21,7 +21,7 @@ from test_nav_blocks import RNG as RNG  # begins anew with each test of this mod
 from unpacked import window
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion, prediction
+from shefex_nav.onboard.navigation import error_model, fusion, prediction
 from shefex_nav.onboard.navigation.blocks import Block
 from shefex_nav.onboard.navigation.state import ATT, NavState, layout, pack
 
@@ -55,6 +55,30 @@ def test_a_law_of_its_own_grows_as_its_equation_says():
     np.testing.assert_allclose(P[place, place], expected, rtol=1e-5)
     assert np.array_equal(P, P.T)
     np.testing.assert_allclose(x[order.values["own"]], expm(2.0 * OWN.F) @ state.others, rtol=1e-12)
+
+
+@pytest.mark.parametrize("T", [0.01, 0.4, 2.5])
+@pytest.mark.parametrize(
+    "F",
+    [np.array([[-10.0, 0.0], [0.0, -0.01]]), np.array([[0.0, 10.0], [-10.0, 0.0]]), OWN.F],
+    ids=["fast and slow", "swinging", "own"],
+)
+def test_ticks_may_be_long_against_a_law(F, T):
+    """Replays have ticks of seconds; exp(F T) by scipy, the noise by the integral of its equation."""
+    order = layout(("own",), (block := OWN._replace(F=F, drives=None),))
+    constants = prediction.constants(order, error_model.record(PARAMS), EARTH, (block,))
+    imu = window(BLOCKS[0]._replace(dt_s=T / 4.0))
+    state = NavState(0.0, *STATES[0][1:6], others=np.zeros(2))
+    Phi, Q = prediction.growth(constants, order, state, imu, 0.0, T)
+    place = order.places["own"]
+    np.testing.assert_allclose(Phi[place, place], expm(F * T), atol=1e-10)
+
+    def slope(_, flat):
+        grown = F @ flat.reshape(2, 2)
+        return (grown + grown.T + np.diag(OWN.walk**2)).ravel()
+
+    expected = solve_ivp(slope, (0.0, T), np.zeros(4), rtol=1e-10, atol=1e-14).y[:, -1].reshape(2, 2)
+    np.testing.assert_allclose(Q[place, place], expected, atol=5e-3 * expected.max())
 
 
 def test_what_a_block_from_outside_drives_is_in_the_covariance():

@@ -394,6 +394,20 @@ def test_bound_is_the_filters_covariance_where_the_filter_knows_the_world():
         assert sigma == pytest.approx(np.sqrt(reported[:, 3 * k : 3 * k + 3]), rel=0.01), k
 
 
+@pytest.mark.parametrize("tied", [1.0, 0.0])
+def test_on_the_ground_a_wrong_place_has_a_wrong_velocity_and_not_in_orbit(tied):
+    """`world.pad` draws them so. A place that is 10 km off: 0.73 m/s, where 0.1 m/s are known."""
+    trajectory, params = flight(0.5), imu_with(QUIET)
+    turn_i = tied * frames.omega_ie_i(EARTH)
+    alignment = Alignment(0.0, R_0, V_0, Q_0, 1e4, 0.1, 1e-12 * np.eye(3), omega_i=turn_i)
+    flown = bound.Flight(trajectory, EARTH, alignment, [], [], params, Camera, ARM)
+    known = bound.follow(flown, bound_model.sources(params, Camera, 0.0, np.inf)).velocity_i[0]
+    turn = rotation.skew(turn_i)
+    wanted = 0.01 * np.eye(3) + 1e8 * turn @ turn.T
+    gravitation = 0.5 * 2.0 * 1.6e-6 * 1e4  # m/s, what 10 km change of it in half a second
+    np.testing.assert_allclose(np.sqrt(np.diag(known)), np.sqrt(np.diag(wanted)), atol=gravitation)
+
+
 def test_a_further_error_source_never_helps():
     """Every sigma with all sources is at least that without them; 20 s without measurements but GPS."""
     trajectory = flight(20.0)

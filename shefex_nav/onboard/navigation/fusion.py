@@ -226,6 +226,9 @@ def _worth_trying(nav, arrival, fix, index, results):
     if index is None:
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
+    if about(names[0]) not in (POSITION, VELOCITY) and _is_again(nav.history.measurements[index], names, fix):
+        results.append(_unused(now_s, fix, names[0], f"stale: of T{fix.t_valid_s:+.1f} s, as one before"))
+        return (), fix
     if about(names[0]) is ATTITUDE:
         return names, fix if fix.straight else straightened(nav, arrival, index, fix)
     if about(names[0]):
@@ -234,6 +237,12 @@ def _worth_trying(nav, arrival, fix, index, results):
         nav.watch.report(now_s, "gps", next(iter(repeats.values()), ""))
         names = tuple(name for name in names if name not in repeats)
     return names, fix
+
+
+def _is_again(measurements, names, fix):
+    """Whether a sensor has said something of the instant of a fix already; of GPS `repeated` knows that."""
+    same = (one for one in measurements if one.sensor in names)
+    return any(abs(one.fix.t_valid_s - fix.t_valid_s) < SAME_S for one in same)
 
 
 def _inertial_state(nav, index):

@@ -15,7 +15,8 @@ from shefex_nav.onboard.navigation.state import GRAVITY, NOMINAL, RANGE_BIAS, X_
 FIELD_TIME_S = 3000.0
 SIZES = np.array([state.size for state in STATES])
 STARTS = np.array([NOMINAL[state.name].start for state in STATES])  # of packed values
-TERMS = 8  # of the series of exp(F T): with |F| T below 0.1 the rest is below 1e-12
+TERMS = 8  # of the series of exp(F T): with |F| T below `SLOW` the rest is below 1e-12
+SLOW = 0.1 + 1e-9  # rows of |F| T: a tick of 10 ms and the fastest law that a plug-in may have
 
 
 @inner(forceinline=True)
@@ -75,7 +76,7 @@ def wander(P, first, size, left, sigma):
 def grow(P, walks, F, T):
     """Rows and columns of the last errors, those from outside, after T, in place.
 
-    Their noise by the trapezoidal rule: T/2 (Phi W Phi^T + W), W the densities.
+    Their noise by the trapezoidal rule, T/2 (Phi W Phi^T + W), W the densities, over short parts of T.
     """
     m, n = walks.shape[0], P.shape[0]
     if F.shape[0] == 0:
@@ -86,19 +87,44 @@ def grow(P, walks, F, T):
     rows = Phi @ P[n - m :]
     P[n - m :] = rows
     P[:, n - m :] = rows.T
-    own = np.ascontiguousarray(rows[:, n - m :]) @ Phi.T + law_noise(Phi, walks, T)
+    own = np.ascontiguousarray(rows[:, n - m :]) @ Phi.T + law_noise(F, walks, T)
     P[n - m :, n - m :] = 0.5 * (own + own.T)
 
 
 @inner
-def law_noise(Phi, walks, T):
-    """Covariance that the walks of errors with a law have brought in after T. (m, m), (m,), s -> (m, m)"""
-    return 0.5 * T * ((Phi * walks) @ Phi.T + np.diag(walks))
+def law_noise(F, walks, T):
+    """Covariance that walks of errors with a law have brought in after T. (m, m) 1/s, (m,), s -> (m, m)"""
+    parts, n = _halved(F, T)
+    Phi = _series(F, parts)
+    Q = 0.5 * parts * ((Phi * walks) @ Phi.T + np.diag(walks))
+    for _ in range(n):
+        Q = Phi @ Q @ Phi.T + Q
+        Phi = Phi @ Phi
+    return Q
 
 
 @inner
 def transition(F, T):
-    """exp(F T) by its series. (m, m) 1/s, s -> (m, m)"""
+    """exp(F T). (m, m) 1/s, s -> (m, m)"""
+    parts, n = _halved(F, T)
+    Phi = _series(F, parts)
+    for _ in range(n):
+        Phi = Phi @ Phi
+    return Phi
+
+
+@inner
+def _halved(F, T):
+    """T halved as often as it takes until the law is slow against it: s, number of times."""
+    most, n = SLOW / max(np.abs(F).sum(axis=1).max(), 1e-300), 0
+    while T > most:
+        T, n = 0.5 * T, n + 1
+    return T, n
+
+
+@inner
+def _series(F, T):
+    """exp(F T) by its series, for times against which F is slow."""
     m = F.shape[0]
     Phi, term = np.eye(m), np.eye(m)
     for k in range(1, TERMS):

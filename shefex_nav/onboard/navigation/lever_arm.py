@@ -22,7 +22,6 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import error_model, mean_rate, momentary, unknown_attitude
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
 
-AT_END = 0.999  # of the range of a gyro, from which a reading counts as its end
 NOTHING = np.zeros(3)
 
 
@@ -52,11 +51,11 @@ def of_velocity(nav, now, H):
 
 
 def _unread(imu, rules):
-    """Variances of the rate that gyros which cannot be read may have: (3,) rad^2/s^2.
+    """Variances of the rate that gyros which cannot be read may have: (3,) rad^2/s^2; as `mean_rate.unread`.
 
     imu : ImuWindow;  rules : ImuRules
     """
-    at_end = (np.abs(imu.dtheta_b) >= AT_END * rules.range[0] * imu.dt_s).any(axis=0)
+    at_end = (np.abs(imu.dtheta_b) >= mean_rate.AT_END * rules.range[0] * imu.dt_s).any(axis=0)
     return np.where(imu.extra[0] > 0.0, np.where(at_end, rules.missed[0], rules.wrong[0]), 0.0) ** 2
 
 

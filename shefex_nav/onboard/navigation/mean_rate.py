@@ -28,6 +28,7 @@ from shefex_nav.onboard.navigation.strapdown import BEFORE
 
 SEEN = 16.3  # chi-square of three axes that noise exceeds once in a thousand exposures
 SHARE = 0.05  # [E] of the mean, by which a fit of a bent streak may see it wrong
+AT_END = 0.999  # of the range of a gyro, from which a reading counts as its end
 CHANGE = 1.0  # 1/s [E], change of a rate in a second over the rate, at most, where no more is seen
 
 
@@ -213,3 +214,19 @@ def rate_noise(model, omega_b, f_b, vibration, duration_s):
     variance += model.gyro_cross**2 * (omega_b[1] ** 2 + omega_b[2] ** 2)
     variance += model.gyro_g_sensitivity**2 * (f_b @ f_b)
     return variance + (model.gyro_rectification * vibration**2) ** 2
+
+
+@inner
+def unread(dtheta, extra, dt_s, gyros):
+    """Variance of the rate about an axis whose gyro may not be read, rad^2/s^2; 0 where it is.
+
+    dtheta : (n,) rad, increments of a tick;  extra : of its ImuWindow, about this axis
+    gyros : (3,) rad/s of `integrity_imu.ImuRules`: range, and sigmas of the error of a reading that means
+        nothing and of one at the end of the range
+    """
+    if not extra > 0.0:
+        return 0.0
+    for angle in dtheta:
+        if abs(angle) >= AT_END * gyros[0] * dt_s:
+            return gyros[2] ** 2
+    return gyros[1] ** 2

@@ -55,8 +55,10 @@ def antenna(layout, x, t_s, earth, l_ba_b, sensed, vibration, drive=calibration.
 
     r_ea_e = C_ei (r_i + C_ib l),   v_ea_e = C_ei (v_i + C_ib (omega_ib_b x l) - omega_ie_i x (r_i + C_ib l)),
 
-    and, where a latency d is estimated, r - v d + a d^2/2 and v - a d: what was measured d earlier. l is the
-    nominal lever arm and its estimated error. The rate is taken as constant within d.
+    and, where a latency d is estimated, what they were d earlier: r - v d + a d^2/2 and v - a d of the IMU,
+    in axes of the Earth, and l turned back by the rate of the body against the Earth, which is taken as
+    constant within d: a spin of 4 Hz turns it by 14 deg in 10 ms. l is the nominal lever arm and its
+    estimated error.
 
     Parameters
     ----------
@@ -88,37 +90,51 @@ def _antenna(at, n, x, t_s, earth, l_ba_b, now):
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
-    omega, delay, r_i = t3.vector(sensed, 0), x[X_LATENCY], t3.vector(x, X_R.start)
+    omega, delay = t3.vector(sensed, 0), x[X_LATENCY]
+    r_i, v_i, f = t3.vector(x, X_R.start), t3.vector(x, X_V.start), t3.vector(sensed, 3)
     g = t3.plus(
         gravity_i(r_i, earth.angle_0 + earth.rate * t_s, earth.C_iq, earth.C_re), 1.0, t3.vector(x, X_GRAVITY)
     )
-    arm = t3.plus(t3.vector(l_ba_b, 0), 1.0, t3.vector(x, X_LEVER.start))
+    turn_b = t3.rotated(t3.transposed(C), turn)
+    against = t3.plus(omega, -1.0, turn_b)  # the Earth
+    now_b = t3.plus(t3.vector(l_ba_b, 0), 1.0, t3.vector(x, X_LEVER.start))
+    back, J_back = _turned_back(against, delay)
+    arm = t3.rotated(back, now_b)
     swing = t3.cross(omega, arm)
-    f = t3.plus(t3.vector(sensed, 3), 1.0, t3.cross(omega, swing))
-    r = t3.plus(r_i, 1.0, t3.rotated(C, arm))
-    v = t3.plus(t3.vector(x, X_V.start), 1.0, t3.rotated(C, swing))
-    r, v, a = _seen(r, v, t3.plus(t3.rotated(C, f), 1.0, g), turn, delay)
+    r, v = t3.plus(r_i, 1.0, t3.rotated(C, arm)), t3.plus(v_i, 1.0, t3.rotated(C, swing))
+    r, v, a = _seen(r, v, (r_i, v_i, t3.plus(t3.rotated(C, f), 1.0, g)), turn, delay)
     t3.put(motion[0], t3.rotated(C_ei, r))
     t3.put(motion[1], t3.rotated(C_ei, v))
     for j in range(n):
-        dr, dv, dtheta = _unit(j - POS.start), _unit(j - VEL.start), _unit(j - ATT.start)
+        dr_i, dv_i, dtheta = _unit(j - POS.start), _unit(j - VEL.start), _unit(j - ATT.start)
         dl = _unit(j - at[LEVER]) if at[LEVER] >= 0 else zero
         dg = _unit(j - at[GRAVITY]) if at[GRAVITY] >= 0 else zero
-        dg = t3.plus(dg, 1.0, _gradient(r_i, dr))
+        dg = t3.plus(dg, 1.0, _gradient(r_i, dr_i))
         w, df = t3.column(J_omega, j), t3.column(J_f, j)
+        more = t3.scaled(-delay, t3.rotated(J_back, t3.plus(w, 1.0, t3.cross(dtheta, turn_b))))
+        dl = t3.rotated(back, t3.plus(dl, 1.0, t3.cross(more, now_b)))
         moved = t3.plus(t3.cross(dtheta, arm), 1.0, dl)
-        driven = t3.plus(t3.cross(w, arm), 1.0, t3.cross(omega, dl))
-        swung = t3.plus(t3.cross(dtheta, swing), 1.0, driven)
-        jolted = t3.plus(t3.plus(t3.cross(dtheta, f), 1.0, df), 1.0, t3.cross(w, swing))
-        jolted = t3.plus(jolted, 1.0, t3.cross(omega, driven))
-        dr, dv = t3.plus(dr, 1.0, t3.rotated(C, moved)), t3.plus(dv, 1.0, t3.rotated(C, swung))
-        dr, dv, _ = _seen(dr, dv, t3.plus(dg, 1.0, t3.rotated(C, jolted)), turn, delay)
+        swung = t3.plus(t3.cross(dtheta, swing), 1.0, t3.plus(t3.cross(w, arm), 1.0, t3.cross(omega, dl)))
+        dr, dv = t3.plus(dr_i, 1.0, t3.rotated(C, moved)), t3.plus(dv_i, 1.0, t3.rotated(C, swung))
+        da = t3.plus(dg, 1.0, t3.rotated(C, t3.plus(t3.cross(dtheta, f), 1.0, df)))
+        dr, dv, _ = _seen(dr, dv, (dr_i, dv_i, da), turn, delay)
         if j == at[LATENCY]:
             dr, dv = t3.scaled(-1.0, v), t3.scaled(-1.0, a)
+            dv = t3.plus(dv, -1.0, t3.rotated(C, t3.cross(against, t3.cross(against, arm))))
         dr, dv = t3.rotated(C_ei, dr), t3.rotated(C_ei, dv)
         for i in range(3):
             J[0, i, j], J[1, i, j] = dr[i], dv[i]
     return motion, J
+
+
+@inner(forceinline=True)
+def _turned_back(rate, delay):
+    """Axes of a body that turns at a steady rate [rad/s], `delay` earlier, in those of now; Jr of that turn.
+
+    -> nine numbers, nine numbers
+    """
+    back = t3.scaled(-delay, rate)
+    return t3.dcm_from_quat(t3.quat_from_rotvec(back)), t3.matrix(right_jacobian(np.array(back)))
 
 
 @inner(forceinline=True)
@@ -136,11 +152,17 @@ def _unit(k):
 
 
 @inner(forceinline=True)
-def _seen(r, v, a, turn, delay):
-    """Position, velocity and acceleration against axes that turn, what they were `delay` earlier."""
-    v, a = t3.plus(v, -1.0, t3.cross(turn, r)), t3.plus(a, -2.0, t3.cross(turn, v))
-    a = t3.plus(a, 1.0, t3.cross(turn, t3.cross(turn, r)))
-    return t3.plus(t3.plus(r, -delay, v), 0.5 * delay * delay, a), t3.plus(v, -delay, a), a
+def _seen(r, v, own, turn, delay):
+    """Position and velocity of the antenna against axes that turn, what they were `delay` earlier.
+
+    r, v : with an arm that points already where it did then;  own : position, velocity, acceleration of the
+    IMU, of which the last is returned, too
+    """
+    r_i, v_i, a = own
+    a = t3.plus(a, -2.0, t3.cross(turn, v_i))
+    a = t3.plus(a, 1.0, t3.cross(turn, t3.cross(turn, r_i)))
+    u, v = t3.plus(v_i, -1.0, t3.cross(turn, r_i)), t3.plus(v, -1.0, t3.cross(turn, r))
+    return t3.plus(t3.plus(r, -delay, u), 0.5 * delay * delay, a), t3.plus(v, -delay, a), a
 
 
 def gps_position(fix, a):

@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import integrity_protection, momentary, protected
+from shefex_nav.onboard.navigation import error_model, integrity_protection, mean_rate, momentary, protected
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
     acting,
@@ -84,10 +84,11 @@ def fill(nav, ticks, rows, imu_blind=None):
     imu_blind : as `Watch.imu_blind`, at all of these ticks; None: as it is now. What else decides whether
         they can be trusted is that of now: nothing may have arrived since the first of them.
     """
-    watch, random_walk = nav.watch, nav.params.imu.gyro_random_walk
+    watch, rules = nav.watch, nav.watch.params.imu
+    gyros = np.array([rules.range[0], rules.wrong[0], rules.missed[0]])
     graver = watch.graver_doubts(nav.health, imu_blind)
     bounds = Bounds(*watch.protection.level, *watch.params.wanted, graver)
-    _fill(nav.constants, nav.history.arrays, ticks.start, ticks.step, random_walk, bounds, rows)
+    _fill(nav.constants, nav.history.arrays, ticks.start, ticks.step, gyros, bounds, rows)
     rows[:, AIDED] = nav.health["star_tracker"].used > 0
 
 
@@ -119,22 +120,22 @@ def columns(rows):
 
 
 @kernel
-def _fill(constants, memory, first, step, random_walk, bounds, out):
+def _fill(constants, memory, first, step, gyros, bounds, out):
     """`_derive`, protection levels, time and whether to be trusted of ticks of a History: out (m, WIDTH).
 
     constants, memory : prediction.Constants, prediction.Memory;  first, step : numbers of the ticks
-    random_walk : rad/sqrt(s), of the gyros: a sample has it, and the state has not;  bounds : Bounds
+    gyros : as of `mean_rate.unread`;  bounds : Bounds
     """
-    constants, memory, bounds, out = lent((constants, memory, bounds, out))
+    constants, memory, gyros, bounds, out = lent((constants, memory, gyros, bounds, out))
     numbers, Ps, at, earth = memory.numbers, memory.Ps, constants.at, constants.earth
+    model = constants.model
     axes, known, sigma = np.empty((4, 3)), np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
         added = momentary.variances(constants.momentary, numbers[place, 3])
         P = as_reported(Ps[place], added[0], added[1])
-        dt_s = numbers[place, 1]  # of a sample, in the rate of which are the errors of both of its ends
-        white = random_walk**2 / dt_s + 2.0 * added[1] / dt_s**2
-        _derive(at, memory, place, P, white, earth, out[j], axes)
+        noise = model[error_model.valid(model, numbers[place, 0])], added[1], gyros
+        _derive(at, memory, place, P, noise, earth, out[j], axes)
         _sigmas(Ps[place], axes, added, known, sigma)
         dt_s, protection = numbers[place, 0] - bounds.t_s, out[j, LEVEL:T_S]
         integrity_protection.levels(bounds.w, bounds.sigma, dt_s, bounds.k, known, sigma, protection)
@@ -157,27 +158,35 @@ def _sigmas(P, axes, added, known, sigma):
 
 
 @inner
-def _derive(at, memory, place, P, white, earth, out, axes):
+def _derive(at, memory, place, P, noise, earth, out, axes):
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
-    The angles are those of the velocity against the air, with sigmas of pi at most; the rate is the mean of
-    the last sample.
+    The angles are those of the velocity against the air, with sigmas of pi at most. The rate is the mean of
+    the last sample, half a sample late; half of its change counts in its sigma, but for what noise changes.
 
     at : of Layout;  memory, place : prediction.Memory and the tick's place in it;  P : (n, n), as reported
-    white : rad^2/s^2, of the rate on each axis
+    noise : row of `error_model.record`; rad^2, of an instant; of `mean_rate.unread`
     out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
-    t_s, dt_s, vibration = memory.numbers[place, 0], memory.numbers[place, 1], memory.numbers[place, 3]
-    drive = memory.drives[place]
-    x, sample = memory.xs[place], memory.increments[place, BEFORE - 1 + int(memory.numbers[place, 2])]
-    _of_state(x, P, t_s, earth, out, axes)
+    x = memory.xs[place]
+    _of_state(x, P, memory.numbers[place, 0], earth, out, axes)
+    dt_s, n, vibration = memory.numbers[place, 1], int(memory.numbers[place, 2]), memory.numbers[place, 3]
+    drive, increments = memory.drives[place], memory.increments[place, : BEFORE + n]
+    sample, before = increments[BEFORE - 1 + n], increments[BEFORE - 2 + n]
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
     sensed = np.array(dtheta + dv) / dt_s
     J_omega, _ = jacobians_packed(at, P.shape[0], x, sensed[:3], sensed[3:], vibration, drive)
+    row, moment2, gyros = noise
+    walk2, both_ends2 = row.gyro_random_walk**2 / dt_s, 2.0 * moment2 / dt_s**2
+    white = mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, dt_s) + both_ends2
     for k in range(3):
-        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + white)
+        # a mean is that of the middle of its sample; of its change noise has so much
+        late2 = (0.5 * (sample[k] - before[k]) / dt_s) ** 2 - 0.5 * walk2 - 0.75 * both_ends2
+        missed2 = mean_rate.unread(increments[BEFORE:, k], memory.extra[place, 0, k], dt_s, gyros)
+        more = white + max(late2, 0.0) + missed2
+        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + more)
 
 
 @kernel
