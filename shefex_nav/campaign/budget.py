@@ -142,6 +142,7 @@ def budget(whole, flights):
     for name, one in less.items():
         if absent_runs := len(base.keys() - one.keys()):
             notes.append(f"without {name}: {absent_runs} of {len(base)} runs failed or give no errors")
+    notes += _without_entry(base, less)
     at, of_sources = _instants(base), {}
     for name, one in less.items():
         of_sources[name] = {
@@ -197,6 +198,18 @@ def errors_of(flight):
 def _instants(base):
     """Instants that all runs have, in order of time."""
     return [instant for instant in (ENTRY, END) if all(instant in one for one in base.values())]
+
+
+def _without_entry(base, less):
+    """Why entry is told of none or of some of the flights: iterator of notes."""
+    entered = [seed for seed, one in base.items() if ENTRY in one]
+    if entered and len(entered) < len(base):
+        away = len(base) - len(entered)
+        yield f"At entry nothing is told: {away} of {len(base)} whole flights came to none"
+    elif entered:
+        for name, one in less.items():
+            if away := sum(seed in one and ENTRY not in one[seed] for seed in entered):
+                yield f"without {name}: {away} of {len(base)} came to no entry: not in its row there"
 
 
 def _rms(vectors):

@@ -258,9 +258,10 @@ def judge_nis(series, lasting=()):
     """Verdicts on the mean NIS of each sensor. lasting : names of those whose errors last in this scenario.
 
     Each run's mean is one sample, so the interval is Student's over runs: innovations of one run have its
-    draws in common. With thousands of innovations the smallest fault of a model is certain, so a mean that
-    is off by less than PRACTICAL is let pass and told as such. Of a single run, whose innovations are all
-    there is, chi-square. Where errors last, right sigmas make it less than 1: only more is judged.
+    draws in common. It is never surer than chi-square, which the sum has if they have nothing in common:
+    means of a few squares are too skew for Student. With thousands of innovations the smallest fault of a
+    model is certain, so a mean that is off by less than PRACTICAL is let pass and told as such. Of a single
+    run chi-square alone. Where errors last, right sigmas make it less than 1: only more is judged.
     """
     found = []
     for sensor, dof_of_runs in series.nis_dof.items():
@@ -268,12 +269,12 @@ def judge_nis(series, lasting=()):
         some = dof > 0
         total = series.nis_sum[sensor].sum(axis=1, dtype=float)[some]
         words = f"NIS of {sensor.replace('_', ' ')}, mean of the runs"
-        if some.sum() > 1:
-            one = _student(words, total / dof[some])
-        elif some.any():
-            one = chi_square(words, float(total[0]), int(dof[some][0]), 1)._replace(practical=PRACTICAL)
-        else:
+        if not some.any():
             continue
+        one = chi_square(words, float(total.sum()), int(dof[some].sum()), int(some.sum()))
+        if some.sum() > 1:
+            one = _less_sure(_student(words, total / dof[some]), one)
+        one = one._replace(practical=PRACTICAL)
         found.append(_above(one) if errors_last(sensor) or sensor in lasting else one)
     return with_holm(found)
 
@@ -290,7 +291,13 @@ def _student(what, values):
     mean, sigma = float(values.mean()), float(values.std(ddof=1)) / len(values) ** 0.5
     half = float(stats.t.ppf(0.5 + 0.5 * ANEES_CONFIDENCE, len(values) - 1)) * sigma
     p = 2.0 * float(stats.t.sf(abs(mean - 1.0) / sigma, len(values) - 1)) if sigma else float(mean == 1.0)
-    return Verdict(what, mean, max(1.0 - half, 0.0), 1.0 + half, len(values), p, p, PRACTICAL)
+    return Verdict(what, mean, max(1.0 - half, 0.0), 1.0 + half, len(values), p, p)
+
+
+def _less_sure(one, other):
+    """A Verdict with the wider interval and the larger p of two."""
+    p = max(one.p, other.p)
+    return one._replace(low=min(one.low, other.low), high=max(one.high, other.high), p=p, p_holm=p)
 
 
 def chi_square(what, total, dof, samples):

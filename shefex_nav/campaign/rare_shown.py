@@ -8,6 +8,7 @@ from shefex_nav.campaign.rare_events import QUANTITIES
 from shefex_nav.report import columns
 
 NO_BETTER = 0.15  # share of steps accepted, below which a chain finds little more than independent draws do
+FEW = 200  # flights of a level: of fewer, fewer intervals than 95 % hold the truth
 MOST_DRAWS = 3  # of a flight that are told
 MOST_COMMON, COMMON = 5, 0.5  # means of draws that are told; standard deviations from 0
 SIDES = {1: ">", -1: "<"}
@@ -66,6 +67,11 @@ def lines(found):
 
 def _cautions(found):
     estimate = found.estimate
+    if len(estimate.levels) > 1 and estimate.levels[0].evaluated < FEW:
+        yield (
+            f"caution: {estimate.levels[0].evaluated} flights a level are few: of such intervals fewer than "
+            f"95 % hold the truth, and the estimate is too large on the average; --runs {FEW} or more"
+        )
     for level in estimate.levels:
         if level.accepted is not None and level.accepted < NO_BETTER:
             yield (
@@ -135,6 +141,7 @@ def summary(found):
         "rarer_than": None if estimate.reached else estimate.interval[1],  # what is likely, not the estimate
         "coefficient_of_variation": estimate.variation,
         "interval_95": list(estimate.interval),
+        "cautions": list(_cautions(found)),
         "flights": estimate.evaluated,
         "plain_monte_carlo_flights": estimate.plain if math.isfinite(estimate.plain) else None,
         "failed_of_first": found.failed,

@@ -20,6 +20,7 @@ RUNS_PER_FEATURE = 5  # a regression on fewer finds what is not there
 CONFIDENCE = 0.95
 FEWEST = 8  # runs of which a correlation is worth a test
 SIGNIFICANT = 0.05
+ALONE = 1e-6  # of a run's residual, if the run alone decides a coefficient: it is nearly zero then, too
 SAME = 1e-10  # share of a feature's variance that the others leave, below which it is one of them again
 OUTCOMES = (  # name, columns (their norm if several), keeps its sign
     *((f"attitude {axis} at entry", (column,)) for axis, column in zip("xyz", ATTITUDE, strict=True)),
@@ -154,7 +155,8 @@ def regress(outcome, values, features):
     """Standardised linear regression of values (N,) on features; None if there are too few runs for it.
 
     Intervals of coefficients are those of the delta method with the influence of each run on coefficient and
-    standard deviations (robust against errors whose size depends on a draw); 95 %. R^2: see `r_squared`.
+    standard deviations (robust against errors whose size depends on a draw), its residual as if the run had
+    no part in the fit; 95 %. R^2: see `r_squared`.
     """
     columns = np.array([feature.values for feature in features]).T
     known = np.isfinite(values) & np.isfinite(columns).all(axis=1) if len(features) else np.zeros(0, bool)
@@ -182,10 +184,13 @@ def _standardised(y, x):
     gram = x.T @ x / n
     beta = np.linalg.solve(gram, x.T @ y / n)
     fit = x @ beta
+    by_each = np.linalg.solve(gram, x.T).T  # (n, m)
+    # a run draws the fit towards itself, so that its residual is too small: of few runs by much
+    left = (y - fit) / np.maximum(1.0 - (1.0 + np.einsum("nm,nm->n", x, by_each)) / n, ALONE)
     # influence of each run on beta, and on the deviations by which it is standardised
-    influence = np.linalg.solve(gram, (x * (y - fit)[:, None]).T).T + 0.5 * beta * (x**2 - (y**2)[:, None])
-    free = n - m - 1
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, free)) * influence.std(axis=0) / np.sqrt(free)
+    influence = by_each * left[:, None] + 0.5 * beta * (x**2 - (y**2)[:, None])
+    student = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - m - 1))
+    half = student * influence.std(axis=0) / np.sqrt(n - 1.0)
     return [(float(b), float(b - h), float(b + h)) for b, h in zip(beta, half, strict=True)], fit
 
 

@@ -72,6 +72,7 @@ def resolve(model, tree, section):
                 _check_apart(dispersed, found)
                 _check_named_once(k, new)
                 _check_reach(dispersed)
+                _check_differs(dispersed)
             found += new
         except Wrong as error:
             errors.append((("dispersions", name, *error.keys), error.text))
@@ -354,3 +355,19 @@ def _check_reach(dispersed):
             if isinstance(dispersed.law, laws.NormalLaw | laws.LogNormalLaw):
                 text += f", {laws.FAR:g} sigma away; a truncated_normal or uniform distribution has bounds"
             raise Wrong((), text) from None
+
+
+def _check_differs(dispersed):
+    """Wrong if all that may be drawn comes to one value: a share of 0, or less than a whole number."""
+    drawn = dispersed.law.reach()
+    if len({repr(value) for value in drawn}) < 2:
+        return
+    values = [list(fields.numbers(applied(dispersed, value))) for value in drawn]
+    if dispersed.apply in ("scale", "factor"):
+        if not any(dispersed.spec.read(value) for one in values for value in one):
+            words = "any share of 0 is 0; write what is to be added"
+            raise Wrong((), f"{dispersed.name} would be the same in every run: {words}")
+    if isinstance(dispersed.spec, NumberSpec) and dispersed.spec.whole:
+        if all(one == values[0] for one in values):
+            words = "what may be drawn rounds to one and the same whole number"
+            raise Wrong((), f"{dispersed.name} would be the same in every run: {words}")

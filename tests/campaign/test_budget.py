@@ -93,6 +93,21 @@ def test_one_pair_has_no_interval():
     assert found.rms_without == pytest.approx(0.5 * np.sqrt(3.0))
 
 
+def test_flights_without_an_entry_are_told(monkeypatch):
+    """Of survivors nothing is said without saying so: one of three flights never came to entry."""
+    errors = dict.fromkeys(budget.QUANTITIES, np.ones(3))
+    both, end = {budget.ENTRY: errors, budget.END: errors}, {budget.END: errors}
+    flights = {"whole": {1: both, 2: both, 3: end}, "all": dict.fromkeys((1, 2, 3), both)}
+    monkeypatch.setattr(budget, "errors_of", flights.get)
+    monkeypatch.setattr(budget, "mostly_refused", lambda flight: ())
+    found = budget.budget("whole", {"gyro_bias": "all"})
+    assert list(found.whole) == [budget.END]
+    assert found.notes == ("At entry nothing is told: 1 of 3 whole flights came to none",)
+    (note,) = budget.budget("all", {"gyro_bias": "whole"}).notes
+    assert note.startswith("without gyro_bias: 1 of 3 came to no entry")
+    assert budget.budget("all", {"gyro_bias": "all"}).notes == ()
+
+
 # ---- the world without an error --------------------------------------------------------------------------
 
 

@@ -12,7 +12,7 @@ from shefex_nav.campaign import over_time, parts
 from shefex_nav.campaign.flight import Flown
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.campaign.store import Store
-from shefex_nav.report import innovations
+from shefex_nav.report import innovations, intervals
 
 
 def series_of(folder, n=120, **options):
@@ -160,6 +160,27 @@ def test_nis_is_judged_over_runs_and_by_what_matters():
     assert stats.chi2.sf(pooled, 12 * 1500) < 1e-10
     (alone,) = over_time.judge_nis(made_up_nis(1.3 * squares[:1], dof[:1]))
     assert not alone.good and alone.samples == 1
+
+
+@pytest.mark.parametrize(("runs", "each"), [(3, 1), (5, 1), (10, 1), (5, 3)])
+def test_few_innovations_a_run_are_called_wrong_no_more_often_than_said(runs, each):
+    """Of three sensors with right sigmas; means of one square are so skew that Student calls 28 % wrong."""
+    rng, tries, wrong = np.random.default_rng(22), 300, 0
+    dof = np.ones((runs, each))
+    for _ in range(tries):
+        series = made_up_nis(rng.chisquare(dof), dof, "a")
+        series.nis_sum.update(b=rng.chisquare(dof), c=rng.chisquare(dof))
+        series.nis_dof.update(b=dof, c=dof)
+        wrong += any(not one.good for one in over_time.judge_nis(series))
+    assert intervals.proportion(wrong, tries)[0] <= over_time.SIGNIFICANT, wrong / tries
+
+
+def test_nis_is_never_surer_than_chi_square():
+    sums, dof = np.array([[3.0], [3.0], [3.1]]), np.full((3, 1), 3.0)  # their scatter is small by chance
+    (one,) = over_time.judge_nis(made_up_nis(sums, dof))
+    low, high = stats.chi2.ppf([0.025, 0.975], 9) / 9.0
+    assert one.good and one.p == pytest.approx(2.0 * stats.chi2.sf(9.1, 9), rel=0.2)
+    assert one.low <= low and one.high == pytest.approx(high)
 
 
 def test_nis_below_1_is_right_where_errors_last():

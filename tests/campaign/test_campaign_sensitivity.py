@@ -98,6 +98,18 @@ def test_regression_intervals_hold_the_truth_as_often_as_they_say():
 LEAST = sensitivity.RUNS_PER_FEATURE
 
 
+@pytest.mark.parametrize(("m", "n"), [(1, 10), (1, 20), (4, 25)])
+def test_intervals_of_coefficients_hold_the_truth_with_the_fewest_runs(m, n):
+    rng, tries, held = np.random.default_rng(13), 600, 0
+    for _ in range(tries):
+        x = rng.standard_normal((n, m))
+        y = x[:, 0] + rng.standard_normal(n)
+        given = [sensitivity.Feature(str(k), column) for k, column in enumerate(x.T)]
+        (one,) = (one for one in sensitivity.regress("y", y, given).effects if one.feature == "0")
+        held += one.low <= np.sqrt(0.5) <= one.high
+    assert intervals.proportion(held, tries, 0.99)[1] >= 0.95, held / tries
+
+
 @pytest.mark.parametrize("m, tails", [(1, "normal"), (10, "normal"), (40, "normal"), (40, "heavy")])
 @pytest.mark.parametrize("r2", [0.083, 0.6])
 def test_r2_and_its_interval_are_of_the_truth_however_many_draws_there_are(m, tails, r2):

@@ -93,6 +93,17 @@ def test_deviations_are_those_of_what_is_drawn(rocket, monkeypatch):
     assert ndtr(found["vehicle.stages.Orion.motor.thrust_factor"]) == pytest.approx(thrust)
 
 
+@pytest.mark.parametrize(
+    ("runs", "event", "warned"), [(60, 77.5, True), (60, 79.5, False), (200, 77.5, False)]
+)
+def test_few_flights_a_level_are_warned_of(rocket, monkeypatch, runs, event, warned):
+    """Of 50 a level 76 to 91 % of the intervals held the truth. One level is plain counting."""
+    monkeypatch.setattr(prepare, "fly_vehicle", by_mass)
+    found = rare.study(*made(rocket, f"apogee < {event} km", runs=runs))
+    assert any("flights a level are few" in line for line in rare_shown.lines(found)) is warned
+    assert any("are few" in words for words in rare_shown.summary(found)["cautions"]) is warned
+
+
 def failing(scenario, seed):
     """As `by_mass`, but a flight below 78.718 km (one in ten) fails."""
     flight = by_mass(scenario, seed)

@@ -170,6 +170,13 @@ def test_perfect_correlation_is_possible():
 
 
 BAD = {
+    "gps.clock_offset={normal: 5 %, apply: scale}": (
+        "gps.clock_offset would be the same in every run: any share of 0 is 0; write what is to be added"
+    ),
+    "gps.clock_offset={log_normal: 20 %}": "any share of 0 is 0",
+    "vehicle.payload.centre_of_mass_offset={normal: 10 %, apply: scale}": "any share of 0 is 0",
+    "star_camera.artefacts.false_objects={uniform: [-0.4, 0.4]}": "rounds to one and the same whole number",
+    "star_camera.artefacts.false_objects={normal: 0.1}": "what may be drawn rounds to one and the same",
     "launch.elevation={normal: 2 m}": "dispersions.launch.elevation.normal: '2 m' is a length, expected",
     "launch.elevation={normal: 5 %}": "a share of the value of the scenario needs apply: scale",
     "launch.elevation={normal: 2 deg}": "must be at most 90 deg, got '92.43 deg', 3 sigma away",

@@ -198,6 +198,23 @@ def runs_of(steps, times_s, phase, rng, number, factor=1.0):
     ]
 
 
+@pytest.mark.parametrize("number", [20, 100])
+def test_a_right_filter_has_all_errors_inside_3_sigma_as_often_as_needed(number):
+    """Sixty axes and phases at once: each at 99 %, 7 and 14 % of the studies left one by chance."""
+    rng, tries, left = np.random.default_rng(9), 400, 0
+    times_s, phase = np.arange(4.0), np.arange(4)
+    P = np.tile(np.eye(N), (4, 1, 1))
+    for _ in range(tries):
+        errors = rng.standard_normal((number, 4, N))
+        runs = [Run(seed, times_s, phase, one, P, {}, {}, {}) for seed, one in enumerate(errors)]
+        verdicts = consistency.judge_containment(runs)
+        assert len(verdicts) == 60
+        left += not all(one.good for one in verdicts)
+    assert left / tries < 0.03
+    small = [run._replace(P=P / 4.0) for run in runs]
+    assert sum(not one.good for one in consistency.judge_containment(small)) > 15
+
+
 def test_a_consistent_filter_passes_and_one_that_says_too_little_does_not():
     """100 runs of known statistics; then the same with covariances of a quarter, and of 1.5 times."""
     rng = np.random.default_rng(6)

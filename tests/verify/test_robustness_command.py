@@ -157,6 +157,12 @@ def test_of_few_flights_the_mean_is_held_to_what_chance_does():
     assert verdicts(record(nees_usable=15.1))["NEES noises"] is False  # a mean over time: always 15
 
 
+def test_a_nees_that_is_no_number_is_not_left_out_of_the_mean():
+    """A filter that has lost its numbers is no survivor, whose others may still look right."""
+    assert verdicts(*[record()] * 9, record(nees_end=None))["NEES told rightly"] is False
+    assert verdicts(record(nees_end=None, sigma_deg=None))["NEES told rightly"] is False
+
+
 def test_an_error_without_a_level_is_not_drawn_as_none():
     """A ratio that is no number is written as null; the map of the largest had the colour of zero there."""
     names = ("happens", "told")

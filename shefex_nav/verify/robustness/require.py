@@ -147,6 +147,9 @@ def _nees_right(flown):
         known = [one["nees_end"] for one in ends if (one["sigma_deg"] or np.inf) < KNOWN_DEG]
         unknown = [one["nees_end"] for one in ends if (one["sigma_deg"] or np.inf) >= KNOWN_DEG]
         number += 1
+        if lost := sum(value is None for value in (*known, *unknown)):
+            outside.append(f"{cell}: no number in {lost} of {len(several)}")
+            continue
         for values, bounded in ((known, True), (unknown, False)):
             mean, (low, high) = _mean(values), _bounds(len(values))
             if mean is not None and not (low if bounded else 0.0) <= mean <= high:

@@ -74,16 +74,17 @@ def _judged(name, limit, prediction, share):
     P = getattr(errors, field)
     variances = np.diag(P) if probability is within.axes else np.linalg.eigvalsh(P)
     sigma = sqrt(max(variances)) if probability is within.axes else sqrt(sum(variances))
-    instants = 1.0
+    inside, within_limit = share, probability(variances, limit / measure.factor)
     if what == POINTING:
         drawn = prediction.while_pointing
-        instants = pointing.independent(probability, variances, getattr(drawn, quantity), drawn.instants)
-    found = within.least_limit(probability, share ** (1.0 / instants), variances)
+        of_time = pointing.together(probability, variances, getattr(drawn, quantity), drawn.instants)
+        inside, within_limit = of_time.at_once(share), of_time.of_all(within_limit)
+    found = within.least_limit(probability, inside, variances)
     return Judged(
         name,
         limit,
         found * measure.factor,
         sigma * measure.factor,
         measure.unit,
-        probability(variances, limit / measure.factor) ** instants,
+        within_limit,
     )
