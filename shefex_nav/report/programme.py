@@ -12,7 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.report import gps_limits, imu_range, lasting, odd_parts, star_light, star_sight, unseen
+from shefex_nav.report import (
+    gps_limits,
+    imu_range,
+    lasting,
+    odd_parts,
+    star_field,
+    star_light,
+    star_sight,
+    unmeasured,
+    unseen,
+)
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
 from shefex_nav.scenario import lens
@@ -160,7 +170,9 @@ def _by_flight(scenario, flown):
         found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
-    return [*found, *(Warned(*one) for one in unseen.found(scenario, flown))]
+    for never in (unseen, unmeasured):
+        found += [Warned(*one) for one in never.found(scenario, flown)]
+    return found
 
 
 def _of_epoch(epoch_utc):
@@ -201,7 +213,11 @@ def _of_sight(scenario, flown):
     if flown.sight is None:
         return []
     looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
-    return [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
+    return [
+        Warned(path, text)
+        for told in (star_sight.excluded, star_field.poor)
+        for path, text in told(scenario, flown.sight, looks)
+    ]
 
 
 def _moments(flown):
