@@ -100,7 +100,9 @@ def test_a_run_until_a_time_is_a_part_of_the_mission(tmp_path):
     for told in (flown.stdout, read.stdout):
         said = " ".join(told.replace("│", " ").split())
         assert "wanted at least 90 %: met so far" in said
-        assert "not measured: it did not come down through 100 km, wanted at most 0.17 deg: not reached" in said
+        assert (
+            "not measured: it did not come down through 100 km, wanted at most 0.17 deg: not reached" in said
+        )
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     for data, name, (word, colour) in zip(runs[1:], others, colours, strict=False):
         overlay(sender, data, first.mission, name, colour)
         words.append((name, word))
-    legend.send(sender, own, words, counts.limit(first))
+    legend.send(sender, own, words, counts.limit(first), has.errors)
     stream.flush()
     stream.disconnect()
 
