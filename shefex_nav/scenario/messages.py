@@ -310,6 +310,13 @@ def _example(model, location):
         return f"; choose from: {', '.join(map(str, get_args(annotation)))}"
     if any(hasattr(one, "example") for one in metadata):
         return f"; expected for example '{_line(model, location)}'"
+    if get_origin(annotation) is list:
+        (item,) = get_args(annotation)
+        examples = [one.example for one in bare(item)[1] if hasattr(one, "example")]
+        if examples:
+            return f"; expected a list, for example '{location[-1]}: [{', '.join(2 * examples[:1])}]'"
+        if not any(getattr(one, "min_length", 0) for one in metadata):
+            return f"; expected a list, '{location[-1]}: []' is one without any"
     if is_section(annotation) or get_origin(annotation) is dict:
         how = WITHOUT.get(plain(location))
         return f"; this section is required{f'; {how}' if how else ''}"

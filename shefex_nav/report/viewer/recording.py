@@ -19,6 +19,7 @@ from shefex_nav import __version__
 from shefex_nav.files import digest, text_of, whole
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
+from shefex_nav.report import local_level
 from shefex_nav.report.viewer import (
     counts,
     drawings,
@@ -167,7 +168,7 @@ def _flown(data):
 
 def fill(stream, log_path, data):
     """Send everything of one run to a rerun RecordingStream."""
-    stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
+    stream.send_recording_name(local_level.title(data))
     drawings.send(stream, log_path, data)
     sender, shown = Sender(stream, data.mission.epoch_utc), scene(data)
     if not len(data.truth.t_s):
@@ -207,7 +208,7 @@ def send_summary(sender, data):
     from shefex_nav.report import metrics
     from shefex_nav.report.table import rows
 
-    parts = [f"| {data.mission.scenario}, seed {data.mission.seed} | |", "|---|---|"]
+    parts = [f"| {local_level.title(data)} | |", "|---|---|"]
     for section, lines in rows(metrics.summarise(data)):
         parts += [f"| **{section}** | |", *(f"| {name} | {value} |" for name, value in lines)]
     send_text(sender, "\n".join(parts))
