@@ -243,7 +243,8 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
         shown = _example_list(field_at(model, location)[0])
         return mark, f"expected {_list_words(model, error, location)}, got {_length(value)}{shown}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return mark, f"expected a section with keys of its own, got {describe(value)}"
+        words = f"expected a section with keys of its own, got {describe(value)}"
+        return mark, f"{words}{_keys(field_at(model, location)[0])}"
     if kind == "literal_error":
         return mark, f"{describe(value)} is not known; choose from: {_choices(model, error)}"
     if kind == "string_type":
@@ -339,6 +340,12 @@ def _list_words(model, error, location):
         return f"a list of {len(arguments)} values"
     fewest = error.get("ctx", {}).get("min_length", 0)
     return f"a list of at least {fewest} values" if fewest > 1 else "a list"
+
+
+def _keys(annotation):
+    """`; its keys are latitude, longitude, height` of a section in one form, else nothing."""
+    section, _ = bare(annotation)
+    return f"; its keys are {', '.join(section.keys())}" if is_model(section) else ""
 
 
 def _example_list(annotation):
