@@ -77,7 +77,8 @@ def _read_replay(text):
         stated = ReplayRequirements.model_validate(tree.get("requirements") or {})
     except (document.BadText, ValidationError):
         return NOTHING
-    return NOTHING._replace(limits=_limits_of(stated), given=_given(stated))
+    description = str(tree.get("mission", {}).get("description", ""))
+    return NOTHING._replace(description=description, limits=_limits_of(stated), given=_given(stated))
 
 
 def _of(scenario):

@@ -31,6 +31,11 @@ def is_of_replay(summary):
     return any(event["name"] == REPLAY_START for event in summary["flight"]["events"])
 
 
+def done(summary):
+    """What the program did with the time of a summary, in a word."""
+    return "navigated" if is_of_replay(summary) else "simulated"
+
+
 def title_of(summary):
     """The same title of a summary."""
     name = summary["scenario"]

@@ -291,8 +291,7 @@ def _real_time_rows(kept):
 def _run_rows(summary):
     since = summary["simulated_from_s"]
     span = "" if since is None else f", from T{since:+.1f} s to T{since + summary['simulated_s']:+.1f} s"
-    word = "navigated" if local_level.is_of_replay(summary) else "simulated"
-    yield word, number(summary["simulated_s"], 1, "s") + span
+    yield local_level.done(summary), number(summary["simulated_s"], 1, "s") + span
     if summary["wall_s"] is not None:
         is_slow = (summary["real_time_factor"] or 0.0) < 10.0
         factor = number(summary["real_time_factor"], 2 if is_slow else 0)

@@ -16,3 +16,13 @@ def test_the_table_of_a_replay(command, override, words):
     said = " ".join(result.out.replace("│", " ").split())
     assert words in said
     assert "seed" not in said and "simulated" not in said and "navigated" in said
+
+
+def test_the_page_of_a_replay(command, tmp_path):
+    log, page = tmp_path / "replay.mcap", tmp_path / "page.html"
+    assert command("replay", "csv_example", "--until", "16s", "--log", log).code == 0
+    assert command("report", log, "--html", page).code == 0
+    text = page.read_text()
+    assert "<h1>csv_example</h1>" in text
+    assert "A student rocket's first half minute, from CSVs; epoch" in text.replace("&#x27;", "'")
+    assert "4.0 s navigated from T+12.0 s" in text and "simulated" not in text.split("<pre")[0]
