@@ -311,6 +311,8 @@ def _example(model, location):
         return f"; choose from: {', '.join(map(str, get_args(annotation)))}"
     if any(hasattr(one, "example") for one in metadata):
         return f"; expected for example '{_line(model, location)}'"
+    if shown := _example_list(annotation):
+        return f"; expected a list of {len(get_args(annotation))} values{shown}"
     if get_origin(annotation) is list:
         (item,) = get_args(annotation)
         examples = [one.example for one in bare(item)[1] if hasattr(one, "example")]
