@@ -7,6 +7,7 @@ from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, 
 from shefex_nav.campaign.summary import name_of, repeat, worst_runs
 from shefex_nav.report import innovations, intervals
 from shefex_nav.report.requirements import NO_LEVELS
+from shefex_nav.report.table import place
 
 RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
 PERCENTILE_PRECISION = 0.05  # and this share of a percentile
@@ -161,7 +162,7 @@ def flights(campaign):
         long, short = one.semi_axes_km
         words = (
             f"{long:.3g} by {short:.3g} km, long axis {one.azimuth_deg:.0f} deg from north, about "
-            f"{one.latitude_deg:.3f} N {one.longitude_deg:.3f} E; {one.inside} of {one.samples} runs inside; "
+            f"{place(one._asdict(), 3)}; {one.inside} of {one.samples} runs inside; "
             f"height {one.altitude_km:.2f} km, sigma {one.covariance_km2[2, 2] ** 0.5:.3g} km"
         )
         if one.shape is not None and not one.shape.normal:
@@ -178,6 +179,7 @@ def _odd(shape):
 
 NOTHING_TO_JUDGE = "nothing to judge: the software gives none"
 DESCRIBED = "Does the covariance describe the errors?"
+CHANCE = "as chance would have it"
 CONTAINED = "errors inside 3 sigma at the ends of the phases"
 
 
@@ -205,9 +207,9 @@ def covariance(campaign, series):
         if len(certain) > MOST_VERDICTS:
             rows.append((f"  and {len(certain) - MOST_VERDICTS} more", "", "", "", ""))
     for block, (value, low, high) in over_time.time_averages(series).items():
-        words = "holds 1" if low <= 1.0 <= high else _size(low > 1.0)
+        words = CHANCE if low <= 1.0 <= high else _size(low > 1.0)
         name = f"NEES of {block.replace('_', ' ')} per degree of freedom, all times (99 % interval)"
-        rows.append((name, f"{value:.3f}", f"{low:.3f} to {high:.3f}", "", words))
+        rows.append((name, f"{value:.3f} ({low:.3f} to {high:.3f})", "1", "", words))
     good = int(campaign.succeeded.sum())
     some = f"{len(series.runs)} of " if len(series.runs) < good else ""
     lines = (f"{series.unread} runs have no series that could be read.",) if series.unread else ()
@@ -221,7 +223,7 @@ def _together(verdicts):
         return NOTHING_TO_JUDGE
     bad, off = sum(not one.good for one in verdicts), sum(one.good and one.certain for one in verdicts)
     if not bad + off:
-        return "as chance would have it"
+        return CHANCE
     small = f"{off} of {len(verdicts)} {_off()}" if off else ""
     if not bad:
         return small

@@ -16,7 +16,7 @@ def about(scenario, loaded=None):
     loaded : the Scenario; what is odd about its vehicle is told first, as it may be why
     """
     from shefex_nav.onboard.startracker.catalogue import CatalogueError
-    from shefex_nav.world.flight.fly import FlightError
+    from shefex_nav.world.flight.refused import FlightError
 
     try:
         yield
@@ -28,7 +28,9 @@ def about(scenario, loaded=None):
             from shefex_nav.report import programme
 
             warn(loaded, programme.of_parts(loaded))
-        raise FlightError(f"{scenario}: {error}") from None
+        is_placed = loaded is not None and error.field
+        place = loaded.line_about(error.field, str(error)) if is_placed else f"{scenario}: {error}"
+        raise FlightError(place) from None
 
 
 @contextmanager

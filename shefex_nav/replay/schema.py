@@ -30,7 +30,7 @@ from shefex_nav.scenario.quantity import (
     describe,
     refuse,
 )
-from shefex_nav.scenario.requirements import AttitudeLimit, IntegrityRisk, PositionLimit, VelocityLimit
+from shefex_nav.scenario.requirements import ReplayRequirements
 from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro, Vibration
 from shefex_nav.scenario.use import Use
 
@@ -188,15 +188,6 @@ class ReplayNavigation(Navigation):
     def states_field(cls, block):
         """Type and FieldInfo of `states`. block : Literal of the names of all blocks"""
         return list[block], Field(default=[], description="what is estimated besides the fifteen")
-
-
-class ReplayRequirements(Block):
-    """What is required of the solution."""
-
-    position: PositionLimit = PositionLimit()
-    velocity: VelocityLimit = VelocityLimit()
-    attitude: AttitudeLimit = AttitudeLimit()
-    integrity_risk: IntegrityRisk = "1e-5 /h"
 
 
 class ReplayBase(Block):

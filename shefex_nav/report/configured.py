@@ -25,10 +25,10 @@ NOTHING = Configured("", None, {}, None, None, "")
 
 
 def configured(data):
-    """Configured of a RunData. The scenario of a replay of external data has no such limits."""
+    """Configured of a RunData. Of a replay of external data it has the limits of protection levels alone."""
     text, mission = data.mission.scenario_text, data.mission
-    found = NOTHING if local_level.is_replay(data) or not text.strip() else _read(text)
-    return _limits(found, mission)
+    read = _read_replay if local_level.is_replay(data) else _read
+    return _limits(read(text) if text.strip() else NOTHING, mission)
 
 
 def _limits(found, mission):
@@ -64,19 +64,46 @@ def _read(text):
     return _of(scenario)
 
 
+@lru_cache(maxsize=4)
+def _read_replay(text):
+    """Configured of the text of a replay scenario; nothing where it cannot be read."""
+    from pydantic import ValidationError
+
+    from shefex_nav.scenario import document
+    from shefex_nav.scenario.requirements import ReplayRequirements
+
+    try:
+        tree = document.parse(text, "scenario.yaml").tree
+        stated = ReplayRequirements.model_validate(tree.get("requirements") or {})
+    except (document.BadText, ValidationError):
+        return NOTHING
+    description = str(tree.get("mission", {}).get("description", ""))
+    return NOTHING._replace(description=description, limits=_limits_of(stated), given=_given(stated))
+
+
 def _of(scenario):
     """Configured of a Scenario."""
     stray = scenario.star_camera.stray_light
     return Configured(
         description=scenario.mission.description,
         requirements=scenario.requirements,
-        limits={quantity: getattr(scenario.requirements, quantity).limit for quantity in QUANTITIES},
+        limits=_limits_of(scenario.requirements),
         sun_exclusion_rad=stray.sun_exclusion,
         limb_exclusion_rad=stray.earth_exclusion,
         problem="",
         scenario=scenario,
-        given=frozenset(q for q in QUANTITIES if _gives_limit(scenario.requirements, q)),
+        given=_given(scenario.requirements),
     )
+
+
+def _limits_of(stated):
+    """Limit of each quantity. stated : section `requirements`"""
+    return {quantity: getattr(stated, quantity).limit for quantity in QUANTITIES}
+
+
+def _given(stated):
+    """Quantities of which the section gives the limit itself."""
+    return frozenset(quantity for quantity in QUANTITIES if _gives_limit(stated, quantity))
 
 
 def _gives_limit(stated, quantity):

@@ -16,7 +16,7 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import Event
-from shefex_nav.report import flight
+from shefex_nav.report import flight, local_level
 from shefex_nav.report.figures import flown
 from shefex_nav.report.pairing import is_partly_true
 
@@ -125,7 +125,7 @@ def _cut(points):
 
 def kml(data):
     """A KML document: str."""
-    return document(f"{data.mission.scenario}, seed {data.mission.seed}", *lines_and_places(data), _COLOURS)
+    return document(local_level.title(data), *lines_and_places(data), _COLOURS)
 
 
 def document(title, lines, places, colours=None):

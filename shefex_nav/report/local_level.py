@@ -20,6 +20,28 @@ def is_replay(data):
     return any(event.name == REPLAY_START for event in data.events)
 
 
+def title(data):
+    """Scenario and seed of a RunData; of external data the scenario, because nothing in them was drawn."""
+    name = data.mission.scenario
+    return name if is_replay(data) else f"{name}, seed {data.mission.seed}"
+
+
+def is_of_replay(summary):
+    """Whether a summary is of external data."""
+    return any(event["name"] == REPLAY_START for event in summary["flight"]["events"])
+
+
+def done(summary):
+    """What the program did with the time of a summary, in a word."""
+    return "navigated" if is_of_replay(summary) else "simulated"
+
+
+def title_of(summary):
+    """The same title of a summary."""
+    name = summary["scenario"]
+    return name if is_of_replay(summary) else f"{name}, seed {summary['seed']}"
+
+
 def summarise(data, from_s=None):
     """Entries for `navigation` in the summary of a RunData.
 

@@ -20,6 +20,7 @@ from shefex_nav.report import (
     figures,
     html,
     likely_mistakes,
+    local_level,
     metrics,
     page_summary,
     sensor_use,
@@ -81,7 +82,7 @@ def page(data, log=None, glance=None):
             sections.append((section.replace(" ", "-"), heading, parts))
     sections.append(("numbers", "All numbers of the run", [_numbers(run.summary)]))
     sections.append(("scenario", "Scenario and versions", page_summary.origin(run)))
-    title = f"{data.mission.scenario}, seed {data.mission.seed}"
+    title = local_level.title(data)
     return html.page(
         f"{title}: report of a run",
         header=[element("h1", title), page_summary.lead(run), *([_at_a_glance(glance)] if glance else [])],

@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements, sensor_use, table, trust, vouched
+from shefex_nav.report import html, local_level, requirements, sensor_use, table, trust, vouched
 from shefex_nav.report.html import element
 from shefex_nav.report.sizes import percent
 from shefex_nav.report.star_rows import rates
@@ -21,7 +21,8 @@ def lead(run):
     words = [run.limits.description.rstrip(".")] if run.limits.description else []
     words.append(f"epoch (T+0 s) {mission.epoch_utc.replace('T', ' ').removesuffix('Z')} UTC")
     if summary["simulated_s"] is not None:
-        words.append(f"{summary['simulated_s']:.1f} s simulated from T{summary['simulated_from_s']:+.1f} s")
+        what = f"{summary['simulated_s']:.1f} s {local_level.done(summary)}"
+        words.append(f"{what} from T{summary['simulated_from_s']:+.1f} s")
     parts = [element("p", "; ".join(words) + ".", class_="lead")]
     if summary["failure"]:
         cut = (
@@ -327,7 +328,7 @@ def origin(run):
     rows = [
         ("log", run.log),
         ("sha256 of the log", run.digest or _DASH),
-        ("simulated by", f"shefex_nav {mission.version}"),
+        (f"{local_level.done(run.summary)} by", f"shefex_nav {mission.version}"),
         ("scenario", mission.scenario),
         ("seed", str(mission.seed)),
         ("page made by", ", ".join(f"{name} {version}" for name, version in versions.items())),

@@ -18,8 +18,10 @@ from shefex_nav.report import (
     imu_range,
     lasting,
     odd_parts,
+    star_field,
     star_light,
     star_sight,
+    unmeasured,
     unseen,
 )
 from shefex_nav.report.pairing import pointing_error
@@ -174,7 +176,9 @@ def _by_flight(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
     if text := air_on_board.words(scenario, flown):
         found.append(Warned(("atmosphere", "model"), text))
-    return [*found, *(Warned(*one) for one in unseen.found(scenario, flown))]
+    for never in (unseen, unmeasured):
+        found += [Warned(*one) for one in never.found(scenario, flown)]
+    return found
 
 
 def _of_epoch(epoch_utc):
@@ -215,7 +219,11 @@ def _of_sight(scenario, flown):
     if flown.sight is None:
         return []
     looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
-    return [Warned(path, text) for path, text in star_sight.excluded(scenario, flown.sight, looks)]
+    return [
+        Warned(path, text)
+        for told in (star_sight.excluded, star_field.poor)
+        for path, text in told(scenario, flown.sight, looks)
+    ]
 
 
 def _moments(flown):

@@ -72,8 +72,26 @@ def together(path):
 
 
 def _of_axes(path):
-    """Note about the largest element of a vector."""
-    return lambda get: "about the worst axis" if _largest(path)(get) is not None else ""
+    """Note about the largest element of a vector, or why there is none."""
+    return lambda get: "about the worst axis" if _largest(path)(get) is not None else _no_entry(get)
+
+
+def _no_entry(get):
+    """Note where there is no figure at entry because there was no entry."""
+    top_km, entry_s = get("flight.apogee_km"), get("flight.at_entry.t_s")
+    if entry_s is not None:
+        return ""
+    if top_km is not None and top_km < AIR_KM:
+        return f"no entry, its apogee is {top_km:.1f} km"
+    return f"it did not come down through {AIR_KM:.0f} km"
+
+
+def _no_control(get):
+    return "" if get("attitude_control.propellant_kg") is not None else "no attitude control that is flown"
+
+
+def _no_frames(get):
+    return "no frame taken" if get("star_tracker.frames") == 0 else ""
 
 
 def _percent(path):
@@ -154,8 +172,12 @@ MEASURES = {
         "at most",
         note=_of_axes("navigation.at_entry.attitude_error_deg"),
     ),
-    "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
-    "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
+    "position_at_entry": _Measure(
+        _at("navigation.at_entry.position_error_m"), "m", 1.0, "at most", note=_no_entry
+    ),
+    "velocity_at_entry": _Measure(
+        _at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most", note=_no_entry
+    ),
     **{
         f"{quantity}_while_pointing": _Measure(
             _while_pointing(figure), unit, factor, "at most", GROWS, _pointing(figure)
@@ -166,12 +188,15 @@ MEASURES = {
             ("velocity", "velocity_m_s", "m/s", 1.0),
         )
     },
-    "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is", by_levels=True),
+    "usable_at_entry": _Measure(
+        _at("navigation.integrity.at_entry.usable"), "", 1.0, "is", note=_no_entry, by_levels=True
+    ),
     "position_protection_at_entry": _Measure(
         together("navigation.integrity.position.at_entry.protection_m"),
         "m",
         1.0,
         "at most",
+        note=_no_entry,
         by_levels=True,
     ),
     "velocity_protection_at_entry": _Measure(
@@ -179,6 +204,7 @@ MEASURES = {
         "m/s",
         1.0,
         "at most",
+        note=_no_entry,
         by_levels=True,
     ),
     "attitude_protection_at_entry": _Measure(
@@ -186,6 +212,7 @@ MEASURES = {
         "deg",
         DEG,
         "at most",
+        note=_no_entry,
         by_levels=True,
     ),
     "misleading": _Measure(
@@ -197,10 +224,12 @@ MEASURES = {
         _which,
         by_levels=True,
     ),
-    "wrong_star_fixes": _Measure(_wrong_fixes, "", 1.0, "at most", GROWS),
+    "wrong_star_fixes": _Measure(_wrong_fixes, "", 1.0, "at most", GROWS, _no_frames),
     "star_fixes": _Measure(_star_fixes, "%", 100.0, "at least", MOVES, _frames),
-    "pointing_error": _Measure(_at("attitude_control.pointing_error_deg.max"), "deg", DEG, "at most", GROWS),
-    "cold_gas": _Measure(_at("attitude_control.propellant_kg"), "kg", 1.0, "at most", GROWS),
+    "pointing_error": _Measure(
+        _at("attitude_control.pointing_error_deg.max"), "deg", DEG, "at most", GROWS, _no_control
+    ),
+    "cold_gas": _Measure(_at("attitude_control.propellant_kg"), "kg", 1.0, "at most", GROWS, _no_control),
     "apogee": _Measure(_at("flight.apogee_km"), "km", 1e-3, "at least"),
 }
 

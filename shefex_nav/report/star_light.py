@@ -68,6 +68,12 @@ def of(scenario):
     )
 
 
+def known(scenario):
+    """OnboardCatalogue of a Scenario."""
+    year = ephemeris.julian_year(scenario.mission.epoch)
+    return _known(settings(scenario.star_tracker).catalogue, year)
+
+
 @lru_cache(maxsize=8)  # `trade` asks for hundreds of cameras with one catalogue
 def _known(of_catalogue, julian_year):
     """OnboardCatalogue of settings.Catalogue."""

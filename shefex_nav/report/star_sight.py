@@ -34,6 +34,15 @@ def sight(t_s, q_ib, r_i):
     return Sight(t_s[rows], q_ib[rows], r_i[rows])
 
 
+def pointed(scenario, seen, looks):
+    """Sight of the instants at which a task points the star camera and its tracker is on."""
+    tracker, rows = scenario.star_tracker, np.zeros(len(seen.t_s), dtype=bool)
+    for _, task in looks:
+        first_s, last_s = max(task.start, tracker.on), min(task.end, tracker.off)
+        rows |= (seen.t_s >= first_s) & (seen.t_s <= last_s)
+    return Sight(*(values[rows] for values in seen))
+
+
 def angles(seen, C_bc, sun_i, earth):
     """Angles of the boresight to the Sun and to the Earth's limb, (N,) rad each; to a hidden Sun pi."""
     from shefex_nav.world.camera.optics import SUN_RADIUS
@@ -57,23 +66,18 @@ def excluded(scenario, seen, looks):
     from shefex_nav.prepare import earth_rotation
     from shefex_nav.scenario import params
 
-    tracker, stray = scenario.star_tracker, scenario.star_camera.stray_light
-    rows = np.zeros(len(seen.t_s), dtype=bool)
-    for _, task in looks:
-        first_s, last_s = max(task.start, tracker.on), min(task.end, tracker.off)
-        rows |= (seen.t_s >= first_s) & (seen.t_s <= last_s)
-    if not (tracker.enabled and rows.any()):
+    stray, during = scenario.star_camera.stray_light, pointed(scenario, seen, looks)
+    if not (scenario.star_tracker.enabled and len(during.t_s)):
         return
-    pointed = Sight(*(values[rows] for values in seen))
     sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
-    found = angles(pointed, params.mounting(scenario), sun_i, earth_rotation(scenario))
+    found = angles(during, params.mounting(scenario), sun_i, earth_rotation(scenario))
     limits = stray.sun_exclusion, stray.earth_exclusion
     shares = SHARE, SHARE if scenario.orbit is None else IN_ORBIT
     for what, angle, limit, share in zip(("the Sun", "the Earth's limb"), found, limits, shares, strict=True):
         inside = angle < limit
         if inside.mean() > share:
-            name = _aims(looks, float(np.median(pointed.t_s[inside])))
-            yield ("programme", name), _words(what, pointed.t_s, angle, limit, inside)
+            name = aims(looks, float(np.median(during.t_s[inside])))
+            yield ("programme", name), _words(what, during.t_s, angle, limit, inside)
 
 
 def too_fast(scenario):
@@ -113,7 +117,7 @@ def turning(scenario, moved):
         yield ("star_tracker", "highest_rate"), words
 
 
-def _aims(looks, t_s):
+def aims(looks, t_s):
     """Name of the task that says where the camera looks at an instant: a dwell keeps what was before."""
     begun = [one for one in looks if one[1].start <= t_s]
     turned = [name for name, task in begun if task.task in TURNS]

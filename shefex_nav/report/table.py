@@ -5,7 +5,7 @@ from rich.text import Text
 from shefex_nav import event_words
 from shefex_nav.log.topics import SMOOTHED
 from shefex_nav.records import QUANTITIES, Doubt
-from shefex_nav.report import columns, consistency_rows, doubts, innovations, requirements, trust
+from shefex_nav.report import columns, consistency_rows, doubts, innovations, local_level, requirements, trust
 from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
 from shefex_nav.report.sizes import number, percent
 from shefex_nav.report.star_rows import star_rows
@@ -34,7 +34,7 @@ def _pair(values, digits, unit):
 def summary_table(summary, judged=()):
     """rich Table of the object that `metrics.summarise` returns, and of the requirements.Judged of a run."""
     every = ((section, *line) for section, lines in rows(summary, judged) for line in lines)
-    return columns.sections(f"{summary['scenario']}, seed {summary['seed']}", every)
+    return columns.sections(local_level.title_of(summary), every)
 
 
 def rows(summary, judged=()):
@@ -291,7 +291,7 @@ def _real_time_rows(kept):
 def _run_rows(summary):
     since = summary["simulated_from_s"]
     span = "" if since is None else f", from T{since:+.1f} s to T{since + summary['simulated_s']:+.1f} s"
-    yield "simulated", number(summary["simulated_s"], 1, "s") + span
+    yield local_level.done(summary), number(summary["simulated_s"], 1, "s") + span
     if summary["wall_s"] is not None:
         is_slow = (summary["real_time_factor"] or 0.0) < 10.0
         factor = number(summary["real_time_factor"], 2 if is_slow else 0)

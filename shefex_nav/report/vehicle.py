@@ -285,13 +285,17 @@ def _least(profile, part):
 
 
 def resonances(looked):
-    """Each time that the spin passes the resonant one on the way up: list of (s, spin Hz, s nearby)."""
+    """Each time that the spin passes the resonant one on the way up: list of (s, spin Hz, s nearby).
+
+    Where a stage is dropped the resonant spin jumps: to be on its other side then is to have passed nothing.
+    """
     profile, rising = looked.profile, upwards(looked) & np.isfinite(looked.profile.resonant)
     above = np.abs(profile.spin) - np.where(rising, profile.resonant, np.nan)
     with np.errstate(invalid="ignore"):
         near = np.abs(above) <= NEAR * profile.resonant
     found = []
-    for k in np.flatnonzero((above[:-1] * above[1:] < 0.0) & rising[:-1] & rising[1:]):
+    same = profile.configuration[:-1] == profile.configuration[1:]
+    for k in np.flatnonzero((above[:-1] * above[1:] < 0.0) & rising[:-1] & rising[1:] & same):
         part = above[k] / (above[k] - above[k + 1])
         t = float(profile.t_s[k] + part * (profile.t_s[k + 1] - profile.t_s[k]))
         stays = [profile.t_s[b - 1] - profile.t_s[a] for a, b in stretches(near) if a - 1 <= k < b + 1]

@@ -36,7 +36,7 @@ class ScenarioError(UserError):
     """A scenario that cannot be flown; `messages` are lines for the user, `file:line:col: field: what`."""
 
     def __init__(self, found):
-        self.messages = tuple(found)
+        self.messages = tuple(dict.fromkeys(found))  # a table that two stages have is wrong once
         super().__init__("\n".join(self.messages))
 
 

@@ -243,7 +243,8 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
         shown = _example_list(field_at(model, location)[0])
         return mark, f"expected {_list_words(model, error, location)}, got {_length(value)}{shown}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return mark, f"expected a section with keys of its own, got {describe(value)}"
+        words = f"expected a section with keys of its own, got {describe(value)}"
+        return mark, f"{words}{_keys(field_at(model, location)[0])}"
     if kind == "literal_error":
         return mark, f"{describe(value)} is not known; choose from: {_choices(model, error)}"
     if kind == "string_type":
@@ -310,6 +311,15 @@ def _example(model, location):
         return f"; choose from: {', '.join(map(str, get_args(annotation)))}"
     if any(hasattr(one, "example") for one in metadata):
         return f"; expected for example '{_line(model, location)}'"
+    if shown := _example_list(annotation):
+        return f"; expected a list of {len(get_args(annotation))} values{shown}"
+    if get_origin(annotation) is list:
+        (item,) = get_args(annotation)
+        examples = [one.example for one in bare(item)[1] if hasattr(one, "example")]
+        if examples:
+            return f"; expected a list, for example '{location[-1]}: [{', '.join(2 * examples[:1])}]'"
+        if not any(getattr(one, "min_length", 0) for one in metadata):
+            return f"; expected a list, '{location[-1]}: []' is one without any"
     if is_section(annotation) or get_origin(annotation) is dict:
         how = WITHOUT.get(plain(location))
         return f"; this section is required{f'; {how}' if how else ''}"
@@ -332,6 +342,12 @@ def _list_words(model, error, location):
         return f"a list of {len(arguments)} values"
     fewest = error.get("ctx", {}).get("min_length", 0)
     return f"a list of at least {fewest} values" if fewest > 1 else "a list"
+
+
+def _keys(annotation):
+    """`; its keys are latitude, longitude, height` of a section in one form, else nothing."""
+    section, _ = bare(annotation)
+    return f"; its keys are {', '.join(section.keys())}" if is_model(section) else ""
 
 
 def _example_list(annotation):

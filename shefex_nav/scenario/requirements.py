@@ -79,6 +79,15 @@ Confidence = Quantity(
 )  # fmt: skip
 
 
+class ReplayRequirements(Block):
+    """What is required of the solution."""
+
+    position: PositionLimit = PositionLimit()
+    velocity: VelocityLimit = VelocityLimit()
+    attitude: AttitudeLimit = AttitudeLimit()
+    integrity_risk: IntegrityRisk = "1e-5 /h"
+
+
 class Requirements(Block):
     """Limits that a run has to keep."""
 

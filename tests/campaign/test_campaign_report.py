@@ -1,6 +1,7 @@
 """`report DIR`: the object for programs, the tables for people, the pictures."""
 
 import json
+import re
 
 import keeping
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 import synthetic_campaign
 from typer.testing import CliRunner
 
-from shefex_nav.campaign import figures, over_time, parts, summary
+from shefex_nav.campaign import figures, over_time, parts, statistics, summary
 from shefex_nav.campaign.engine import Lost
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.campaign.store import Store
@@ -184,6 +185,25 @@ def test_a_wrong_covariance_is_in_the_tables(tmp_path):
     words = [str(cell) for row in found.rows for cell in row]
     assert "covariance too small" in words and "covariance too large" not in words
     assert {"  NEES of attitude, end of coast", "  NIS of gps, mean of the runs"} <= set(words)
+
+
+def test_the_mean_nees_stands_beside_its_interval_and_what_it_should_be(folder):
+    campaign = open_campaign(folder)
+    rows = [row for row in parts.covariance(campaign, over_time.read(campaign)).rows if "all times" in row[0]]
+    assert rows
+    for _, found, expected, _, verdict in rows:
+        value, low, high = map(float, re.fullmatch(r"([\d.]+) \(([\d.]+) to ([\d.]+)\)", found).groups())
+        assert low <= value <= high and expected == "1"
+        assert (verdict == "as chance would have it") == (low <= 1.0 <= high)
+
+
+def test_places_south_and_west_have_no_signs(folder, monkeypatch):
+    campaign = open_campaign(folder)
+    (one, *_) = statistics.ellipses(campaign)
+    there = one._replace(latitude_deg=-2.317, longitude_deg=-44.368)
+    monkeypatch.setattr(statistics, "ellipses", lambda campaign: [there])
+    (words,) = (row[1] for row in parts.flights(campaign).rows if "ellipse" in row[0])
+    assert "about 2.317 S, 44.368 W;" in words
 
 
 def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):

@@ -47,7 +47,7 @@ def test_the_flight_goes_on_where_the_truth_ends(part):
     assert summary["flight"]["climbs_at_km"] in (None, pytest.approx(height[-1] / 1e3))
     shown = {name: str(value) for _, lines in rows(summary) for name, value in lines}
     assert shown["as estimated"] == "the truth is of T+228.0 to +238.0 s alone"
-    assert shown["simulated"].startswith("30.0 s")
+    assert shown["navigated"].startswith("30.0 s")
 
 
 def test_errors_are_of_the_part_with_truth(part):

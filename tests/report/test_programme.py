@@ -332,8 +332,22 @@ def test_check_refuses_a_flight_that_cannot_be(command, tmp_path):
     mine.write_text(f"extends: {DEFAULT}\nlaunch:\n  elevation: 75 deg\n")
     result = command("check", mine)
     assert result.code == 2 and result.out == ""
-    assert result.err.startswith(f"{mine}: the vehicle hits the ground at T+")
+    assert "vehicle.yo_yo.at: the vehicle hits the ground at T+" in result.err
+    assert result.err.startswith(f"{DEFAULT}:") and f"change it in {mine}" in result.err
     assert len(result.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("override", "field"),
+    [
+        ("vehicle.yo_yo.cord_length=60 m", "vehicle.yo_yo.cord_length"),
+        ("vehicle.payload.mass=3000 kg", "vehicle.yo_yo.at"),
+        ("programme.damping.from=0.1 s", "programme.damping.from"),
+    ],
+)
+def test_what_cannot_be_flown_names_the_key_that_asks_for_it(command, override, field):
+    result = command("check", "shefex2_andoya", "--set", override)
+    assert result.code == 2 and f"{field}: " in result.err, result.err
 
 
 def test_simulated_seconds_say_from_when(data):

@@ -100,6 +100,15 @@ def test_the_spin_passes_the_resonance_where_the_curves_cross(rexus):
     assert hz == pytest.approx(abs(seen.spin[k]) / 2.0 / np.pi, rel=0.05)
 
 
+def test_a_spin_that_a_separation_leaves_beyond_the_resonance_passes_none(rexus):
+    """The resonant spin jumps then; the warning said '0.0 s within 10 %'."""
+    profile, ((t_s, *_), *more) = rexus.profile, vehicle.resonances(rexus)
+    dropped = profile.configuration + (profile.t_s > t_s)
+    assert len(vehicle.resonances(rexus._replace(profile=profile._replace(configuration=dropped)))) == len(
+        more
+    )
+
+
 def test_a_rocket_without_spin_passes_no_resonance(swinging):
     assert vehicle.resonances(swinging) == []
 

@@ -163,11 +163,11 @@ def test_errors_beyond_the_scale_are_told(log):
         axis=0
     )
     for (limit, words), most in zip(pages._error_limits(data), largest, strict=True):
-        assert words == (f"; peak {most:.2g} is cut off" if most > limit else "")
+        assert words == (pages._cut_off(most) if most > limit else "")
     spike = data.nav.r_i.copy()
     spike[5] += 1e4
     (_, words), *_ = pages._error_limits(data._replace(nav=data.nav._replace(r_i=spike)))
-    assert words == "; peak 1e+04 is cut off"
+    assert words.startswith("; peak 1000"), "not in powers of ten"
     P = np.full_like(data.covariance.P, np.nan)  # of software that says no sigmas
     unsure = pages._error_limits(data._replace(covariance=data.covariance._replace(P=P)))
     for (limit, _), most in zip(unsure, largest, strict=True):
@@ -221,6 +221,70 @@ def test_a_table_of_detections_that_is_full_is_told(log, default_scenario):
     assert "at most" not in pages._stars_title(roomy)
     assert "No frame had so many" in legend._at_most(counts.limit(roomy))[0]
     assert counts.limit(data) is None and legend._at_most(None) == ()  # the made-up mission has no scenario
+
+
+def grids(part):
+    """All grids in a part of a blueprint."""
+    if isinstance(part, rrb.View):
+        return []
+    deeper = [one for inner in part.contents for one in grids(inner)]
+    return [part, *deeper] if isinstance(part, rrb.Grid) else deeper
+
+
+@pytest.mark.parametrize("errors", [True, False])
+@pytest.mark.parametrize("control", [True, False])
+def test_no_row_of_plots_is_mostly_empty_or_too_low_for_numbers(log, errors, control):
+    """At most one cell of a grid stays free, and the navigation has four rows of plots, not five."""
+    data = recording.read(log)
+    has = layout.content(data, ["star_tracker/image"], errors)._replace(control=control)
+    for make in (pages._overview, pages._mission, pages._navigation):
+        for grid in grids(make(data, layout.scene(data.truth.r_i), has)):
+            assert -len(grid.contents) % grid.grid_columns <= 1
+            assert len(grid.contents) <= 4 * grid.grid_columns
+
+
+def test_what_the_data_do_not_have_is_not_drawn(log):
+    """Neither the field of a camera that is not there, nor a number of satellites that nobody knows."""
+    data = recording.read(log)
+    fixes = [fix._replace(n_satellites=0) for fix in data.gps]
+    assert layout.content(data, []).satellites
+    has = layout.content(data._replace(gps=fixes, star_fixes=[]), [])
+    assert not has.satellites and "plots/gps" not in origins(pages._sensors(data, None, has))
+    seen = layout.scene(data.truth.r_i)
+    with_camera = pages._trajectory(seen, has._replace(stars=True)).contents
+    assert set(with_camera) - set(pages._trajectory(seen, has).contents) == {"star_tracker/calibration"}
+
+
+def test_the_texts_about_a_log_without_truth_speak_of_no_errors():
+    class Kept:
+        """A Sender that keeps what it is sent."""
+
+        def __init__(self):
+            self.texts = {}
+
+        def static(self, entity, document):
+            self.texts[entity] = document.text.as_arrow_array()[0].as_py()
+
+    with_truth, without = Kept(), Kept()
+    legend.send(with_truth, "run")
+    legend.send(without, "run", errors=False)
+    entity = legend.entity("Navigation")
+    assert "truth minus estimate" in with_truth.texts[entity] and "NEES" in with_truth.texts[entity]
+    assert "truth minus estimate" not in without.texts[entity] and "NEES" not in without.texts[entity]
+    assert without.texts[entity].startswith("**No truth.**")
+
+
+def test_levels_that_are_large_for_a_while_do_not_flatten_the_rest(log):
+    data = recording.read(log)
+    level = data.nav.protection_position.copy()
+    level[:] = 2.0
+    level[: len(level) // 4] = 500.0
+    data = data._replace(nav=data.nav._replace(protection_position=level))
+    position, *_ = pages._levels(data, layout.content(data, [])._replace(protection=True))
+    assert position.name == "Level, position; error white [m]; peak 500 is cut off"
+    level[:] = 2.0
+    position, *_ = pages._levels(data, layout.content(data, [])._replace(protection=True))
+    assert position.name == "Level, position; error white [m]"
 
 
 def test_the_text_about_the_star_tracker_is_seen_at_once(log, tmp_path):

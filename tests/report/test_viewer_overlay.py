@@ -51,3 +51,13 @@ def test_short_curves_stay_whole(n):
     t_s = np.arange(n) / 10.0
     line, middle_s, edges = navigation.outline(t_s, 3.0 * t_s)
     assert np.array_equal(line, 3.0 * t_s) and edges.shape == (2, len(middle_s)) and np.isnan(edges).all()
+
+
+def test_a_flight_from_elsewhere_is_said_to_be_out_of_the_scene():
+    """The chord of ten degrees of the equator is 1112 km."""
+    here, there = (
+        SimpleNamespace(launch_latitude=0.0, launch_longitude=np.radians(deg), launch_height=0.0)
+        for deg in (0.0, 10.0)
+    )
+    assert recording._elsewhere(there, here, 800e3) == " (starts 1112 km away, out of the scene)"
+    assert recording._elsewhere(there, here, 2000e3) == ""

@@ -321,6 +321,9 @@ NOT_THERE = {
     "star_tracker.colour is not given",
     "gps.outages.0=null": "--set gps.outages.0: an item of gps.outages cannot be taken away; "
     "give the whole list",
+    "vehicle.cold_gas.torque=null": "expected a list of 3 values; for example [60 N m, 60 N m, 60 N m]",
+    "gps.outages=null": "is missing; expected a list, 'outages: []' is one without any",
+    "vehicle.stages.S44.aerodynamics.roll_damping=null": "'roll_damping: [-5, -5]'",
     "gps.latency=null": "is missing; expected for example 'latency: 0.2 s'",
 }
 

@@ -4,7 +4,7 @@ import pytest
 from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
 from shefex_nav.scenario import params
-from shefex_nav.scenario.load import load
+from shefex_nav.scenario.load import ScenarioError, load
 from shefex_nav.world.flight import timeline
 
 STAGE = "vehicle.stages.S40M"
@@ -378,3 +378,14 @@ def test_a_stage_that_burns_with_another_below():
         "vehicle.stages.S44.ignition: the stage below, S40M, stays attached to it; "
         "give S40M a separation before this ignition"
     )
+
+
+def test_a_table_that_two_stages_have_is_complained_of_once(tmp_path):
+    (tmp_path / "aero.csv").write_text("mach;axial\n0;0,4\n")
+    stages = "".join(f"    {name}: {{aerodynamics: {{file: aero.csv}}}}\n" for name in ("S40M", "S44"))
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"extends: shefex2_andoya\nmission: {{name: mine}}\nvehicle:\n  stages:\n{stages}")
+    with pytest.raises(ScenarioError) as raised:
+        load(mine)
+    about = [line for line in raised.value.messages if "aero.csv:1:1" in line]
+    assert len(about) == 1 and "columns are separated by commas" in about[0]

@@ -48,7 +48,11 @@ def test_the_text_that_a_campaign_keeps_has_them():
         (["requirements.attitude.limit=3 m"], "attitude.limit", "expected an angle"),
         (["requirements.attitude.limit=0 deg"], "attitude.limit", "greater than zero"),
         (["requirements.attitude.at_entry=yes please"], "attitude.at_entry", "true or false"),
-        (["requirements.attitude=0.1 deg"], "requirements.attitude", "section with keys of its own"),
+        (
+            ["requirements.attitude=0.1 deg"],
+            "requirements.attitude",
+            "got '0.1 deg'; its keys are limit, at_entry, while",
+        ),
         (["requirements.usable_at_entry=1"], "usable_at_entry", "true or false"),
         (["requirements.positiom.limit=1 m"], "positiom", "position"),
         (["requirements.position.limit=3 m/s"], "position.limit", "expected a length"),

@@ -176,6 +176,12 @@ def test_an_error_without_a_level_is_not_drawn_as_none():
     assert np.nanmax(grid) == pytest.approx(2.0) and np.nanmin(grid) == pytest.approx(0.5)
 
 
+def test_the_scale_of_seconds_without_any_is_one_of_seconds():
+    """It went to 1e-9 s where nothing misled."""
+    drawn = dict(pictures.draw([record(), record(happens="gyro_stuck")]))["misleading"]
+    assert drawn.axes[0].images[0].get_clim() == (0.0, 1.0)
+
+
 def test_requirements_are_met_and_not():
     assert verdicts(record()) == {
         "flown": True, "alarm": None, "reason": None, "misleading attitude": True, "constants attitude": None,
@@ -200,7 +206,9 @@ def test_what_was_not_flown_is_not_called_met():
     said = "4 of 7 requirements are met, 3 were not flown"
     assert require.in_short(one) == said and next(show.tables([record()])).title == said
     head = {"scenarios": ["r"]}
-    assert f"1 flight; {said}" in page.page(head, [record()])
+    made = page.page(head, [record()])
+    assert f"1 flight; {said}" in made
+    assert made.count("<td>met</td>") == 4 and made.count("<td>not flown</td>") == 3
     failed = require.judge([{**record(), "failed": "ValueError: no"}])
     assert require.in_short(failed).startswith("1 of 5 requirements is not met, 4 were not flown")
     assert require.in_short([row._replace(good=True) for row in one]) == "all 7 requirements are met"

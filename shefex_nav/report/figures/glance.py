@@ -3,6 +3,7 @@
 import numpy as np
 
 from shefex_nav import event_words
+from shefex_nav.report import local_level
 from shefex_nav.report.figures import errors, flown, frame, labels, style
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 
@@ -24,7 +25,7 @@ def glance(data, seen):
     _sky(figure.add_subplot(sky[0]), seen)
     _flight(figure.add_subplot(flight[0]), data, seen.t_s)
     _attitude([figure.add_subplot(attitude[k]) for k in range(3)], data, seen.t_s)
-    style.title(figure, f"{data.mission.scenario}, seed {data.mission.seed}")
+    style.title(figure, local_level.title(data))
     return figure
 
 

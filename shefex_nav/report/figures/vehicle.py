@@ -82,7 +82,7 @@ def _draw(axes, looked, k):
         axes.plot([end, end], [-radius, radius], **outline)
     axes.axhline(0.0, color="#cccccc", lw=0.6, zorder=0)
     for name, stage in stages:
-        _stage(axes, name, stage)
+        _stage(axes, name, stage, radius)
     station = given.payload.station
     axes.plot(station, 0.0, "D", color=style.GREEN, ms=7, mec="black", label="payload's centre of mass")
     axes.plot(-given.imu[0], given.imu[1], "s", color=style.SKY, ms=6, mec="black", label="IMU")
@@ -92,8 +92,8 @@ def _draw(axes, looked, k):
     _range(axes, profile.pressure[felt], -0.5 * radius, style.RED, "^", "centre of pressure on the way up")
 
 
-def _stage(axes, name, stage):
-    """Propellant, nozzle and empty mass of a stage, as far as they are described."""
+def _stage(axes, name, stage, radius):
+    """Propellant, nozzle and empty mass of a stage, as far as they are described; its name at the radius."""
     from matplotlib.patches import Rectangle
 
     grain, motor = stage.propellant, stage.motor
@@ -118,7 +118,7 @@ def _stage(axes, name, stage):
     label = "empty stage's centre of mass"
     axes.plot(stage.dry.station, 0.0, "X", color=style.PURPLE, ms=8, mec="black", label=label)
     axes.annotate(
-        name, (middle, 0.0), (0, 3), textcoords="offset points", ha="center", va="bottom", fontsize=9
+        name, (middle, radius), (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=9
     )
 
 

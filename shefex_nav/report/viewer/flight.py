@@ -27,8 +27,8 @@ def motion(sender, data):
     sender.curve("plots/height", every.t_s, track.height / 1e3, WHITE, "height [km]")
     speed = np.linalg.norm(track.v_e, axis=1)
     sender.curve("plots/speed", every.t_s, speed, YELLOW, "speed [m/s]")
-    roll_rate = np.degrees(every.omega_ib_b[:, 0]) / 360.0  # NaN in the truth of external data
-    sender.curve("plots/roll_rate", every.t_s, roll_rate, (150, 200, 255), "roll rate [1/s]")
+    roll_rate = np.degrees(every.omega_ib_b[:, 0])  # NaN in the truth of external data
+    sender.curve("plots/roll_rate", every.t_s, roll_rate, (150, 200, 255), "roll rate [deg/s]")
 
 
 def control(sender, data):

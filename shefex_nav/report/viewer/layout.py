@@ -78,6 +78,12 @@ class Content(NamedTuple):
     errors: bool = True  # there is a truth that they can be told by
     biases: bool = True  # as estimated
     gates: bool = True  # measurements were judged by what was expected of them
+    satellites: bool = True  # of the fixes, their number is known
+
+
+def knows_satellites(fixes):
+    """Whether any of the GPS fixes says how many satellites it was made of: recorded data need not."""
+    return any(fix.n_satellites > 0 for fix in fixes)
 
 
 def content(data, pictures, errors=True):
@@ -98,4 +104,5 @@ def content(data, pictures, errors=True):
         errors,
         any(np.isfinite(one).any() for one in (data.covariance.gyro_bias, data.covariance.accel_bias)),
         bool(data.gates),
+        knows_satellites(data.gps),
     )

@@ -11,18 +11,21 @@ _FRAME = """**Star camera.** Green square: detected and identified, with its Hip
 square: detected, not identified: faint stars that the on-board catalogue lacks, hot pixels, particles. Blue
 dot: where a bright catalogue star truly is. Pixels of sky background are set to zero where the log keeps no
 others."""
-_SCENE = """**Flight.** Axes of the launch site: red east, green north, blue up. The path has the colours of
-the phases. Body axes, rocket, frustum of the star camera and cones show directions, not sizes: yellow cone,
-too near to the Sun; blue cone, too near to the Earth; light blue lines, GPS satellites (point at the end of
-one for its name)."""
+_SCENE = """**Flight.** Axes at the place of the start: red east, green north, blue up. The path has the
+colours of the phases. Body axes, rocket, frustum of the star camera and cones show directions, not sizes:
+yellow cone, too near to the Sun; blue cone, too near to the Earth; light blue lines, GPS satellites (point
+at the end of one for its name)."""
 _ERRORS = """**Errors** are truth minus estimate: position and velocity in inertial axes (GCRS), attitude as
 a rotation about the body axes, x along the roll axis. Blue: error, red: plus and minus 3 sigma of the
 filter. The scale suits the better part of the flight; the title says what is cut off, such as the error in
 a spin-up. Zoom with the mouse wheel, double click resets."""
-_TESTS = """**NEES**: 95 % lie between the red lines if the covariance is right. **NIS over its limit**: a
-dot was used, a cross refused (above 1) or held back; blue GPS position, violet GPS velocity, green star
-tracker. **Level**, the protection level: what the error (white, worst axis) may not exceed unnoticed;
-position and velocity green horizontal, yellow vertical, attitude about x, y, z."""
+_NEES = """**NEES**: 95 % lie between the red lines if the covariance is right."""
+_TESTS = """**NIS over its limit**: a dot was used, a cross refused (above 1) or held back; blue GPS position,
+violet GPS velocity, green star tracker. **Level**, the protection level: what the error (white, worst axis)
+may not exceed unnoticed; position and velocity green horizontal, yellow vertical, attitude about x, y, z.
+The scale suits the better part of the flight here, too."""
+_NO_TRUTH = """**No truth.** The log does not say where the vehicle truly was: path, height, speed and roll
+rate are those that the navigation estimated, and there are no errors."""
 _STARS = """**Sky.** The stars to magnitude 5 around the camera, its field (green) and the way of its
 boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works. Orange: all
 that was detected in a frame, green: those of it that were identified."""
@@ -34,7 +37,7 @@ TEXTS = {
     "Overview": (_FRAME, _SCENE, _ERRORS, _STATES),
     "Mission": (_SCENE, AXES, _STATES),
     "Star tracker": (_FRAME, _STARS, _STATES),
-    "Navigation": (_ERRORS, _TESTS, _STATES),
+    "Navigation": (_ERRORS, _NEES, _TESTS, _STATES),
     "Sensors": (_SENSORS, AXES, _STATES),
 }
 
@@ -67,15 +70,18 @@ def _at_most(limit):
     return (f"{kept}{frames}: what else was in them is neither drawn nor counted.",)
 
 
-def send(sender, first, others=(), limit=None):
+def send(sender, first, others=(), limit=None, errors=True):
     """The texts of all pages.
 
     first : name of the log that is shown whole;  others : (name, colour) of each that is laid over it
     limit : counts.Limit of the log that is shown whole, None where it is not known
+    errors : whether it has a truth that they can be told by
     """
     import rerun as rr
 
     for page, parts in TEXTS.items():
+        if not errors and page != "Sensors":
+            parts = (_NO_TRUTH, *(part for part in parts if part not in (_ERRORS, _NEES)))
         parts = [text for part in parts for text in (part, *(_at_most(limit) if part is _STARS else ()))]
         parts = (*overlaid(first, others), *parts)
         text = "\n\n".join(part.replace("\n", " ") for part in parts)

@@ -8,6 +8,7 @@ import rerun.blueprint as rrb
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
+from shefex_nav.records import protected
 from shefex_nav.report import scale, trust
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.report.viewer import counts, legend, world
@@ -26,6 +27,8 @@ NEES_SHOWN = 40.0  # of 9 degrees of freedom
 STARS_MARGIN_S = 5.0  # shown before the first and after the last star fix
 WINDOW_S = 60.0  # of the curves of a log that grows
 COLUMNS = 3  # of plots: in narrower ones rerun writes no more than one time below the axis
+BETTER_PART, ABOVE = 60, 2.5  # percent of the bounds, and how far above these a scale ends
+NO_ROLL = 1e-3  # deg/s
 _ERRORS = "Errors (blue) against 3 sigma (red)"
 
 
@@ -68,21 +71,26 @@ def _views(container):
         yield from _views(one) if isinstance(one, rrb.Container) else [one]
 
 
+def _grid(views, name=None):
+    """Views in rows of COLUMNS, four of them in rows of two: no more than one cell stays empty."""
+    columns = 2 if len(views) == 4 else min(len(views), COLUMNS)
+    return rrb.Grid(*views, grid_columns=columns, name=name)
+
+
 def _overview(data, seen, has):
     side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[12, 9])
     cameras = [_cameras(data, has)] if has.stars or has.pictures else []
-    upper = rrb.Horizontal(*cameras, _trajectory(seen), side, column_shares=[*[5] * len(cameras), 6, 4])
+    upper = rrb.Horizontal(*cameras, _trajectory(seen, has), side, column_shares=[*[5] * len(cameras), 6, 4])
     if not has.errors:
         return rrb.Vertical(upper, _flight_curves(data, has), row_shares=[2, 1], name=OVERVIEW)
-    lower = rrb.Tabs(rrb.Grid(*_errors(data), grid_columns=COLUMNS, name=_ERRORS), _flight_curves(data, has))
+    lower = rrb.Tabs(_grid(_errors(data), _ERRORS), _flight_curves(data, has))
     return rrb.Vertical(upper, lower, row_shares=[9, 10], name=OVERVIEW)
 
 
 def _mission(data, seen, has):
     side = rrb.Vertical(_lanes(data), _texts(MISSION), row_shares=[6, 7])
-    upper = rrb.Horizontal(_trajectory(seen), side, column_shares=[2, 1])
-    curves = rrb.Grid(*_flight_views(data, has), grid_columns=COLUMNS)
-    return rrb.Vertical(upper, curves, row_shares=[3, 2], name=MISSION)
+    upper = rrb.Horizontal(_trajectory(seen, has), side, column_shares=[2, 1])
+    return rrb.Vertical(upper, _grid(_flight_views(data, has)), row_shares=[3, 2], name=MISSION)
 
 
 def _star_tracker(data, seen, has):
@@ -122,25 +130,56 @@ def _navigation(data, seen, has):
     nis = _plot(
         data, "plots/nis", "NIS over its limit; dot: used, cross: refused or held", top=_nis_shown(data)
     )
-    of = trust.SHOWN if has.protection else ()
-    white = "; error white" if has.errors else ""
-    levels = [_plot(data, f"plots/protection/{q}", f"Level, {q}{white} [{unit}]") for q, unit in of]
+    position, velocity, *attitude = _levels(data, has) or (None, None)
     if has.errors:
         tests, name = [*_errors(data), *([nees] * has.covariance)], f"{_ERRORS}, consistency"
     else:
         tests, name = [], "Consistency"
-    tests += [*([nis] * has.gates), *levels]
-    tabs = [rrb.Grid(*tests, grid_columns=COLUMNS, name=name)] if tests else []
+    tests += [*([nis] * has.gates), *attitude]
+    lower = _lanes(data), _legend(NAVIGATION)
+    if has.protection and has.errors:  # a row of five leaves no room for numbers
+        lower = rrb.Horizontal(rrb.Tabs(*lower, active_tab=0), position, velocity)
+    else:
+        tests += [position, velocity] * has.protection
+        lower = rrb.Horizontal(*lower, column_shares=[3, 2])
+    tabs = [_grid(tests, name)] if tests else []
     if has.biases:
         views = [
             _plot(data, f"plots/biases/{name}_{axis}", f"{word} bias {axis}, body [{unit}]")
-            for name, word, unit in (("gyro_bias", "gyro", "deg/h"), ("accel_bias", "accelerometer", "mg"))
+            for name, word, unit in (("gyro_bias", "gyro", "deg/h"), ("accel_bias", "accelerometer", "mgee"))
             for axis in "xyz"
         ]
-        tabs.append(rrb.Grid(*views, grid_columns=COLUMNS, name="Biases as estimated (blue), 3 sigma (red)"))
-    lower = rrb.Horizontal(_lanes(data), _legend(NAVIGATION), column_shares=[3, 2])
+        tabs.append(_grid(views, "Biases as estimated (blue), 3 sigma (red)"))
     upper = [rrb.Tabs(*tabs, active_tab=0)] if tabs else []
     return rrb.Vertical(*upper, lower, row_shares=[7, 3] if upper else None, name=NAVIGATION)
+
+
+def _levels(data, has):
+    """A plot of the protection levels of each quantity; its title says what its scale cuts off."""
+    white = "; error white" if has.errors else ""
+    plots = []
+    for quantity, unit in trust.SHOWN if has.protection else ():
+        levels = trust.UNITS[quantity][1] * protected(data.nav, quantity).level
+        most = np.where(np.isfinite(levels), levels, 0.0).max(axis=1)
+        top, cut = _better_part(most, float(most.max()))
+        plots.append(
+            _plot(data, f"plots/protection/{quantity}", f"Level, {quantity}{white} [{unit}]{cut}", top=top)
+        )
+    return plots
+
+
+def _better_part(sizes, largest):
+    """Upper end of a scale that suits the better part of sizes (n,), and words about what it cuts off."""
+    known = sizes[sizes > 0.0]
+    if not len(known):
+        return None, ""
+    limit = _readable(ABOVE * np.percentile(known, BETTER_PART))
+    return (limit, _cut_off(largest)) if largest > limit else (None, "")
+
+
+def _cut_off(largest):
+    """Words about what a scale cuts off."""
+    return f"; peak {largest:.0f} is cut off" if largest > 99.5 else f"; peak {largest:.2g} is cut off"
 
 
 def _nis_shown(data):
@@ -154,11 +193,11 @@ def _sensors(data, seen, has):
     if has.imu:
         for entity, title in (
             ("rate", "Rate about body x, y, z [deg/s]"),
-            ("force", "Specific force along body x, y, z [g]"),
-            ("vibration", "Scatter of the specific force within a second, body axes [g]"),
+            ("force", "Specific force along body x, y, z [gee]"),
+            ("vibration", "Scatter of the specific force within a second, body axes [gee]"),
         ):
             views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
-    if has.gps:
+    if has.satellites:
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
     for name in has.instruments:
         for plot in TABLE[name].plots:
@@ -221,7 +260,7 @@ def _star_camera(data, entity, name):
     return rrb.Spatial2DView(origin=entity, contents=["$origin", "stars/**"], name=name, visual_bounds=bounds)
 
 
-def _trajectory(seen):
+def _trajectory(seen, has):
     """The flight, seen from its right, behind and above."""
     right = np.array([seen.along[1], -seen.along[0], 0.0])
     away = 0.85 * right - 0.33 * seen.along + np.array([0.0, 0.0, 0.4])
@@ -229,8 +268,8 @@ def _trajectory(seen):
     eye = seen.middle + seen.size * (1.4 if is_round else 1.0) * away
     return rrb.Spatial3DView(
         origin="/",
-        contents=["world/**", "tf", "star_tracker/calibration"],
-        name="Flight, launch axes east-north-up",
+        contents=["world/**", "tf", *(["star_tracker/calibration"] if has.stars or has.pictures else [])],
+        name="Flight, axes east, north, up at the start",
         background=[10, 13, 18],
         line_grid=False,
         spatial_information=rrb.SpatialInformation(target_frame="launch"),
@@ -278,14 +317,14 @@ def _error_limits(data):
     if not np.any(t_s > 0.0):
         return [(None, "")] * len(ERROR_PLOTS)
     sizes = np.abs(np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b]))
-    limits, largest = 2.5 * np.percentile(3.0 * sigma[t_s > 0.0], 60, axis=0), sizes.max(axis=0)
+    limits = ABOVE * np.percentile(3.0 * sigma[t_s > 0.0], BETTER_PART, axis=0)
+    largest = sizes.max(axis=0)
     unknown = np.isnan(limits)  # of software that says no sigmas
     limits[unknown] = scale.ROOM * np.percentile(sizes[:, unknown], scale.BETTER_PART, axis=0)
     limits[6:], largest[6:] = np.degrees(limits[6:]), np.degrees(largest[6:])
     shown = [_readable(limit) for limit in limits]
     return [
-        (limit, f"; peak {most:.2g} is cut off" if most > limit else "")
-        for limit, most in zip(shown, largest, strict=True)
+        (limit, _cut_off(most) if most > limit else "") for limit, most in zip(shown, largest, strict=True)
     ]
 
 
@@ -298,10 +337,11 @@ def _readable(value):
 
 def _flight_views(data, has):
     """The plots of the flight, and how many stars there were."""
+    rate = _roll_shown(data)
     views = [
         _plot(data, "plots/height", "Height [km]"),
         _plot(data, "plots/speed", "Speed against the Earth [m/s]"),
-        _plot(data, "plots/roll_rate", "Roll rate [1/s]"),
+        _plot(data, "plots/roll_rate", "Roll rate [deg/s]", top=rate, bottom=-rate if rate else 0.0),
     ]
     if has.control:
         most = _largest(np.degrees(data.control.pointing_error))
@@ -311,6 +351,16 @@ def _flight_views(data, has):
     if has.stars:
         views.append(_plot(data, "plots/stars", _stars_title(data)))
     return views
+
+
+def _roll_shown(data):
+    """Half height of the scale of the roll rate of a body that hardly rolls, else None: the viewer's own.
+
+    Of less than a part of NO_ROLL the viewer writes no number at its axis.
+    """
+    rate = np.abs(np.degrees(data.truth.omega_ib_b[:, 0]))
+    known = rate[np.isfinite(rate)]
+    return 1.2 * NO_ROLL if len(known) and known.max() < NO_ROLL else None
 
 
 def _gas_shown(data):
@@ -328,4 +378,4 @@ def _largest(values):
 
 
 def _flight_curves(data, has):
-    return rrb.Grid(*_flight_views(data, has), grid_columns=COLUMNS, name="Flight and stars")
+    return _grid(_flight_views(data, has), "Flight and stars")

@@ -17,8 +17,10 @@ import numpy as np
 
 from shefex_nav import __version__
 from shefex_nav.files import digest, text_of, whole
+from shefex_nav.geometry import wgs84
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
+from shefex_nav.report import local_level
 from shefex_nav.report.viewer import (
     counts,
     drawings,
@@ -124,10 +126,20 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
         words.append((name, word))
     for data, name, (word, colour) in zip(runs[1:], others, colours, strict=False):
         overlay(sender, data, first.mission, name, colour)
-        words.append((name, word))
-    legend.send(sender, own, words, counts.limit(first))
+        words.append((name + _elsewhere(data.mission, first.mission, seen.size), word))
+    legend.send(sender, own, words, counts.limit(first), has.errors)
     stream.flush()
     stream.disconnect()
+
+
+def _elsewhere(mission, other, size_m):
+    """Words about a flight that starts farther from another than the scene of that one is large."""
+    places = (
+        wgs84.ecef_from_geodetic(one.launch_latitude, one.launch_longitude, one.launch_height)
+        for one in (mission, other)
+    )
+    away_m = float(np.linalg.norm(np.subtract(*places)))
+    return f" (starts {1e-3 * away_m:.0f} km away, out of the scene)" if away_m > size_m else ""
 
 
 def _check_space(logs, runs, path):
@@ -167,7 +179,7 @@ def _flown(data):
 
 def fill(stream, log_path, data):
     """Send everything of one run to a rerun RecordingStream."""
-    stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
+    stream.send_recording_name(local_level.title(data))
     drawings.send(stream, log_path, data)
     sender, shown = Sender(stream, data.mission.epoch_utc), scene(data)
     if not len(data.truth.t_s):
@@ -207,7 +219,7 @@ def send_summary(sender, data):
     from shefex_nav.report import metrics
     from shefex_nav.report.table import rows
 
-    parts = [f"| {data.mission.scenario}, seed {data.mission.seed} | |", "|---|---|"]
+    parts = [f"| {local_level.title(data)} | |", "|---|---|"]
     for section, lines in rows(metrics.summarise(data)):
         parts += [f"| **{section}** | |", *(f"| {name} | {value} |" for name, value in lines)]
     send_text(sender, "\n".join(parts))

@@ -4,7 +4,7 @@ import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.instruments import TABLE
-from shefex_nav.report.viewer import world
+from shefex_nav.report.viewer import layout, world
 from shefex_nav.report.viewer.sender import AXES, BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step, plotted
 
 VIBRATION_S = 1.0  # over which the scatter of the specific force is taken
@@ -67,7 +67,7 @@ def gps(sender, data):
     times = [fix.t_valid_s for fix in fixes]
     states = ["fix" if fix.valid else "no fix" for fix in fixes]
     sender.lane("states/gps", times, states, {"fix": GREEN, "no fix": ORANGE}, world.time_span(data))
-    if fixes:
+    if layout.knows_satellites(fixes):
         sender.curve("plots/gps/satellites", times, [f.n_satellites for f in fixes], GREEN, "satellites used")
         pdop = [f.pdop if f.valid else np.nan for f in fixes]
         sender.curve("plots/gps/pdop", times, pdop, YELLOW, "position dilution")

@@ -45,9 +45,11 @@ def page(head, records):
 def _requirements(judged):
     rows = []
     for one in judged:
-        verdict = element("strong", f"{show.verdict(one)}: ") if one.good is False else ""
-        rows.append((one.name, one.words, html.join([verdict, one.found])))
-    return html.table("", ("requirement", "required", "found"), rows)
+        verdict = show.verdict(one)
+        rows.append(
+            (one.name, one.words, one.found, element("strong", verdict) if one.good is False else verdict)
+        )
+    return html.table("", ("requirement", "required", "found", "verdict"), rows)
 
 
 def _level(records, name):

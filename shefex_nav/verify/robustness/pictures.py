@@ -3,6 +3,7 @@
 import numpy as np
 
 from shefex_nav.report.figures import style
+from shefex_nav.report.trust import TIME_TO_ALERT_S
 from shefex_nav.verify.robustness import cells, design, require
 
 svg = style.svg
@@ -47,17 +48,18 @@ def _map(flown, key, label, colours):
         grid = np.full((len(rows), len(columns)), np.nan)
         for (one, other), value in values.items():
             grid[rows.index(one), columns.index(other)] = value
-        most = max(np.max(grid[np.isfinite(grid)], initial=0.0), 1e-9)
-        norm = Normalize(0.0, most)
+        most = np.max(grid[np.isfinite(grid)], initial=0.0)
+        norm, ticks = Normalize(0.0, max(most, TIME_TO_ALERT_S)), None  # what is shorter misleads nobody
         if key == "largest_ratio":  # 1 is the middle
             top = max(most, 2.0)  # of an error without a level, too
-            norm, grid = LogNorm(1.0 / top, top), np.clip(grid, 1e-6, top)
+            norm, grid, ticks = LogNorm(1.0 / top, top), np.clip(grid, 1e-6, top), [1.0 / top, 1.0, top]
         axes.set_facecolor("#dddddd")
         mesh = axes.imshow(grid, cmap=colours, norm=norm, aspect="auto")
         axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=7.5)
         axes.set_yticks(range(len(rows)), rows, fontsize=7.5)
         axes.grid(False)
-        figure.colorbar(mesh, ax=axes, label=label, shrink=0.7)
+        bar = figure.colorbar(mesh, ax=axes, label=label, shrink=0.7, ticks=ticks, format="%.3g")
+        bar.minorticks_off()
     return figure
 
 

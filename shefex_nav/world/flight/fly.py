@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_EVENT_S as EPS
-from shefex_nav.errors import UserError
 from shefex_nav.geometry import rotation
 from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
@@ -21,6 +20,7 @@ from shefex_nav.world.flight import (
     devices,
     dynamics,
     events,
+    refused,
     settings,
     start,
     surroundings,
@@ -31,14 +31,11 @@ from shefex_nav.world.flight import (
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Vehicle, integrate
 from shefex_nav.world.flight.record import MEMORY, Record
+from shefex_nav.world.flight.refused import FlightError
 from shefex_nav.world.flight.timeline import Kind
 
 REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the other way round
 STOPPED = 0.01  # rad/s; slower than that a yo-yo does not unwind
-
-
-class FlightError(UserError):
-    """The vehicle cannot do what its programme asks; the message says what happened."""
 
 
 class ControlHistory(NamedTuple):
@@ -185,7 +182,7 @@ class _Run:
     def to_the_end(self):
         """Fly through all moments until the ground or the time limit."""
         for n, moment in enumerate(self.moments):
-            self._until(moment.t_s, moment.name)
+            self._until(moment.t_s, moment)
             self._do(moment, self.moments[n + 1 :])
         self._until(self.params.time_limit_s + 0.5 / self.params.sample_rate_hz, None)  # with its sample
         if isinstance(self.params.start, settings.Launch) and not self.landed:
@@ -201,18 +198,20 @@ class _Run:
             )
 
     def _until(self, t_end, waiting):
-        """Integrate to t_end; `waiting` names what is due then, None: nothing."""
+        """Integrate to t_end; `waiting`: the moment that is due then, None: nothing."""
         while self.t_s < t_end - EPS and not self.landed:
             event = self._section(float(t_end))
             if event == T_END:
                 if self.mode == dynamics.ON_RAIL:
-                    raise FlightError(f"the vehicle is still on the rail at T+{t_end:.1f} s")
+                    words = f"the vehicle is still on the rail at T+{t_end:.1f} s"
+                    raise FlightError(words, refused.field(self.params, waiting))
             elif event == STOP:
                 self._open_parachute()
             elif self.mode == dynamics.ON_RAIL:
                 self.instants["rail_exit"], self.mode = self.t_s, dynamics.FREE
             elif waiting is not None:
-                raise FlightError(f"the vehicle hits the ground at T+{self.t_s:.1f} s, before {waiting}")
+                words = f"the vehicle hits the ground at T+{self.t_s:.1f} s, before {waiting.name}"
+                raise FlightError(words, refused.field(self.params, waiting))
             else:
                 self.instants["impact"], self.landed = self.t_s, True
 
@@ -250,7 +249,8 @@ class _Run:
         as_told = prescribed_0 - EPS <= moment.t_s < prescribed_1 - EPS and self.mode == dynamics.PROGRAMMED
         self.instants[moment.name] = moment.t_s
         if moment.kind == Kind.BEGIN and self.mode == dynamics.ON_RAIL:
-            raise FlightError(f"{moment.name} is due at T+{moment.t_s:.1f} s, on the launch rail")
+            words = f"{moment.name} is due at T+{moment.t_s:.1f} s, on the launch rail"
+            raise FlightError(words, refused.field(self.params, moment))
         match moment.kind:
             case Kind.END:
                 self._end(moment, later)
@@ -286,14 +286,13 @@ class _Run:
         """Let the masses go; the law of their unwinding depends on the spin now."""
         spin = self.x[10]
         if abs(spin) < STOPPED:
-            raise FlightError(f"the yo-yo is released at T+{self.t_s:.1f} s, and the vehicle does not spin")
+            words = f"the yo-yo is released at T+{self.t_s:.1f} s, and the vehicle does not spin"
+            raise FlightError(words, ("vehicle", "yo_yo", "at"))
         row = devices.yo_yo_row(self.params.yo_yo, spin, _mass_row(self.configuration, self.t_s)[3])
         left = devices.spin_left(row)
         if left < -REVERSED:
-            raise FlightError(
-                f"the cords of the yo-yo are too long: they would turn {spin:.2f} rad/s into "
-                f"{left * spin:.2f} rad/s"
-            )
+            words = f"the cords of the yo-yo are too long: they would turn {spin:.2f} rad/s into "
+            raise FlightError(f"{words}{left * spin:.2f} rad/s", ("vehicle", "yo_yo", "cord_length"))
         self.configuration = self.configuration._replace(yo_yo=row)
         self.instants["yo_yo_off"] = row[1]
 
@@ -318,7 +317,8 @@ class _Run:
         """Begin a task whose attitude is prescribed."""
         spin, row = self.x[10], _mass_row(self.configuration, self.t_s)
         if isinstance(task, tasks.LOOKS) and abs(spin) > control.SPINNING:
-            raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {name} begins")
+            words = f"the vehicle spins with {spin:.1f} rad/s when {name} begins"
+            raise FlightError(words, ("programme", name, "from"))
         if isinstance(task, tasks.Damp):
             self.law = attitude.damp(task.start, task.end, self.x[10:13], (row[3] / row[4] - 1.0) * spin)
         else:
