@@ -362,9 +362,8 @@ QUANTITIES = ("position", "velocity", "attitude")  # what has a protection level
 
 def protected(solution, quantity):
     """Protected of one of QUANTITIES. NavSolution, str -> Protected"""
-    return Protected(
-        *(getattr(solution, f"{field}_{quantity}") for field in ("protection", "do_not_use", "doubt"))
-    )
+    fields = "protection", "do_not_use", "doubt"
+    return Protected(*(getattr(solution, f"{field}_{quantity}") for field in fields))
 
 
 class NavCovariance(NamedTuple):
