@@ -16,8 +16,10 @@ from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
 
-SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
+SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation, at least
 SLANT_TROPOSPHERE = 5.0  # m
+MID_ELEVATION = np.radians(30.0)
+ASKED_S = 600.0  # from one look at the ionosphere of a flight to the next
 UNSET_CLOCK = 300e3, 300.0  # m, m/s [E]: 1 ms, 1 ppm
 
 
@@ -192,11 +194,28 @@ def _lasting_sigma(scenario):
     errors = scenario.gps.errors
     sigmas = [
         errors.satellite.range if errors.satellite else 0.0,
-        errors.ionosphere.residual * SLANT_IONOSPHERE if errors.ionosphere else 0.0,
+        errors.ionosphere.residual * _slant_ionosphere(scenario) if errors.ionosphere else 0.0,
         errors.troposphere.residual * SLANT_TROPOSPHERE if errors.troposphere else 0.0,
         errors.multipath.range if errors.multipath else 0.0,
     ]
     return float(np.linalg.norm(sigmas))
+
+
+def _slant_ionosphere(scenario):
+    """Delay at mid elevation by the model of the receiver, the largest of the flight, m.
+
+    Of what moves around the Earth it is not known beforehand.
+    """
+    site = scenario.launch or scenario.ground
+    if site is None:
+        return SLANT_IONOSPHERE
+    from shefex_nav.environment import ionosphere, yuma
+
+    given, mission = scenario.gps.errors.ionosphere, scenario.mission
+    t_s = yuma.gps_seconds(mission.epoch) + np.arange(mission.start, mission.time_limit, ASKED_S)
+    azimuth = np.radians(np.arange(0.0, 360.0, 45.0))[:, None]
+    place = site.latitude, site.longitude, MID_ELEVATION, azimuth
+    return max(SLANT_IONOSPHERE, float(ionosphere.klobuchar(given.alpha, given.beta, *place, t_s).max()))
 
 
 def lasting_share(scenario):
