@@ -29,6 +29,7 @@ def nav_params(scenario, dt_s):
         aids=aboard.aids(scenario),
         lasting_share=scenario.gnss.lasting_share,
         range_bias_time_s=scenario.gnss.lasting_time,
+        starts_at_fix=scenario.alignment.method != "reference",  # of the truth
     )
 
 
