@@ -206,3 +206,13 @@ def test_navego_at_whole_seconds_has_the_errors_of_other_fixes(command):
     rms, over = figures(json.loads(command("replay", NAVEGO, *arguments).out))
     np.testing.assert_allclose(rms[:3], [0.486, 0.393, 1.008], rtol=0.1)
     assert over.min() > 0.5 and over.max() < 1.9
+
+
+def test_nothing_of_a_replay_has_a_seed(example, command, tmp_path):
+    """Nothing in recorded data was drawn."""
+    _, log = example
+    done = command("smooth", log, "--out", tmp_path / "best.mcap")
+    assert done.code == 0 and "csv_example:" in done.out and "seed" not in done.out
+    track = tmp_path / "track.geojson"
+    assert command("export", log, "--geojson", track).code == 0
+    assert "seed" not in json.loads(track.read_text())["features"][0]["properties"]
