@@ -72,8 +72,12 @@ def test_the_fix_at_the_start_and_the_next_do_not_count_as_two():
 
 def test_a_start_from_the_truth_has_no_errors_of_fixes():
     def starts_at_fix(alignment):
-        said = load.load_text(drive.scenario_text(alignment), "drive.yaml")
+        text = drive.scenario_text(alignment).replace("gnss.mat}", "gnss.mat, truth: truth.mat}")
+        said = load.load_text(text, "drive.yaml")
         return params.nav_params(said, 0.01).starts_at_fix
 
     assert starts_at_fix(COURSE)
     assert starts_at_fix("{method: static, duration: 10 s, heading: unknown}")
+    truth = "method: reference, level: 1 deg, position: 1 m, velocity: 0.1 m/s"
+    assert not starts_at_fix(f"{{{truth}, azimuth: 2 deg}}")
+    assert starts_at_fix(f"{{{truth}, azimuth: 90 deg}}")  # which fixes find before the navigation begins
