@@ -41,6 +41,7 @@ def smooth(
     from shefex_nav import warmup
     from shefex_nav.replay import smooth as smoother
     from shefex_nav.replay import smoothed_log, smoothed_table
+    from shefex_nav.report import local_level
 
     warmup.get_ready({"command=smooth"})
     began = time.perf_counter()
@@ -52,7 +53,7 @@ def smooth(
     if json:
         print_json(summary)
     else:
-        _show(summary)
+        _show(summary, local_level.title(data))
 
 
 def _check(log, path, option, *, force):
@@ -81,7 +82,7 @@ def _with_bar(work):
         return work(show)
 
 
-def _show(summary):
+def _show(summary, title):
     """The result as people read it."""
     from shefex_nav.replay import smoothed_table
 
@@ -89,7 +90,7 @@ def _show(summary):
     if summary["parts"] is None:
         console.print("There is no truth in the log to compare with.")
     else:
-        console.print(smoothed_table.table(summary))
+        console.print(smoothed_table.table(summary, title))
         if sure := smoothed_table.too_sure(summary["parts"]):
             console.print(sure, markup=False, soft_wrap=True)
     factor = f"{summary['wall_s']:.1f} s, {summary['real_time_factor']:.0f} x real time"

@@ -191,10 +191,12 @@ def at_limit(settings, pressure):
 
 
 def of_heights(heights):
-    """Pressures of the standard atmosphere at pressure altitudes. (N,) m -> (N,) Pa"""
+    """Pressures of the standard atmosphere at (geopotential) pressure altitudes. (N,) m -> (N,) Pa"""
     from shefex_nav.environment import atmosphere
 
-    return np.array([atmosphere.us76(height)[1] for height in heights])
+    radius = atmosphere.EARTH_RADIUS
+    geometric = [radius * h / (radius - h) if h < radius else np.nan for h in heights.tolist()]
+    return np.array([atmosphere.us76(height)[1] for height in geometric])
 
 
 def pressure_altitude(read):

@@ -21,8 +21,8 @@ from shefex_nav.onboard.navigation.state import X_Q
 class Keeping(History):
     """A filter's memory that keeps what leaves it, in the order in which it came: see `Final`."""
 
-    def __init__(self, tick, driving=0):
-        super().__init__(tick, driving)
+    def __init__(self, tick, driving=0, used_s=None):
+        super().__init__(tick, driving, used_s)
         self._pieces, self._measurements = [], []
 
     def forget_until(self, t_s):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
+from shefex_nav.onboard.navigation.hypotheses import WIDE
 from shefex_nav.onboard.navigation.state import NavParams
 from shefex_nav.scenario import aboard, params_filter, params_shaken
 
@@ -29,7 +30,13 @@ def nav_params(scenario, dt_s):
         aids=aboard.aids(scenario),
         lasting_share=scenario.gnss.lasting_share,
         range_bias_time_s=scenario.gnss.lasting_time,
+        starts_at_fix=_starts_at_fix(scenario.alignment),
     )
+
+
+def _starts_at_fix(settings):
+    """Whether the place of the start comes from fixes; of the truth, where they first find its azimuth."""
+    return settings.method != "reference" or settings.azimuth > WIDE
 
 
 def _of_imu(imu, dt_s):

@@ -35,6 +35,7 @@ from shefex_nav.onboard.navigation.state import (
     X_R,
     X_V,
     right_jacobian,
+    used_at_start,
 )
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
 
@@ -133,7 +134,7 @@ def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
     mean, P, reached = mean_0.copy(), P_0.copy(), 0
     updates, covariances = {}, {0: P_0}
     nav = nav._replace(history=whole)
-    whole.used_s = {}
+    whole.used_s = used_at_start(nav.params, start.t_s)
     samples = Samples(whole.numbers, whole.increments, whole.extra, whole.drives, nodes.ticks, nodes.parts_s)
     about = About(nav.layout.nominal, *trajectory)
     for node in [*sorted(nodes.seen), m]:

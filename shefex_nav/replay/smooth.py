@@ -24,7 +24,7 @@ from shefex_nav.onboard.navigation import adaptation, covariance, integrity_read
 from shefex_nav.onboard.navigation.blocks import CONTAINED, STATES
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
-from shefex_nav.onboard.navigation.state import ATT, X_R
+from shefex_nav.onboard.navigation.state import ATT, X_R, used_at_start
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, Columns, Navigator
 from shefex_nav.records import NavSolution
@@ -142,7 +142,8 @@ def forward(recording, progress=lambda share: None):
         raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
-    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.history.drives.shape[2]))
+    used_s = used_at_start(nav.params, nav.history.ends_s[0])
+    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.history.drives.shape[2], used_s))
     done, end, before = 0, len(blocks.t_valid_s), _axes(nav)
     states = np.zeros((end + 1, 6), dtype=int)
     for k, _, outputs in drive(Navigator(nav, columns), blocks, recording.arrivals):

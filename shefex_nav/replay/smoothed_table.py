@@ -46,10 +46,9 @@ def too_sure(parts):
     )
 
 
-def table(summary):
-    """rich Table: filtered and smoothed RMS by part of the flight."""
-    what = "RMS errors in m, m/s and deg, filtered -> smoothed"
-    title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
+def table(summary, title):
+    """rich Table: filtered and smoothed RMS by part of the flight `title`."""
+    title = f"{title}: RMS errors in m, m/s and deg, filtered -> smoothed"
     heads = ("part", ">from T, s", ">position", ">velocity", ">attitude", ">NEES of 9")
     found = columns.table(title, heads)
     for column in found.columns[:2]:

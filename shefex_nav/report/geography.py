@@ -74,7 +74,8 @@ def _points(track):
 
 def geojson(data):
     """A FeatureCollection: str. A line that crosses the antimeridian is cut there (RFC 7946, 3.1.9)."""
-    about = {"scenario": data.mission.scenario, "seed": data.mission.seed}
+    about = {"scenario": data.mission.scenario}
+    about |= {} if local_level.is_replay(data) else {"seed": data.mission.seed}
     return collection(*lines_and_places(data), about)
 
 

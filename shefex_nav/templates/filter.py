@@ -43,12 +43,21 @@ class MyFilter:
         self.gyro_bias, self.accel_bias = np.zeros(3), np.zeros(3)
         gyro, accelerometer = mission.sheets["imu"].gyro, mission.sheets["imu"].accelerometer
         self.P = np.zeros((15, 15))
-        self.P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
-        self.P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3)
+        # what stands still on the Earth moves with it: elsewhere, it moves otherwise
+        moves = np.vstack([np.eye(3), skew(alignment.omega_i)])
+        self.P[:6, :6] = alignment.sigma_r**2 * moves @ moves.T
+        self.P[VEL, VEL] += alignment.sigma_v**2 * np.eye(3)
         C = dcm_from_quat(self.q)
         self.P[ATT, ATT] = C @ alignment.P_theta_b @ C.T
         self.P[GYRO, GYRO] = (gyro.bias**2 + gyro.in_run_bias**2) * np.eye(3)
         self.P[ACC, ACC] = (accelerometer.bias**2 + accelerometer.in_run_bias**2) * np.eye(3)
+        if len(alignment.gyro_bias):  # found at rest
+            self.gyro_bias = alignment.gyro_bias
+            self.P[GYRO, GYRO] = alignment.sigma_gyro_bias**2 * np.eye(3)
+        if len(alignment.P_with_biases):  # the attitude was found by these sensors: their biases tilt it
+            to_inertial = np.eye(9)
+            to_inertial[:3, :3] = C
+            self.P[6:, 6:] = to_inertial @ alignment.P_with_biases @ to_inertial.T
         self.pushed = np.zeros(3)  # m/s, all that the accelerometers have felt, in inertial axes
         self.past = deque(maxlen=KEPT)  # (time, r, v, C_ib, rate, pushed) of the last ticks
         self.star_aided = False

@@ -31,12 +31,12 @@ def fixes(data, truth, rng):
     return errors
 
 
-def squares(gnss):
-    """Normalised squares of the position error at the end of drives: (SEEDS,), of 3 degrees of freedom."""
+def squares(gnss, seeds=SEEDS, length_s=40.0):
+    """Normalised squares of the position error at the end of drives: (seeds,), of 3 degrees of freedom."""
     said, found = load.load_text(drive.scenario_text(COURSE, gnss=gnss), "drive.yaml"), []
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
-        truth = drive.drive(EARTH, 40.0, heading=rng.uniform(-np.pi, np.pi))
+        truth = drive.drive(EARTH, length_s, heading=rng.uniform(-np.pi, np.pi))
         data = drive.sensed(truth, rng)
         data = data._replace(fixes=fixes(data, truth, rng))
         start = align.align(said, data, EARTH)
@@ -62,3 +62,22 @@ def test_sigmas_hold_where_the_share_is_told(told, is_held):
     found = squares("{lever_arm: [1 m, 0.2 m, -1.2 m]" + words + "}")
     most = stats.chi2.ppf(0.9995, 3 * SEEDS) / SEEDS
     assert (np.mean(found) < most) == is_held, found
+
+
+def test_the_fix_at_the_start_and_the_next_do_not_count_as_two():
+    words = f", lasting_share: {100.0 * SHARE} %, lasting_time: {LASTS_S} s"
+    found = squares("{lever_arm: [1 m, 0.2 m, -1.2 m]" + words + "}", 48, 5.0)
+    assert np.mean(found) < stats.chi2.ppf(0.9995, 3 * 48) / 48, np.mean(found)
+
+
+def test_a_start_from_the_truth_has_no_errors_of_fixes():
+    def starts_at_fix(alignment):
+        text = drive.scenario_text(alignment).replace("gnss.mat}", "gnss.mat, truth: truth.mat}")
+        said = load.load_text(text, "drive.yaml")
+        return params.nav_params(said, 0.01).starts_at_fix
+
+    assert starts_at_fix(COURSE)
+    assert starts_at_fix("{method: static, duration: 10 s, heading: unknown}")
+    truth = "method: reference, level: 1 deg, position: 1 m, velocity: 0.1 m/s"
+    assert not starts_at_fix(f"{{{truth}, azimuth: 2 deg}}")
+    assert starts_at_fix(f"{{{truth}, azimuth: 90 deg}}")  # which fixes find before the navigation begins

@@ -9,6 +9,7 @@ from magnetic_elements import field_n
 from shefex_nav import records
 from shefex_nav.environment import atmosphere, magnetic_field
 from shefex_nav.geometry import euler
+from shefex_nav.instruments import barometer
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.replay import external, load
 from shefex_nav.replay import replayed as replay_result
@@ -51,7 +52,7 @@ def write(folder, column="pressure", gnss=GNSS, sensor=SENSOR, states="[baro_bia
     for row in rows[1:]:
         t_ms, height = (float(row[k]) for k in place)
         pressure = atmosphere.us76(height - 20.0)[1] + 80.0 + 5.0 * rng.standard_normal()
-        altitude = atmosphere.pressure_height(np.array([pressure]))[0]
+        altitude = replay_result.pressure_altitude(np.array([pressure]))[0]
         lines.append(f"{t_ms:.1f},{pressure / 100.0:.4f},{altitude:.3f}")
     (folder / "pressure.csv").write_text("\n".join(lines) + "\n")
     rows = [line.split(",") for line in (FOLDER / "gnss.csv").read_text().split()]
@@ -216,3 +217,12 @@ def test_a_replay_that_ended_early_says_where_also_without_truth(data):
     """What is made of such a log, as by the smoother, must not look as if it went on to its end."""
     cut = data._replace(ended_early=True, last_t_s=np.nan)
     assert cut.cut_s == data.nav.t_s[-1]
+
+
+def test_pressure_altitudes_of_a_file_are_those_of_the_table():
+    """Geopotential, as altimeters have them: ISO 2533, table 5, 5, 11 and 20 km."""
+    altitudes = np.array([0.0, 5000.0, 11000.0, 20000.0])
+    pressures = barometer.of_heights(altitudes)
+    assert np.allclose(pressures, [101325.0, 54019.9, 22632.0, 5474.87], rtol=1e-5)
+    assert np.allclose(replay_result.pressure_altitude(pressures), altitudes, atol=0.2)
+    assert not barometer.of_heights(np.array([1e7]))[0] > 0.0  # refused by its column

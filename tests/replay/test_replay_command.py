@@ -206,3 +206,26 @@ def test_navego_at_whole_seconds_has_the_errors_of_other_fixes(command):
     rms, over = figures(json.loads(command("replay", NAVEGO, *arguments).out))
     np.testing.assert_allclose(rms[:3], [0.486, 0.393, 1.008], rtol=0.1)
     assert over.min() > 0.5 and over.max() < 1.9
+
+
+def test_nothing_of_a_replay_has_a_seed(example, command, tmp_path):
+    """Nothing in recorded data was drawn."""
+    _, log = example
+    done = command("smooth", log, "--out", tmp_path / "best.mcap")
+    assert done.code == 0 and "csv_example:" in done.out and "seed" not in done.out
+    track = tmp_path / "track.geojson"
+    assert command("export", log, "--geojson", track).code == 0
+    assert "seed" not in json.loads(track.read_text())["features"][0]["properties"]
+
+
+def test_a_start_from_a_fix_counts_in_the_smoother_as_in_the_filter(command, tmp_path):
+    """At the end nothing comes later: both know as much, of a place that the first fix shares errors with."""
+    from shefex_nav.log import reader
+
+    logs = tmp_path / "filtered.mcap", tmp_path / "smoothed.mcap"
+    known = [f"alignment.{one}" for one in ("heading=350 deg", "azimuth=1 deg")]
+    changes = [part for one in ("gnss.lasting_share=75 %", *known) for part in ("--set", one)]
+    assert command("replay", EXAMPLE, *changes, "--log", logs[0]).code == 0
+    assert command("smooth", logs[0], "--out", logs[1]).code == 0
+    filtered, smoothed = (np.sqrt(reader.read(log).covariance.P[-1].diagonal()) for log in logs)
+    assert np.allclose(filtered[:6], smoothed[:6], rtol=2e-3)

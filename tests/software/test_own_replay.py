@@ -8,15 +8,21 @@ from own_flights import reckoning, template
 
 from shefex_nav import plugins, runs
 from shefex_nav.errors import SoftwareError
+from shefex_nav.geometry import rotation
 from shefex_nav.log import reader
 from shefex_nav.log.topics import FAILED
+from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.state import X_BG
 from shefex_nav.records import Event
-from shefex_nav.replay import external, replayed, rerun
+from shefex_nav.replay import external, params, replayed, rerun
 from shefex_nav.replay import load as replay_load
+from shefex_nav.replay import own as external_own
 from shefex_nav.scenario.load import load
+from shefex_nav.templates.filter import MyFilter
 
 EXAMPLE = "csv_example"
 SHORT = "mission.end=18 s"
+AT_REST = "alignment.heading=356 deg", "alignment.azimuth=5 deg", "alignment.gyro_bias=at_rest"
 CHECKS = """
 import numpy as np
 
@@ -124,3 +130,19 @@ def test_a_failed_flight_is_replayed_without_its_failure(tmp_path):
     again = list(rerun.run(log, ["navigation.software=built_in"]))
     assert len(solutions(again)) > 140
     assert not [one for one in again if isinstance(one, Event) and one.name == FAILED]
+
+
+def test_the_template_begins_as_sure_as_the_filter():
+    """Ties of position and velocity, of attitude and biases, and a bias that was found, in inertial axes."""
+    for at_rest in ((), AT_REST):
+        scenario, files = loaded(*at_rest)
+        ready = external.prepare(scenario, files)
+        nav = fusion.start(params.nav_params(scenario, 0.0025), ready.alignment, ready.earth)
+        mine = MyFilter()
+        mine.start(ready.alignment, external_own.mission_data(scenario, ready.alignment, ready.earth, {}))
+        turn = np.eye(15)
+        turn[6:9, 6:9] = rotation.dcm_from_quat(ready.alignment.q_ib)
+        expected = turn @ nav.history.P[:15, :15] @ turn.T
+        sizes = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+        assert np.allclose(mine.P / sizes, expected / sizes, atol=1e-9)
+        assert np.array_equal(mine.gyro_bias, nav.history.x[X_BG : X_BG + 3])

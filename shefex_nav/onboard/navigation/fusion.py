@@ -50,6 +50,7 @@ from shefex_nav.onboard.navigation.state import (
     layout,
     pack,
     unpack,
+    used_at_start,
 )
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import GateResult, Reason
@@ -98,7 +99,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
     model, errors = error_model.record(params), momentary.of(params)
     constants = prediction.constants(order, model, earth, params.blocks, errors)
     first = Tick(state.t_s, pack(state), P, None)
-    history = History(first, constants.driving)
+    history = History(first, constants.driving, used_at_start(params, state.t_s))
     return Filter(
         params=params,
         layout=order,

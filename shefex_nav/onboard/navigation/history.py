@@ -105,12 +105,12 @@ class History:
         where a fix counts by how long ago that was (`sensor.Sensor.counted`)
     """
 
-    def __init__(self, tick, driving=0):
-        """tick : the first;  driving : m of the ImuWindows"""
+    def __init__(self, tick, driving=0, used_s=None):
+        """tick : the first;  driving : m of the ImuWindows;  used_s : at the first, None: nothing"""
         self.ends_s, self.measurements = deque([tick.t_s]), deque([()])
         self.oldest = self.newest = 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
-        self.used_s, self._gone_used_s = {}, {}
+        self.used_s, self._gone_used_s = {}, dict(used_s or {})
         self.corrections = Corrections()
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples, driving)

@@ -211,6 +211,7 @@ class NavParams(NamedTuple):
     gravity_error: float = 0.0  # m/s^2, each axis, of the block gravity in the long run
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
     lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
+    starts_at_fix: bool = False  # the place at the start is that of a position fix, with its errors that last
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
     gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
@@ -256,6 +257,11 @@ def initial(params, order, alignment):
         place = order.places[name]
         P[place, place] = initial_covariance(params, name)
     return state, P
+
+
+def used_at_start(params, t_s):
+    """`History.used_s` at the start, t_s: what lasts of the errors of a fix that made it comes again."""
+    return {"gps_position": t_s} if params.starts_at_fix else {}
 
 
 def initial_covariance(params, name):
