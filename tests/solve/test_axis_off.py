@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from shefex_nav.geometry.distortion import distort
+from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
     dcm_from_rotvec,
@@ -12,7 +14,7 @@ from shefex_nav.geometry.rotation import (
     rotvec_from_quat,
 )
 from shefex_nav.solve import adjust, lens
-from shefex_nav.solve.camera import Camera
+from shefex_nav.solve.camera import Camera, pinhole_of
 from shefex_nav.solve.image import solve_image
 
 YEAR = night_sky.YEAR
@@ -131,3 +133,26 @@ def test_a_wide_camera_that_is_told(fov_deg):
             found = solve_image(night_sky.to_8_bit(shot.image), epoch=YEAR, camera=camera)
             assert found.status == "ok"
             assert (found.camera_covariance == found.covariance).all()  # its axes are the told ones
+
+
+@pytest.mark.parametrize("factor", [0.985, 1.0, 1.015])
+def test_a_bent_camera_that_is_told_puts_the_stars_where_they_are(factor):
+    """Whatever it said of the focal length; with the distortion of the told one they were 0.6 px off."""
+    fov_deg, k1_edge = 60.0, -0.1
+    edge = np.tan(0.5 * np.radians(fov_deg))
+    focal_px, k1 = 512.0 / (edge * (1.0 + k1_edge)), k1_edge / edge**2
+    shot = night_sky.shoot(np.random.default_rng(5), fov_deg=fov_deg, k1_edge=k1_edge, snr=8.0)
+    camera = Camera(1024, 768, factor * focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
+    found = solve_image(shot.image, epoch=YEAR, camera=camera)
+    hips = [match.hip for match in found.matched if match.hip in shot.hip]
+    true_px = shot.xy_px[[np.flatnonzero(shot.hip == hip)[0] for hip in hips]]
+    u_i = night_sky.STARS.u_i[[np.flatnonzero(night_sky.STARS.hip == hip)[0] for hip in hips]]
+    hole = pinhole_of(found.camera)
+    ideal_px = pixels(hole, np.ascontiguousarray(u_i @ dcm_from_quat(found.camera_q_ci).T))
+    away_px = distort(hole, np.array(found.camera.distortion), ideal_px) - true_px
+    assert len(hips) > 400 and np.hypot(*away_px.T).max() < 0.05
+    assert found.residual_px < 0.25
+    marks = lens.directions(found.camera, np.array([[511.5, 383.5]])) @ dcm_from_quat(found.camera_q_ci)
+    ra, dec = np.radians([found.ra_deg, found.dec_deg])
+    middle_i = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    assert np.linalg.norm(marks[0] - middle_i) < 1e-9
