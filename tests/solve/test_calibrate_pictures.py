@@ -164,6 +164,24 @@ def test_variance_over_mean_tells_the_gain_that_made_it():
     assert abs(told.read_noise[0] - r) < 4.0 * told.read_noise[1] < 0.4
 
 
+def test_a_sky_that_is_cut_off_at_zero_tells_no_noise():
+    """With all tiles the gain of 2.3 was told as 1.28 +- 0.07; what is left tells it or says nothing."""
+    rng, free = np.random.default_rng(0), np.zeros((256, 256), dtype=bool)
+    g, r = 2.3, 8.0
+
+    def sky(mean_dn):
+        electrons = rng.poisson(mean_dn * g, free.shape) + r * rng.standard_normal(free.shape)
+        return np.maximum(np.rint(electrons / g), 0.0)
+
+    dark = [level for mean_dn in (2.0, 5.0, 9.0) for level in noise.levels(sky(mean_dn), free)]
+    assert dark == []
+    whole = [level for mean_dn in (20.0, 60.0, 150.0) for level in noise.levels(sky(mean_dn), free)]
+    assert len(whole) == 48
+    told = noise.told(dark + whole, 0.0)
+    assert abs(told.gain[0] - g) < 4.0 * told.gain[1] < 0.5
+    assert abs(told.read_noise[0] - r) < 4.0 * told.read_noise[1] < 2.0
+
+
 def test_the_noise_of_many_levels_scatters_about_the_truth():
     """40 sets of 160 tiles of 500 differences each, seed 5: a tile that came out low has no more weight."""
     rng, off = np.random.default_rng(5), []

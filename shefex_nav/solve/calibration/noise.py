@@ -18,6 +18,7 @@ FEWEST = 500  # differences of a tile
 ROUNDING = 1.0 / 12.0  # grey values^2
 WEIGHINGS = 2  # by the fitted line: by its own variance a level counts for more where that came out low
 LEAST_DN = 0.45  # a smaller noise is not seen: rounding does not treat it as a noise of its own
+MOST_CUT = 0.002  # of the pixels at grey value 0, where noise may be cut off: half a per cent of the variance
 CERTAIN = 5.0  # sigma that the slope of the variance must differ from zero: gain known to 20 %
 
 
@@ -53,9 +54,14 @@ def levels(grey, covered):
 
 
 def _level(grey, covered):
-    """Level of a tile with an even number of columns; None where too little sky is seen."""
+    """Level of a tile with an even number of columns; None where too little sky is seen, or only half of it:
+    a sky near grey value 0 has no noise below.
+    """
     left, right = grey[:, 0::2], grey[:, 1::2]
     free = ~(covered[:, 0::2] | covered[:, 1::2])
+    lowest = np.minimum(left, right)[free]
+    if len(lowest) and lowest.min() == 0.0 and np.mean(lowest == 0.0) > 2.0 * MOST_CUT:  # of two pixels
+        return None
     d, level = (left - right)[free] / np.sqrt(2.0), 0.5 * (left + right)[free]
     n = 0
     for _ in range(ROUNDS):
