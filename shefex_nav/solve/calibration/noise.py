@@ -33,7 +33,8 @@ class Level(NamedTuple):
 class Noise(NamedTuple):
     """What the levels tell; (value, sigma), or None with a reason in `why`."""
 
-    background: tuple  # grey values, noise of a pixel at the mean level of all, without rounding
+    background: tuple  # grey values, noise of a pixel at the level below, without rounding
+    level_dn: float  # weighted mean of all levels, darker ones weigh more
     gain: tuple | None  # electrons for a grey value
     read_noise: tuple | None  # electrons
     why: dict  # name -> words, of what is not told
@@ -102,7 +103,7 @@ def told(levels, black_dn=None, gain=None):
     else:
         why["gain"] = f"backgrounds of {range_dn[0]:.4g} to {range_dn[1]:.4g} DN are too alike"
     read = _read_noise((middle, middle_sigma), at, (slope, slope_sigma), black_dn, gain, found, why)
-    return Noise(background, found, read, why, range_dn)
+    return Noise(background, at, found, read, why, range_dn)
 
 
 def _slope(x, y, W):
