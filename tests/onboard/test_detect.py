@@ -138,6 +138,27 @@ def test_centroids(sigma_px, streak_px, vmag, limit_px):
     assert (np.abs(error.mean(axis=0)) < 3.5 * limit_px / np.sqrt(96)).all()
 
 
+@pytest.mark.parametrize("sigma_px, electrons", [(0.8, 300.0), (0.8, 450.0), (1.1, 500.0), (1.5, 700.0)])
+def test_weighted_centroids_of_faint_stars_are_no_better_than_their_light(sigma_px, electrons):
+    """Six to eight times the noise. By the pixels above the threshold alone NEES was 1.6 to 3.3 of 1."""
+    rng, squares = np.random.default_rng(8), []
+    settings = replace(DETECT, scan="sequential", centroid="weighted", most_objects=200)
+    camera = MODEL._replace(electrons_per_dn=7.4, psf_sigma=sigma_px)
+    x, y = np.meshgrid(np.arange(12) * 50 + 45, np.arange(9) * 50 + 40)
+    for _ in range(5):
+        places = np.column_stack([x.ravel(), y.ravel()]) + rng.uniform(-0.5, 0.5, (108, 2))
+        light = np.zeros(SHAPE)
+        for place in places:
+            spot(light, *place, electrons, sigma_px)
+        found, _ = detect(settings, camera, digitise(rng, light))
+        for xy_px, P_px in zip(found.xy_px, found.P_px, strict=True):
+            d = places[np.argmin(((places - xy_px) ** 2).sum(axis=1))] - xy_px
+            if np.hypot(*d) < 2.0:
+                squares.append(d @ np.linalg.solve(P_px, d))
+    assert len(squares) > 100
+    assert 0.4 < np.mean(squares) / 2.0 < 1.25
+
+
 def test_table_is_sorted_and_keeps_the_brightest():
     rng = np.random.default_rng(5)
     light = np.zeros(SHAPE)
