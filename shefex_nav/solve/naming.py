@@ -19,6 +19,7 @@ from shefex_nav.solve.solution import ImageSolution, Match
 
 BRIGHTNESS = 1.2  # mag, between a detection and its star: band, noise
 SATURATED = 5.0  # mag, that a saturated star may look fainter
+STEP = 1e-4  # of a focal length, for differences
 ROUNDS = 4  # of a given camera with distortion, for its focal length
 
 
@@ -51,12 +52,12 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
     columns = sky.hip[star[known]], *found.xy_px[known].T, sky.vmag[star[known]]
     matched = [Match(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
     ra, dec, roll, fov_x, fov_y = _pointing(best.lens, size_px, camera)
-    if camera is None:
-        camera = lens.camera_of(best.lens, size_px)
+    told, camera = camera, lens.camera_of(best.lens, size_px) if camera is None else camera
     return ImageSolution(
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
-        fov_sigma_deg=_fov_sigma(best, size_px), aberration_removed=velocity_i is not None, julian_year=year,
+        fov_sigma_deg=_fov_sigma(best, size_px, told), aberration_removed=velocity_i is not None,
+        julian_year=year,
         camera_q_ci=quat_from_dcm(best.lens.axis_C_ci), camera_covariance=adjust.of_axis(best.covariance),
     )  # fmt: skip
 
@@ -86,9 +87,19 @@ def against(C_ci, velocity_i):
     return dcm_from_rotvec(np.array([moved_c[1], -moved_c[0], 0.0])) @ C_ci  # by moved x z
 
 
-def _fov_sigma(best, size_px):
-    """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
+def _fov_sigma(best, size_px, camera):
+    """Standard deviation of the field of view across [deg], by differences over focal length and lens.
+
+    camera : that was told, with the focal length found; None: the lens is that of `best`
+    """
     sigma = np.sqrt(np.diag(best.covariance)[3:9])
+    if camera is not None:  # nothing else of it is unknown
+        found_px = best.lens.focal_px
+        fovs = [
+            _pointing(best.lens._replace(focal_px=one), size_px, replace(camera, focal_length_px=one))[3]
+            for one in (found_px, found_px * (1.0 + STEP))
+        ]
+        return float(abs(fovs[1] - fovs[0]) / STEP * sigma[0])
     at, slope, before = best.lens, np.zeros(6), lens.across(best.lens, size_px)
     for n in np.flatnonzero(sigma > 0.0):
         step = 0.01 * sigma[n]

@@ -13,7 +13,7 @@ from shefex_nav.geometry.rotation import (
     quat_from_dcm,
     rotvec_from_quat,
 )
-from shefex_nav.solve import adjust, lens
+from shefex_nav.solve import adjust, lens, naming
 from shefex_nav.solve.camera import Camera, pinhole_of
 from shefex_nav.solve.image import solve_image
 
@@ -156,3 +156,21 @@ def test_a_bent_camera_that_is_told_puts_the_stars_where_they_are(factor):
     ra, dec = np.radians([found.ra_deg, found.dec_deg])
     middle_i = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
     assert np.linalg.norm(marks[0] - middle_i) < 1e-9
+
+
+@pytest.mark.parametrize("k1", [0.0, -0.3, 0.24])
+def test_the_field_of_view_of_a_told_camera_is_as_well_known_as_its_focal_length(k1):
+    """A bent lens changes its field faster or slower: by a pinhole's, sigma was 0.73 of the right."""
+    focal_px, sigma = 986.0, 1e-4
+
+    def across(focal_px):
+        camera = Camera(1024, 768, focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
+        left, right = lens.directions(camera, np.array([[-0.5, 383.5], [1023.5, 383.5]]))
+        return np.degrees(np.arccos(left @ right))
+
+    covariance = np.zeros((11, 11))
+    covariance[3, 3] = sigma**2
+    best = adjust.Adjusted(lens.Lens(np.eye(3), focal_px), covariance, np.ones(1, dtype=bool), 0.0, 0.0, 1.0)
+    camera = Camera(1024, 768, focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
+    expected = abs(across(focal_px * (1.0 + sigma)) - across(focal_px * (1.0 - sigma))) / 2.0
+    assert naming._fov_sigma(best, SIZE_PX, camera) == pytest.approx(expected, rel=1e-3)
