@@ -205,6 +205,19 @@ def test_a_sky_that_is_cut_off_at_zero_tells_no_noise():
     assert abs(told.read_noise[0] - r) < 4.0 * told.read_noise[1] < 2.0
 
 
+def test_a_sky_that_is_cut_off_at_zero_has_no_hot_pixels_that_are_noise(monkeypatch):
+    """By the quantile below the median such a sky has no noise: 1752 of its pixels were hot."""
+    monkeypatch.setattr("calibration_shots.BLACK_DN", 0.0)
+    camera, seen = looked(60, n=6, skies=(0.0,))
+    found = calibrate.of_seen(seen)
+    at = {tuple(one) for one in found.hot.row_column.tolist()}
+    true = {tuple(one) for one in camera.hot.tolist()}
+    assert len(at - true) == 0 and len(at) > 0.9 * len(true)
+    assert found.noise is None and "cut off" in found.why["noise"]
+    per_pixel = np.hypot(READ_NOISE / PER_DN, np.sqrt(1.0 / 12.0))
+    assert all(0.85 * per_pixel < one.bright.noise < 1.1 * per_pixel for one in seen)
+
+
 def test_the_noise_of_many_levels_scatters_about_the_truth():
     """40 sets of 160 tiles of 500 differences each, seed 5: a tile that came out low has no more weight."""
     rng, off = np.random.default_rng(5), []
