@@ -19,6 +19,8 @@ from shefex_nav.solve.solution import ImageSolution, Match
 
 BRIGHTNESS = 1.2  # mag, between a detection and its star: band, noise
 SATURATED = 5.0  # mag, that a saturated star may look fainter
+STEP = 1e-4  # of a focal length, for differences
+ROUNDS = 4  # of a given camera with distortion, for its focal length
 
 
 def centred(camera, xy_px):
@@ -42,22 +44,40 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
     if velocity_i is not None:
         first = first._replace(C_ci=against(first.C_ci, velocity_i))
     best = adjust.adjust(first, fit.prior, seen_i, xy_px[known], found.P_px[known], size_px)
+    if camera is not None:
+        best, camera, xy_px = _straightened(best, fit.prior, (camera, xy_px), found, known, seen_i)
     if record is not None:
         record.adjusted, record.known, record.u_i = best, known, u_i
         record.residual_px = xy_px[known] - lens.project(best.lens, seen_i, size_px)[0]
     columns = sky.hip[star[known]], *found.xy_px[known].T, sky.vmag[star[known]]
     matched = [Match(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
     ra, dec, roll, fov_x, fov_y = _pointing(best.lens, size_px, camera)
-    if camera is None:
-        camera = lens.camera_of(best.lens, size_px)
-    else:
-        camera = replace(camera, focal_length_px=best.lens.focal_px)
+    told, camera = camera, lens.camera_of(best.lens, size_px) if camera is None else camera
     return ImageSolution(
         "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
-        fov_sigma_deg=_fov_sigma(best, size_px), aberration_removed=velocity_i is not None, julian_year=year,
+        fov_sigma_deg=_fov_sigma(best, size_px, told), aberration_removed=velocity_i is not None,
+        julian_year=year,
         camera_q_ci=quat_from_dcm(best.lens.axis_C_ci), camera_covariance=adjust.of_axis(best.covariance),
     )  # fmt: skip
+
+
+def _straightened(best, prior, of_told, found, known, seen_i):
+    """Adjusted, camera and places of a given camera with the focal length that the stars have shown.
+
+    Its distortion is in shares of the focal length: taken out with another one, two per cent off, the places
+    at the edge of a wide field are off by half a pixel. Each round leaves of that a tenth or less.
+
+    prior, seen_i : as of `adjust.adjust`;  of_told : Camera as it was told, and its `xy_px` of `described`
+    known : (k,) rows of the named detections of the Field `found`
+    """
+    camera, xy_px = of_told
+    size_px = camera.width_px, camera.height_px
+    for _ in range(ROUNDS if camera.distortion is not None else 0):
+        camera = replace(camera, focal_length_px=best.lens.focal_px)
+        xy_px = centred(camera, found.xy_px)
+        best = adjust.adjust(best.lens, prior, seen_i, xy_px[known], found.P_px[known], size_px)
+    return best, replace(camera, focal_length_px=best.lens.focal_px), xy_px
 
 
 def against(C_ci, velocity_i):
@@ -67,9 +87,19 @@ def against(C_ci, velocity_i):
     return dcm_from_rotvec(np.array([moved_c[1], -moved_c[0], 0.0])) @ C_ci  # by moved x z
 
 
-def _fov_sigma(best, size_px):
-    """Standard deviation of the field of view across [deg], by differences over focal length and lens."""
+def _fov_sigma(best, size_px, camera):
+    """Standard deviation of the field of view across [deg], by differences over focal length and lens.
+
+    camera : that was told, with the focal length found; None: the lens is that of `best`
+    """
     sigma = np.sqrt(np.diag(best.covariance)[3:9])
+    if camera is not None:  # nothing else of it is unknown
+        found_px = best.lens.focal_px
+        fovs = [
+            _pointing(best.lens._replace(focal_px=one), size_px, replace(camera, focal_length_px=one))[3]
+            for one in (found_px, found_px * (1.0 + STEP))
+        ]
+        return float(abs(fovs[1] - fovs[0]) / STEP * sigma[0])
     at, slope, before = best.lens, np.zeros(6), lens.across(best.lens, size_px)
     for n in np.flatnonzero(sigma > 0.0):
         step = 0.01 * sigma[n]

@@ -165,7 +165,9 @@ def _arcsec(P):
 def brief(found):
     """rich Table with a row for each picture. found : list of (name, ImageSolution)"""
     table = Table()
-    for title in ("picture", "RA [deg]", "Dec [deg]", "roll [deg]", "stars", "sigma x, y, roll [arcsec]"):
+    # not of the roll, which is counted from north: near a pole an error of the axis turns it, too
+    sigma = "sigma about x, y, boresight [arcsec]"
+    for title in ("picture", "RA [deg]", "Dec [deg]", "roll [deg]", "stars", sigma):
         table.add_column(title, justify="left" if title == "picture" else "right", overflow="fold")
     names = [Path(name).name for name, _ in found]
     if len(set(names)) < len(names):

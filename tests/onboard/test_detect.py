@@ -38,6 +38,36 @@ def test_statistics_of_a_frame_with_stars_and_a_gradient():
     np.testing.assert_allclose(np.median(background, axis=0)[:9], expected, atol=1.5)
 
 
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("mean", [-0.5, 0.0, 0.7, 1.5, 2.5, 4.0])  # sigma above the cut
+def test_noise_that_is_cut_off_at_grey_value_zero_is_told_whole(bits, mean):
+    """By quantiles alone it was half as large with a mean of 0: covariances of centroids 0.6 of the right."""
+    per_pixel, kind = (2.2, np.uint8) if bits == 8 else (40.0, np.uint16)
+    values = per_pixel * (mean + np.random.default_rng(3).standard_normal(SHAPE))
+    image = np.clip(np.rint(values), 0, 2**bits - 1).astype(kind)
+    _, sigma, _ = tile_statistics(block_sums(image), 72)
+    assert np.median(sigma) == pytest.approx(3.0 * np.hypot(per_pixel, np.sqrt(1 / 12)), rel=0.06)
+
+
+def test_a_star_on_a_sky_that_is_cut_off_has_the_error_that_its_covariance_says():
+    rng, squares = np.random.default_rng(4), []
+    camera = MODEL._replace(electrons_per_dn=7.4)
+    for _ in range(12):
+        light = np.zeros(SHAPE)
+        places = np.column_stack([rng.uniform(20, 640, 30), np.linspace(20, 470, 30)])
+        for x, y in places:
+            spot(light, x, y, signal(rng.uniform(1.0, 4.0)))
+        electrons = rng.poisson(light) + 16.0 * rng.standard_normal(SHAPE)  # the black level is 0
+        image = np.clip(np.rint(electrons / 7.4), 0, 255).astype(np.uint8)
+        found, _ = detect(DETECT, camera, image)
+        for xy_px, P_px in zip(found.xy_px, found.P_px, strict=True):
+            d = places[np.argmin(((places - xy_px) ** 2).sum(axis=1))] - xy_px
+            if np.hypot(*d) < 1.5:
+                squares.append(d @ np.linalg.solve(P_px, d))
+    assert len(squares) > 250
+    assert 0.8 < np.mean(squares) / 2.0 < 1.2  # 1.5 by quantiles alone
+
+
 def test_a_frame_of_16_bits_gives_what_its_8_bits_give():
     """Grey values that fit into both types: the same statistics and the same objects."""
     rng = np.random.default_rng(8)
@@ -106,6 +136,27 @@ def test_centroids(sigma_px, streak_px, vmag, limit_px):
     error = found.xy_px[distance.argmin(axis=0)] - true_px
     assert np.sqrt((error**2).mean()) < limit_px
     assert (np.abs(error.mean(axis=0)) < 3.5 * limit_px / np.sqrt(96)).all()
+
+
+@pytest.mark.parametrize("sigma_px, electrons", [(0.8, 300.0), (0.8, 450.0), (1.1, 500.0), (1.5, 700.0)])
+def test_weighted_centroids_of_faint_stars_are_no_better_than_their_light(sigma_px, electrons):
+    """Six to eight times the noise. By the pixels above the threshold alone NEES was 1.6 to 3.3 of 1."""
+    rng, squares = np.random.default_rng(8), []
+    settings = replace(DETECT, scan="sequential", centroid="weighted", most_objects=200)
+    camera = MODEL._replace(electrons_per_dn=7.4, psf_sigma=sigma_px)
+    x, y = np.meshgrid(np.arange(12) * 50 + 45, np.arange(9) * 50 + 40)
+    for _ in range(5):
+        places = np.column_stack([x.ravel(), y.ravel()]) + rng.uniform(-0.5, 0.5, (108, 2))
+        light = np.zeros(SHAPE)
+        for place in places:
+            spot(light, *place, electrons, sigma_px)
+        found, _ = detect(settings, camera, digitise(rng, light))
+        for xy_px, P_px in zip(found.xy_px, found.P_px, strict=True):
+            d = places[np.argmin(((places - xy_px) ** 2).sum(axis=1))] - xy_px
+            if np.hypot(*d) < 2.0:
+                squares.append(d @ np.linalg.solve(P_px, d))
+    assert len(squares) > 100
+    assert 0.4 < np.mean(squares) / 2.0 < 1.25
 
 
 def test_table_is_sorted_and_keeps_the_brightest():

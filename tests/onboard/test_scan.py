@@ -10,7 +10,7 @@ from test_fit import KNOWN, SETTINGS, SHAPE, errors
 
 from shefex_nav.onboard.startracker import scan
 from shefex_nav.onboard.startracker.background import (
-    QUANTISATION_SIGMA,
+    N_BLOCK,
     SIGMA_QUANTILE,
     block_sums,
     tile_statistics,
@@ -138,4 +138,4 @@ def test_background_of_deep_frames_is_the_quantile(level, scatter, spoilt):
             below, equal = (values < k).sum(), (values == k).sum()
             quantiles.append(k - 0.5 + (share * len(values) - below) / equal)
         assert background[i, j] == quantiles[0]
-        assert sigma[i, j] == max(quantiles[0] - quantiles[1], QUANTISATION_SIGMA)
+        assert sigma[i, j] == max(quantiles[0] - quantiles[1], np.sqrt(N_BLOCK / 12.0))

@@ -332,3 +332,32 @@ def test_the_renderer_of_these_tests_draws_the_path():
     path = np.array([place_at(IMPA.camera, OMEGA, 400.3, 300.8, t) for t in times])
     middle = [(light * xx).sum() / light.sum(), (light * yy).sum() / light.sum()]
     np.testing.assert_allclose(middle, path.mean(axis=0), atol=1e-3)
+
+
+@pytest.mark.parametrize("black_dn", [-1.0, 0.0, 1.0])  # -0.5, 0 and 0.5 sigma of a pixel
+def test_the_noise_of_a_sky_that_is_cut_off_at_grey_value_zero(black_dn):
+    """By quantiles alone a third to two thirds of it: 26 objects a frame that were noise with 0."""
+    bench, rng = SHEFEX._replace(black_dn=black_dn, background_electrons=0.0), np.random.default_rng(2)
+    settings, motion = detect_params(bench), motion_of(bench, 2.0 * DEG * np.array([0.6, 0.8, 0.0]))
+    squares, n_false = {"whole": [], "near": []}, 0
+    for _ in range(6):
+        places = grid_places(bench, rng, 90)
+        image = frame(bench, motion, places, 2500.0, rng)
+        near = places + rng.normal(0.0, 1.0, places.shape), np.tile(np.eye(2), (len(places), 1, 1))
+        found = {
+            "whole": detect_streaks(settings, bench.model, image, motion),
+            "near": detect_near(settings, bench.model, image, motion, *near),
+        }
+        for way, (seen, statistics) in found.items():
+            assert statistics.noise_dn == pytest.approx(bench.noise_dn, rel=0.15)
+            nearest = match(seen.xy_px, places, 2.0)
+            assert (nearest >= 0).mean() > 0.95
+            d, P_px = (
+                seen.xy_px[nearest[nearest >= 0]] - places[nearest >= 0],
+                seen.P_px[nearest[nearest >= 0]],
+            )
+            squares[way] += np.einsum("ni,nij,nj->n", d, np.linalg.inv(P_px), d).tolist()
+        n_false += len(found["whole"][0].xy_px) - (match(found["whole"][0].xy_px, places, 2.0) >= 0).sum()
+    assert n_false <= 30
+    for values in squares.values():
+        assert 0.7 < np.mean(values) / 2.0 < 1.2

@@ -5,14 +5,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from shefex_nav.geometry.distortion import distort
+from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
     dcm_from_rotvec,
     quat_from_dcm,
     rotvec_from_quat,
 )
-from shefex_nav.solve import adjust, lens
-from shefex_nav.solve.camera import Camera
+from shefex_nav.solve import adjust, lens, naming
+from shefex_nav.solve.camera import Camera, pinhole_of
 from shefex_nav.solve.image import solve_image
 
 YEAR = night_sky.YEAR
@@ -131,3 +133,44 @@ def test_a_wide_camera_that_is_told(fov_deg):
             found = solve_image(night_sky.to_8_bit(shot.image), epoch=YEAR, camera=camera)
             assert found.status == "ok"
             assert (found.camera_covariance == found.covariance).all()  # its axes are the told ones
+
+
+@pytest.mark.parametrize("factor", [0.985, 1.0, 1.015])
+def test_a_bent_camera_that_is_told_puts_the_stars_where_they_are(factor):
+    """Whatever it said of the focal length; with the distortion of the told one they were 0.6 px off."""
+    fov_deg, k1_edge = 60.0, -0.1
+    edge = np.tan(0.5 * np.radians(fov_deg))
+    focal_px, k1 = 512.0 / (edge * (1.0 + k1_edge)), k1_edge / edge**2
+    shot = night_sky.shoot(np.random.default_rng(5), fov_deg=fov_deg, k1_edge=k1_edge, snr=8.0)
+    camera = Camera(1024, 768, factor * focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
+    found = solve_image(shot.image, epoch=YEAR, camera=camera)
+    hips = [match.hip for match in found.matched if match.hip in shot.hip]
+    true_px = shot.xy_px[[np.flatnonzero(shot.hip == hip)[0] for hip in hips]]
+    u_i = night_sky.STARS.u_i[[np.flatnonzero(night_sky.STARS.hip == hip)[0] for hip in hips]]
+    hole = pinhole_of(found.camera)
+    ideal_px = pixels(hole, np.ascontiguousarray(u_i @ dcm_from_quat(found.camera_q_ci).T))
+    away_px = distort(hole, np.array(found.camera.distortion), ideal_px) - true_px
+    assert len(hips) > 400 and np.hypot(*away_px.T).max() < 0.05
+    assert found.residual_px < 0.25
+    marks = lens.directions(found.camera, np.array([[511.5, 383.5]])) @ dcm_from_quat(found.camera_q_ci)
+    ra, dec = np.radians([found.ra_deg, found.dec_deg])
+    middle_i = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    assert np.linalg.norm(marks[0] - middle_i) < 1e-9
+
+
+@pytest.mark.parametrize("k1", [0.0, -0.3, 0.24])
+def test_the_field_of_view_of_a_told_camera_is_as_well_known_as_its_focal_length(k1):
+    """A bent lens changes its field faster or slower: by a pinhole's, sigma was 0.73 of the right."""
+    focal_px, sigma = 986.0, 1e-4
+
+    def across(focal_px):
+        camera = Camera(1024, 768, focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
+        left, right = lens.directions(camera, np.array([[-0.5, 383.5], [1023.5, 383.5]]))
+        return np.degrees(np.arccos(left @ right))
+
+    covariance = np.zeros((11, 11))
+    covariance[3, 3] = sigma**2
+    best = adjust.Adjusted(lens.Lens(np.eye(3), focal_px), covariance, np.ones(1, dtype=bool), 0.0, 0.0, 1.0)
+    camera = Camera(1024, 768, focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
+    expected = abs(across(focal_px * (1.0 + sigma)) - across(focal_px * (1.0 - sigma))) / 2.0
+    assert naming._fov_sigma(best, SIZE_PX, camera) == pytest.approx(expected, rel=1e-3)

@@ -27,7 +27,7 @@ from shefex_nav.frames import camera_file
 from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
 from shefex_nav.papers.stills import random_attitude
 from shefex_nav.scenario import load
-from shefex_nav.solve.calibration import calibrate, hot_pixels, lens_fit, noise, pictures, table
+from shefex_nav.solve.calibration import calibrate, hot_pixels, lens_fit, noise, pictures, spots, table
 from shefex_nav.solve.header import Taken
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -162,6 +162,60 @@ def test_variance_over_mean_tells_the_gain_that_made_it():
     told = noise.told(found, black)
     assert abs(told.gain[0] - g) < 4.0 * told.gain[1] < 0.1
     assert abs(told.read_noise[0] - r) < 4.0 * told.read_noise[1] < 0.4
+
+
+@pytest.mark.parametrize("n", [8, 9, 12, 16, 25, 100])
+def test_the_width_of_a_spot_is_as_far_off_as_its_sigma_says(n):
+    """With n drawn widths; the scatter by the median of eight made it 1.5 sigma."""
+    rng = np.random.default_rng(12)
+    found = np.array([spots.combined(0.8 + 0.02 * rng.standard_normal(n)) for _ in range(4000)])
+    off = (found[:, 0] - 0.8) / found[:, 1]
+    assert 0.88 < np.sqrt(np.mean(off**2)) < 1.1
+
+
+def test_the_noise_of_the_sky_is_that_of_the_level_that_is_said():
+    """A level between the darkest and the mean of all, at which no picture need have been taken."""
+    rng, free = np.random.default_rng(13), np.zeros((256, 256), dtype=bool)
+    g, r, black = 2.3, 8.0, 100.0
+    found = []
+    for mean_dn in (20.0, 60.0, 200.0):
+        electrons = rng.poisson(mean_dn * g, free.shape) + r * rng.standard_normal(free.shape)
+        found += noise.levels(np.rint(black + electrons / g), free)
+    told = noise.told(found, black)
+    value, sigma = told.background
+    assert 120.0 < told.level_dn < 180.0
+    assert abs(value - np.sqrt((r / g) ** 2 + (told.level_dn - black) / g)) < 4.0 * sigma < 0.3
+
+
+def test_a_sky_that_is_cut_off_at_zero_tells_no_noise():
+    """With all tiles the gain of 2.3 was told as 1.28 +- 0.07; what is left tells it or says nothing."""
+    rng, free = np.random.default_rng(0), np.zeros((256, 256), dtype=bool)
+    g, r = 2.3, 8.0
+
+    def sky(mean_dn):
+        electrons = rng.poisson(mean_dn * g, free.shape) + r * rng.standard_normal(free.shape)
+        return np.maximum(np.rint(electrons / g), 0.0)
+
+    dark = [level for mean_dn in (2.0, 5.0, 9.0) for level in noise.levels(sky(mean_dn), free)]
+    assert dark == []
+    whole = [level for mean_dn in (20.0, 60.0, 150.0) for level in noise.levels(sky(mean_dn), free)]
+    assert len(whole) == 48
+    told = noise.told(dark + whole, 0.0)
+    assert abs(told.gain[0] - g) < 4.0 * told.gain[1] < 0.5
+    assert abs(told.read_noise[0] - r) < 4.0 * told.read_noise[1] < 2.0
+
+
+def test_a_sky_that_is_cut_off_at_zero_has_no_hot_pixels_that_are_noise(monkeypatch):
+    """By the quantile below the median such a sky has no noise: 1752 of its pixels were hot."""
+    monkeypatch.setattr("calibration_shots.BLACK_DN", 0.0)
+    camera, seen = looked(60, n=6, skies=(0.0,))
+    found = calibrate.of_seen(seen)
+    at = {tuple(one) for one in found.hot.row_column.tolist()}
+    true = {tuple(one) for one in camera.hot.tolist()}
+    assert len(at - true) == 0 and len(at) > 0.9 * len(true)
+    assert found.noise is None and "cut off" in found.why["noise"]
+    per_pixel = np.hypot(READ_NOISE / PER_DN, np.sqrt(1.0 / 12.0))
+    assert all(0.85 * per_pixel < one.bright.noise < 1.1 * per_pixel for one in seen)
 
 
 def test_the_noise_of_many_levels_scatters_about_the_truth():

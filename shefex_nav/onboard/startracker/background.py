@@ -15,8 +15,14 @@ BLOCK = 3  # pixels, side of the blocks that are summed
 N_BLOCK = BLOCK * BLOCK
 SIGMA_QUANTILE = 0.158655  # a normal variable is below its mean minus one sigma with this probability
 NARROW = 4096  # block sums: the sky of a tile is seldom wider
-# One grey value of quantisation in each pixel of a block: noise that no quantile of a flat frame shows.
-QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
+# Where the sky is so near grey value 0 that its noise is cut off there: mean over sigma of a pixel by median
+# and quantile of the block sums, and the true sigma over that one, for a mean of -0.5, -0.25 ... 3 sigma
+# before the cut. Distribution of the sum of nine normal variables of which negative ones are 0.
+CUT_OFF = np.array([
+    [0.5027, 2.8393], [0.6060, 2.2727], [0.7161, 1.8810], [0.8364, 1.6086], [0.9685, 1.4168],
+    [1.1137, 1.2811], [1.2731, 1.1855], [1.4472, 1.1189], [1.6362, 1.0735], [1.8394, 1.0435],
+    [2.0555, 1.0245], [2.2824, 1.0131], [2.5177, 1.0066], [2.7590, 1.0031], [3.0043, 1.0],
+])  # fmt: skip
 
 
 class FrameStatistics(NamedTuple):
@@ -115,7 +121,8 @@ def tile_statistics(blocks, tile_px):
 
     The background is the median, the noise its distance from the quantile one sigma below: stars and spikes
     raise neither, as they only populate the upper end. Both are quantiles of a continuous variable of which
-    a block shows the nearest whole number.
+    a block shows the nearest whole number. Where grey value 0 cuts the noise off, `whole_sigma`
+    makes it whole.
 
     Parameters
     ----------
@@ -163,7 +170,7 @@ def _tiles_by_count(blocks, tile_px):
                     k += 1
                 quantile[which] = k - 0.5 + (target - below) / counts[k]
             background[i, j] = quantile[1]
-            sigma[i, j] = max(quantile[1] - quantile[0], QUANTISATION_SIGMA)
+            sigma[i, j] = whole_sigma(quantile[1], quantile[1] - quantile[0], N_BLOCK)
     return background, sigma, total / (N_BLOCK * n_total)
 
 
@@ -194,8 +201,28 @@ def _tiles_by_order(blocks, tile_px):
             least = _count(values[:n], counts)
             background[i, j] = _counted(values[:n], counts, least, 0.5)
             below = _counted(values[:n], counts, least, SIGMA_QUANTILE)
-            sigma[i, j] = max(background[i, j] - below, QUANTISATION_SIGMA)
+            sigma[i, j] = whole_sigma(background[i, j], background[i, j] - below, N_BLOCK)
     return background, sigma, total / (N_BLOCK * n_total)
+
+
+@inner
+def whole_sigma(middle, seen, n):
+    """Noise of sums of n pixels by their median and its distance from the quantile one sigma below.
+
+    Where grey value 0 cuts the noise off by CUT_OFF, that of nine; of four it is the same to 3 %. Under a
+    star nothing is cut off, and the noise is that of a pixel as it is.
+    """
+    last = len(CUT_OFF) - 1
+    least = np.sqrt(n / 12.0)  # one grey value of quantisation in each: noise that no quantile shows
+    ratio = middle / (np.sqrt(n) * max(seen, least))
+    if seen <= least or ratio >= CUT_OFF[last, 0]:
+        return max(seen, least)
+    k = 1
+    while ratio > CUT_OFF[k, 0]:
+        k += 1
+    before, step = CUT_OFF[k - 1], CUT_OFF[k] - CUT_OFF[k - 1]
+    share = max(ratio - before[0], 0.0) / step[0]  # what lies below 0 by more than half a sigma: as that
+    return seen * (before[1] + share * step[1])
 
 
 @inner

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE
+from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE, whole_sigma
 
 BIN = 2  # px
 N_BIN = BIN * BIN
@@ -121,7 +121,7 @@ def _tiles_kernel(sums, tile):
             right = (j + 1) * tile if j < n_c - 1 else columns
             part = sums[i * tile : bottom, j * tile : right]
             background[i, j], low = _two_quantiles(part, counts)
-            sigma[i, j] = max(background[i, j] - low, QUANTISATION_SIGMA)
+            sigma[i, j] = whole_sigma(background[i, j], background[i, j] - low, N_BIN)
     return background, sigma
 
 

@@ -41,6 +41,22 @@ def lost_covariance(table):
     return P_px
 
 
+def few_pixels(table, psf_sigma):
+    """By how much `weighted_covariance` is too small for faint objects, (n,): at least 1.
+
+    Of a star that hardly stands out only its middle is above the threshold: its pixels are too few and its
+    moments too small, and it would be known better than all the light of its spot allows. That bound, in
+    even noise, is 8 pi sigma^4 noise^2 / flux^2; for a streak it is only less than it might be.
+
+    psf_sigma : px, of the spots
+    """
+    if table.shape[1] > COLUMNS:  # what the threshold cuts off is counted: `lost_covariance`
+        return np.ones(len(table))
+    whole = 8.0 * np.pi * (psf_sigma**2 + LEAST_VARIANCE) ** 2
+    xx, yy = np.maximum(2.0 * table[:, [XX, YY]], LEAST_VARIANCE).T
+    return np.maximum(whole / (table[:, PIXELS] * np.sqrt(xx * yy)), 1.0)
+
+
 @inner
 def weighted_covariance(star, dn_per_electron):
     """Covariance of a centroid of the scan: 2 (2 M) / SNR^2, M the moments of spot times weight, about S/2.

@@ -129,6 +129,7 @@ def by_fit(settings, camera, image_dn, table):
 def by_scan(settings, camera, image_dn, table):
     """... as the scan found them."""
     xy_px, flux_dn, P_px = centroid.weighted(table, 1.0 / camera.electrons_per_dn)
+    P_px = P_px * centroid.few_pixels(table, float(camera.psf_sigma))[:, None, None]
     return xy_px, flux_dn, P_px + centroid.lost_covariance(table)
 
 

@@ -53,6 +53,7 @@ STRIP_ENDS_PX = 8.0  # beyond the ends of the streak
 MOST_STRIP = 256  # pixels of a strip that are looked at
 LEAST_STRIP = 60
 LEVEL_SIGMA = 0.1  # of the noise of a pixel: error of the level of a strip
+TWO_ABOVE = 0.977250  # a normal variable is below its mean plus two sigma with this probability
 LEAST_NOISE = np.sqrt(1.0 / 12.0)  # DN, quantisation
 
 
@@ -181,6 +182,8 @@ def _strips(picture, path, s, across_px, values, ground):
     part.sort()
     ground[0], low = _quantile(part, 0.5), _quantile(part, SIGMA_QUANTILE)
     ground[1] = max(ground[0] - low, LEAST_NOISE)
+    if low < 0.5:  # grey value 0, which cuts off what is below
+        ground[1] = max(ground[1], _quantile(part, TWO_ABOVE) - _quantile(part, 1.0 - SIGMA_QUANTILE))
     return True
 
 

@@ -146,9 +146,8 @@ def _noise(seen, known, why):
     """Noise of all pictures, None with a reason in `why`."""
     levels = [level for one in seen for level in one.levels]
     if not levels:
-        why["noise"] = next(
-            (one.no_levels for one in seen if one.no_levels), "too little sky is free of stars"
-        )
+        little = "too little sky is free of stars and above grey value 0, where its noise is cut off"
+        why["noise"] = next((one.no_levels for one in seen if one.no_levels), little)
         return None
     found = noise.told(levels, known.black_dn, known.electrons_per_dn)
     if found is None:

@@ -18,6 +18,8 @@ FEWEST = 500  # differences of a tile
 ROUNDING = 1.0 / 12.0  # grey values^2
 WEIGHINGS = 2  # by the fitted line: by its own variance a level counts for more where that came out low
 LEAST_DN = 0.45  # a smaller noise is not seen: rounding does not treat it as a noise of its own
+MOST_CUT = 0.002  # of the pixels at grey value 0, where noise may be cut off: half a per cent of the variance
+ABOVE = 0.841345, 0.977250  # of a normal variable, below its mean plus one and two sigma
 CERTAIN = 5.0  # sigma that the slope of the variance must differ from zero: gain known to 20 %
 
 
@@ -32,7 +34,8 @@ class Level(NamedTuple):
 class Noise(NamedTuple):
     """What the levels tell; (value, sigma), or None with a reason in `why`."""
 
-    background: tuple  # grey values, noise of a pixel at the mean level of all, without rounding
+    background: tuple  # grey values, noise of a pixel at the level below, without rounding
+    level_dn: float  # weighted mean of all levels, darker ones weigh more
     gain: tuple | None  # electrons for a grey value
     read_noise: tuple | None  # electrons
     why: dict  # name -> words, of what is not told
@@ -52,10 +55,30 @@ def levels(grey, covered):
     return found
 
 
+def of_cut(grey, flat, covered):
+    """Noise of a pixel where grey value 0 cuts it off [grey values]; 0 where it does not.
+
+    One and two sigma above a mean that is no more than one below the cut nothing is cut off. Quantiles below
+    would see next to no noise, and call it hot pixels.
+
+    grey, flat : (rows, columns) grey values, and without background;  covered : as of `levels`
+    """
+    lowest = grey[~covered] == 0.0
+    if not len(lowest) or grey.min() < 0.0 or lowest.mean() <= MOST_CUT:
+        return 0.0
+    one, two = np.quantile(flat[~covered], ABOVE)
+    return float(two - one)
+
+
 def _level(grey, covered):
-    """Level of a tile with an even number of columns; None where too little sky is seen."""
+    """Level of a tile with an even number of columns; None where too little sky is seen, or only half of it:
+    a sky near grey value 0 has no noise below.
+    """
     left, right = grey[:, 0::2], grey[:, 1::2]
     free = ~(covered[:, 0::2] | covered[:, 1::2])
+    lowest = np.minimum(left, right)[free]
+    if len(lowest) and lowest.min() == 0.0 and np.mean(lowest == 0.0) > 2.0 * MOST_CUT:  # of two pixels
+        return None
     d, level = (left - right)[free] / np.sqrt(2.0), 0.5 * (left + right)[free]
     n = 0
     for _ in range(ROUNDS):
@@ -96,7 +119,7 @@ def told(levels, black_dn=None, gain=None):
     else:
         why["gain"] = f"backgrounds of {range_dn[0]:.4g} to {range_dn[1]:.4g} DN are too alike"
     read = _read_noise((middle, middle_sigma), at, (slope, slope_sigma), black_dn, gain, found, why)
-    return Noise(background, found, read, why, range_dn)
+    return Noise(background, at, found, read, why, range_dn)
 
 
 def _slope(x, y, W):

@@ -146,6 +146,7 @@ def look(name, values, taken, given, *, velocity_i=None):
         sigma = max(
             finer, noise.LEAST_DN * background.grey_step(grey)
         )  # none is left where the sky is one value
+    sigma = max(sigma, noise.of_cut(grey, flat, covered))
     widths = spots.widths(grey, flat, bright_stars, sigma)
     return Seen(
         name, size_px, sights, lens, widths, levels, no_levels, hot_pixels.bright(flat, sigma),

@@ -36,6 +36,7 @@ def as_numbers(found):
         },
         "lens_covariance": lens.covariance.tolist(),
         **{name: None if pair is None else _pair(pair) for name, pair in pairs.items()},
+        "background_level_dn": None if noise is None else noise.level_dn,
         "hot_pixels": None
         if hot.why
         else [
@@ -66,7 +67,7 @@ def detector(found):
         table.add_column(title, justify="right" if title in ("value", "1 sigma") else "left")
     rows = (
         ("width of a spot", "psf_sigma", found.psf_sigma, "px"),
-        ("noise of the dark sky", "noise", None if noise is None else noise.background, "DN"),
+        ("noise of the sky", "noise", None if noise is None else noise.background, "DN"),
         ("gain", "gain", None if noise is None else noise.gain, "electron/DN"),
         ("read noise", "read_noise", None if noise is None else noise.read_noise, "electron"),
     )
@@ -75,8 +76,7 @@ def detector(found):
         if pair is None:
             table.add_row(title, "-", "-", unit, words or found.why.get("noise", ""))
         else:
-            known = BLURRED if name == "psf_sigma" else found.why.get(f"{name}_gain", "")
-            table.add_row(title, *_digits(*pair), unit, known)
+            table.add_row(title, *_digits(*pair), unit, _remark(found, name))
     hot = found.hot
     table.add_row("hot pixels", "-" if hot.why else str(len(hot.excess)), "", "", hot.why or _brightest(hot))
     if len(found.pictures) > 1:
@@ -84,6 +84,13 @@ def detector(found):
     words = found.notes.get("residual_px", "")
     table.add_row("stars off the lens", f"{found.lens.residual_px:.3f}", "", "px rms", words)
     return table
+
+
+def _remark(found, name):
+    """Words about a value that was found."""
+    if name == "noise":
+        return f"where the sky is at {found.noise.level_dn:.4g} DN"
+    return BLURRED if name == "psf_sigma" else found.why.get(f"{name}_gain", "")
 
 
 def _alike(found):
