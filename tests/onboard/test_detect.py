@@ -49,6 +49,19 @@ def test_noise_that_is_cut_off_at_grey_value_zero_is_told_whole(bits, mean):
     assert np.median(sigma) == pytest.approx(3.0 * np.hypot(per_pixel, np.sqrt(1 / 12)), rel=0.06)
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_straylight_across_a_dark_tile_is_no_noise_that_is_cut_off(kind):
+    """It spreads as widely over its median; taken for half of a noise it was told twice as large."""
+    rng = np.random.default_rng(5)
+    values = 20.0 + np.linspace(0.0, 150.0, 144) + 2.0 * rng.standard_normal((144, 144))
+    blocks = block_sums(np.rint(values).astype(kind))
+    background, sigma, _ = tile_statistics(blocks, 144)
+    inside = blocks[1:143:3, 1:143:3].astype(float)
+    spread = np.quantile(inside, 0.5) - np.quantile(inside, 0.158655)
+    assert background[0, 0] / 9.0 < 3.0 * spread / 3.0  # where noise would be cut off
+    assert sigma[0, 0] == pytest.approx(spread, rel=0.01)
+
+
 def test_a_star_on_a_sky_that_is_cut_off_has_the_error_that_its_covariance_says():
     rng, squares = np.random.default_rng(4), []
     camera = MODEL._replace(electrons_per_dn=7.4)

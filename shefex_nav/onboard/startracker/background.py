@@ -23,6 +23,7 @@ CUT_OFF = np.array([
     [1.1137, 1.2811], [1.2731, 1.1855], [1.4472, 1.1189], [1.6362, 1.0735], [1.8394, 1.0435],
     [2.0555, 1.0245], [2.2824, 1.0131], [2.5177, 1.0066], [2.7590, 1.0031], [3.0043, 1.0],
 ])  # fmt: skip
+SMOOTH = 1.5  # times the noise between neighbours, spread of a tile from which on it is no noise [E]
 
 
 class FrameStatistics(NamedTuple):
@@ -170,7 +171,11 @@ def _tiles_by_count(blocks, tile_px):
                     k += 1
                 quantile[which] = k - 0.5 + (target - below) / counts[k]
             background[i, j] = quantile[1]
-            sigma[i, j] = whole_sigma(quantile[1], quantile[1] - quantile[0], N_BLOCK)
+            sums = blocks[
+                i * tile_px + 1 : min((i + 1) * tile_px, rows - 1),
+                j * tile_px + 1 : min((j + 1) * tile_px, columns - 1),
+            ]
+            sigma[i, j] = whole_sigma(quantile[1], quantile[1] - quantile[0], N_BLOCK, sums, BLOCK)
     return background, sigma, total / (N_BLOCK * n_total)
 
 
@@ -201,21 +206,28 @@ def _tiles_by_order(blocks, tile_px):
             least = _count(values[:n], counts)
             background[i, j] = _counted(values[:n], counts, least, 0.5)
             below = _counted(values[:n], counts, least, SIGMA_QUANTILE)
-            sigma[i, j] = whole_sigma(background[i, j], background[i, j] - below, N_BLOCK)
+            sums = blocks[
+                i * tile_px + 1 : min((i + 1) * tile_px, rows - 1),
+                j * tile_px + 1 : min((j + 1) * tile_px, columns - 1),
+            ]
+            sigma[i, j] = whole_sigma(background[i, j], background[i, j] - below, N_BLOCK, sums, BLOCK)
     return background, sigma, total / (N_BLOCK * n_total)
 
 
 @inner
-def whole_sigma(middle, seen, n):
+def whole_sigma(middle, seen, n, sums, every):
     """Noise of sums of n pixels by their median and its distance from the quantile one sigma below.
 
     Where grey value 0 cuts the noise off by CUT_OFF, that of nine; of four it is the same to 3 %. Under a
-    star nothing is cut off, and the noise is that of a pixel as it is.
+    star nothing is cut off, and the noise is that of a pixel as it is. A dark tile with straylight across
+    spreads as widely, and nothing of its noise need be missing.
+
+    sums : (rows, columns) of the tile, of which every so many share no pixel
     """
     last = len(CUT_OFF) - 1
     least = np.sqrt(n / 12.0)  # one grey value of quantisation in each: noise that no quantile shows
     ratio = middle / (np.sqrt(n) * max(seen, least))
-    if seen <= least or ratio >= CUT_OFF[last, 0]:
+    if seen <= least or ratio >= CUT_OFF[last, 0] or seen > SMOOTH * _between_neighbours(sums, every):
         return max(seen, least)
     k = 1
     while ratio > CUT_OFF[k, 0]:
@@ -223,6 +235,17 @@ def whole_sigma(middle, seen, n):
     before, step = CUT_OFF[k - 1], CUT_OFF[k] - CUT_OFF[k - 1]
     share = max(ratio - before[0], 0.0) / step[0]  # what lies below 0 by more than half a sigma: as that
     return seen * (before[1] + share * step[1])
+
+
+@inner
+def _between_neighbours(sums, every):
+    """Noise of sums by the mean difference of neighbours, 2 / sqrt(pi) of it where it is normal."""
+    total, n = 0.0, 0
+    for r in range(0, sums.shape[0], every):
+        for c in range(every, sums.shape[1], every):
+            total += abs(float(sums[r, c]) - float(sums[r, c - every]))
+            n += 1
+    return 0.5 * np.sqrt(np.pi) * total / max(n, 1)
 
 
 @inner

@@ -121,7 +121,7 @@ def _tiles_kernel(sums, tile):
             right = (j + 1) * tile if j < n_c - 1 else columns
             part = sums[i * tile : bottom, j * tile : right]
             background[i, j], low = _two_quantiles(part, counts)
-            sigma[i, j] = whole_sigma(background[i, j], background[i, j] - low, N_BIN)
+            sigma[i, j] = whole_sigma(background[i, j], background[i, j] - low, N_BIN, part, 1)
     return background, sigma
 
 
