@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import Stream
 from shefex_nav.onboard.navigation.integrity_share import Estimate
+from shefex_nav.onboard.navigation.integrity_steps import Steps
 from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.onboard.navigation.state import ATT, layout
 
@@ -35,7 +36,7 @@ def filter_of(moved=None, **health):
         constants=SimpleNamespace(model=error_model.record(PARAMS)),
         history=SimpleNamespace(ends_s=[0.0, NOW_S], P=P, newest=1, oldest=0, number=lambda k: k),
         watch=SimpleNamespace(
-            pending=[], moved=moved, imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
+            pending=[], moved=moved or Steps(), imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
         ),
         bank=SimpleNamespace(begin_anew=lambda: anew.append(True), anew=anew),
     )  # fmt: skip

@@ -92,7 +92,7 @@ def weigh(nav, now, innovation, measurement, verdict):
     if fix_of(name) is VELOCITY:
         _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
-        if fix_of(name) is POSITION and integrity_watch.is_back(nav.watch.moved, innovation.z):
+        if fix_of(name) is POSITION and nav.watch.moved.is_back(innovation.z):
             return verdict  # it was the receiver
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
