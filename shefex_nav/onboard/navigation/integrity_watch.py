@@ -12,6 +12,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_drift,
+    integrity_gaps,
     integrity_gps,
     integrity_gyro,
     integrity_imu,
@@ -86,6 +87,7 @@ class Watch:
         self.unread = Blind.NOT  # by readings of an axis that are replaced, or are at the end of its range
         self.uncounted = 0.0  # m/s, along the roll axis: corrections since a GPS velocity, blind to force
         self.replaced = False  # whether some have been replaced: axes that are silent or stuck
+        self.gaps = False  # whether an axis has ever been anything but read
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
@@ -144,7 +146,7 @@ class Watch:
         self.unread = blind(self.imu.state)
         if not self.unread & Blind.TO_FORCE:
             self.uncounted = 0.0
-        self.replaced = integrity_imu.replaced(self.imu.state)
+        self.replaced, self.gaps = integrity_imu.replaced(self.imu.state), True
         self.gyros.forget()
 
     @property
@@ -184,7 +186,11 @@ class Watch:
         if self.unread & Blind.TO_FORCE:
             self.uncounted += float(dv_i @ rotation.dcm_from_quat(x[X_Q])[:, 0])
         quantity = fix_of(sensor)
-        if not self.unread or quantity not in MEASURES:
+        if quantity not in MEASURES or not self.gaps:
+            return
+        triad = 3 * MEASURES[quantity]
+        integrity_gaps.fixed(self.imu.axes[triad : triad + 3], t_valid_s)
+        if not self.unread:
             return
         integrity_imu.fixed(self.imu, MEASURES[quantity], t_valid_s, now_s)
         if quantity is ATTITUDE:
