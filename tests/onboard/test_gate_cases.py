@@ -11,6 +11,7 @@ from shefex_nav.onboard.navigation.gate import Verdict
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import Corrections
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, GpsEvidence, Limits
+from shefex_nav.onboard.navigation.integrity_steps import Steps
 from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.records import GpsFix, Reason
 
@@ -35,8 +36,9 @@ def watch(**values):
         return lambda *given: said.append((name, *given))
 
     told = SimpleNamespace(
-        pending=said, unread=False, moved=None, disputed=0.0, gps_drift=integrity_gps.QUIET, drift_limit=30.0,
-        far=False, replaced=False, accept_velocity=note("velocity"), accept_position=note("position"),
+        pending=said, unread=False, moved=Steps(), disputed=0.0, gps_drift=integrity_gps.QUIET,
+        drift_limit=30.0, far=False, replaced=False,
+        accept_velocity=note("velocity"), accept_position=note("position"),
         attitude_was_wrong=note("attitude"), accept=note("accept"), report=note("report"),
         learnt=SimpleNamespace(pushed=lambda t_s, x: 7.0, confirmed=note("confirmed")),
         gyros=SimpleNamespace(doubt=note("doubt"), forget=note("forget"), checked_s=np.nan),
@@ -163,13 +165,13 @@ def test_what_is_doubted_with_a_sensor_that_is_believed_at_last(learnt):
 def test_a_fix_that_insists_is_remembered_as_a_step(learnt):
     nav = filter_of()
     doubted(nav, "gps_position", USED._replace(insisted=True))
-    assert nav.watch.moved.tolist() == [3.0, 0.0, 0.0]
+    assert np.array_equal(nav.watch.moved.kept, [[3.0, 0.0, 0.0]])
     nav = filter_of(unread=True)
     doubted(nav, "gps_position", USED._replace(insisted=True))
-    assert nav.watch.moved is None
+    assert not nav.watch.moved
     nav = filter_of()
     doubted(nav, "gps_velocity", USED._replace(insisted=True))
-    assert nav.watch.moved is None and nav.watch.pending[0][0] == "velocity"
+    assert not nav.watch.moved and nav.watch.pending[0][0] == "velocity"
 
 
 def test_a_confirmed_fix_that_is_hardly_likely_teaches_with_doubt(learnt):

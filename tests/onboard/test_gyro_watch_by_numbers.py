@@ -225,12 +225,12 @@ def test_fixes_too_far_apart_begin_anew_and_late_ones_are_left_out():
     assert one.n == 3
     compare(1.6)
     assert one.n == 1  # 0.56 s later
-    for k in range(255):
+    for k in range(1023):
         compare(1.7 + 0.1 * k)
-    assert one.n == 256 and one.checked_s == pytest.approx(1.7 + 25.4)
-    compare(1.7 + 25.5)
-    assert one.n == 129 and one.rows[127, gyro.T] == pytest.approx(1.7 + 25.4)
-    assert one.rows[0, gyro.T] == pytest.approx(1.7 + 25.4 - 12.7)
+    assert one.n == 1024 and one.checked_s == pytest.approx(1.7 + 102.2)
+    compare(1.7 + 102.3)
+    assert one.n == 513 and one.rows[511, gyro.T] == pytest.approx(1.7 + 102.2)
+    assert one.rows[0, gyro.T] == pytest.approx(1.7 + 102.2 - 51.1)
 
 
 def test_the_camera_that_may_be_turned_explains_a_turn_of_the_vehicle():
@@ -248,3 +248,24 @@ def test_the_camera_that_may_be_turned_explains_a_turn_of_the_vehicle():
         assert one.noise[3] == 0.0
     assert any(one for turned, one in found if turned == 0.0)
     assert not any(one for turned, one in found if turned == 0.5)
+
+
+@pytest.mark.parametrize(
+    "rate_hz, found_s", [(1.5, None), (2.0, 9.0), (10.0, 8.2), (20.0, 8.1), (50.0, 8.04)]
+)
+def test_a_slow_error_is_found_after_eight_seconds_at_any_rate_of_fixes(rate_hz, found_s):
+    """4 arcsec/s with stars good to an arcsecond; 256 rows, halved when full, never have 8 s of 50 Hz."""
+    arcsec, rng = np.pi / 648000.0, np.random.default_rng(0)
+    watch = gyro.GyroWatch(SimpleNamespace(gyro_random_walk=2e-6), 1e-4, 1e-6)
+    sigma, found = arcsec * np.array([1.0, 1.0, 10.0]), None
+    for k in range(round(15.0 * rate_hz)):
+        z = np.array([0.0, 4.0 * arcsec * k / rate_hz, 0.0]) + sigma * rng.standard_normal(3)
+        seen = gyro.StarSight(k / rate_hz, packed(Q_B), 1e-14 * np.eye(15), z, np.diag(sigma**2), np.zeros(3))
+        if watch.compare(seen, NONE):
+            found = k / rate_hz
+            break
+    assert found == (None if found_s is None else pytest.approx(found_s, abs=0.2))
+
+
+def test_eight_seconds_are_left_when_half_of_the_fixes_go():
+    assert gyro.ROWS // 2 > 1.2 * 50.0 * gyro.BASELINES_S[-1]

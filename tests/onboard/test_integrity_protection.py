@@ -105,7 +105,7 @@ def test_later_fixes_take_the_error_of_a_wrong_one_out():
         wrong = np.sqrt(LIMIT * S[0, 0]) * np.array([1.0, 0.0, 0.0]) if k == 0 else np.zeros(3)
         x = x + K @ (wrong - H @ x)
         found = slope_of_stars(P, after, LIMIT, H, R, False, NED)
-        level = protection.after_fixes(level, [(float(k), found)], float(k), after, NED)
+        level = protection.after_fixes(level, [(float(k), found)])
         P = after
         assert abs(x[ATT.start]) <= level.w[protection.STARS, BODY.start] * (1 + 1e-9)
     assert level.w[protection.STARS, BODY.start] < 0.2 * np.sqrt(LIMIT)
@@ -121,9 +121,7 @@ def test_a_star_fix_that_passes_bounds_what_others_have_done():
     found = slope_of_stars(P, after, LIMIT, H, R, True, NED)
     w = np.zeros((2, 9))
     w[protection.OTHERS, BODY] = 1e3
-    level = protection.after_fixes(
-        protection.Level(w, np.full(9, np.inf), 0.0), [(0.0, found)], 0.0, after, NED
-    )
+    level = protection.after_fixes(protection.Level(w, np.full(9, np.inf), 0.0), [(0.0, found)])
     for _ in range(20_000):
         b = rng.uniform(-20.0, 20.0, 3) * np.sqrt(np.diag(S))
         noise = np.linalg.cholesky(S) @ rng.standard_normal(3)
@@ -133,7 +131,7 @@ def test_a_star_fix_that_passes_bounds_what_others_have_done():
             assert np.all(np.abs(b) <= found.table[protection.MOST, BODY])
             assert np.all(np.abs((np.eye(3) - K[ATT]) @ b) <= level.w[protection.OTHERS, BODY] * (1 + 1e-9))
     assert passed > 100
-    other = protection.after_fixes(level, [(0.0, slope(P, P, LIMIT, NED))], 0.0, P, NED)
+    other = protection.after_fixes(level, [(0.0, slope(P, P, LIMIT, NED))])
     assert np.allclose(other.w[:, BODY], level.w[:, BODY])  # no other sensor bounds anything
 
 
@@ -148,7 +146,7 @@ def test_an_error_of_a_wrong_fix_that_grows_stays_below_its_level():
     H[:, VEL] = np.eye(3)
     after, K, S = updated(P, H, R)
     found = slope(P, after, LIMIT, NED)
-    level = protection.after_fixes(protection.NO_FIX, [(0.0, found)], 0.0, after, NED)
+    level = protection.after_fixes(protection.NO_FIX, [(0.0, found)])
     z = rng.standard_normal((200, 3))
     z *= (np.sqrt(LIMIT) / np.linalg.norm(np.linalg.solve(np.linalg.cholesky(S), z.T), axis=0))[:, None]
     x, P, k = z @ K.T, after, np.zeros(7)

@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import Stream
 from shefex_nav.onboard.navigation.integrity_share import Estimate
+from shefex_nav.onboard.navigation.integrity_steps import Steps
 from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.onboard.navigation.state import ATT, layout
 
@@ -35,7 +36,7 @@ def filter_of(moved=None, **health):
         constants=SimpleNamespace(model=error_model.record(PARAMS)),
         history=SimpleNamespace(ends_s=[0.0, NOW_S], P=P, newest=1, oldest=0, number=lambda k: k),
         watch=SimpleNamespace(
-            pending=[], moved=moved, imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
+            pending=[], moved=moved or Steps(), imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
         ),
         bank=SimpleNamespace(begin_anew=lambda: anew.append(True), anew=anew),
     )  # fmt: skip
@@ -116,7 +117,8 @@ def test_one_reset_is_the_sensor_and_a_second_one_within_a_minute_the_filter():
 
 def test_a_reset_of_small_innovations_is_the_filter_at_once():
     """Below four sigma each has passed the gate; those that contradict from the start are the filter's."""
-    assert reset(filter_of(), alike(3.9)).fate == Fate.RESET
+    first = reset(filter_of(), alike(3.9))
+    assert first.fate == Fate.RESET and first.note.endswith("contradicted by little")  # there was no other
     nav = filter_of()
     reset(nav, alike(3.9))
     assert nav.noise.imu == pytest.approx(3.9)

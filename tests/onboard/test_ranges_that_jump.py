@@ -9,6 +9,7 @@ from test_nav_ranges import EARTH, LAYOUT, antenna_of, measured, ranges_of, stat
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import gate, integrity, measure_ranges, sensors
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, Limits, RangeEvidence
+from shefex_nav.onboard.navigation.integrity_steps import Steps
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import POS, VEL
 from shefex_nav.records import GpsRanges
@@ -159,15 +160,15 @@ def test_what_ranges_are_believed_to_be_off_by_is_remembered():
     for name in ("gps_position", "gps_range_rate", "star_tracker"):
         assert gate._offset(nav, name, before, trial) is None
     said = []
-    watch = SimpleNamespace(unread=False, moved=None, accept_position=said.append)
+    watch = SimpleNamespace(unread=False, moved=Steps(), accept_position=said.append)
     verdict = gate.Verdict(Fate.RESET, None, None, "", True, offset=OFF_E)
     nav = SimpleNamespace(watch=watch, limits=LIMITS)
     gate._doubted(nav, None, np.ones(7), 0.0, "gps_range", verdict)
     assert said == [OFF_E]
     gate._doubted(nav, None, np.ones(7), 0.0, "gps_range", verdict._replace(offset=None))
-    assert len(said) == 1 and watch.moved is None
+    assert len(said) == 1 and not watch.moved
     gate._doubted(nav, None, np.ones(7), 0.0, "gps_range", verdict._replace(fate=Fate.USED, insisted=True))
-    assert watch.moved.tolist() == OFF_E.tolist()
+    assert np.array_equal(watch.moved.kept, [OFF_E])
 
 
 def test_an_attitude_that_is_used_ends_what_single_stars_have_said():

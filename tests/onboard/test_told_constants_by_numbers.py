@@ -166,6 +166,21 @@ def test_between_measurements_the_response_is_carried_on():
     np.testing.assert_allclose(B, wanted, rtol=1e-9)
 
 
+def test_a_late_measurement_does_not_let_the_response_go_back():
+    """A position of 0.2 s before the last star fix: else those 0.2 s would be carried twice."""
+    B, sums = np.random.default_rng(6).standard_normal((N, 4)), told.Constants().sums
+    measured(told.NOTHING, False, False, B, sums)
+    sums.v_i[:], sums.C_ib[:], before = V_I - 5.0, TILTED, B.copy()
+    measured(told.POSITION, True, False, B, sums, dt_s=-0.2)
+    np.testing.assert_array_equal(B, before)
+    np.testing.assert_array_equal(sums.v_i, V_I - 5.0)
+    np.testing.assert_array_equal(sums.C_ib, TILTED)
+    one = told.Constants()
+    for t_s, latest_s in ((1.0, 1.0), (2.0, 2.0), (1.8, 2.0), (2.1, 2.1)):
+        take(one, t_s=t_s)
+        assert one.seen_s == latest_s
+
+
 def remembered(ticks=40, n=4, dt_s=0.0025, pushed=lambda number: 1.0):
     """Memory of a body that turns and is pushed, in ticks of 10 ms that end at 0.01, 0.02 ... s.
 

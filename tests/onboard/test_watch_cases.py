@@ -12,11 +12,19 @@ from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import fusion, integrity_gyro, integrity_watch
 from shefex_nav.onboard.navigation.integrity import HEALTHY
+from shefex_nav.onboard.navigation.integrity_steps import Steps
 from shefex_nav.onboard.navigation.state import ATT, X_R, layout
 from shefex_nav.records import Doubt
 
 BAD, MOVES = HEALTHY._replace(rejected=3, in_a_row=3, used=9), HEALTHY._replace(used=9)
 SENSORS = ("gps_position", "gps_velocity", "star_tracker", "star_vectors", "barometer")
+
+
+def steps(*given):
+    one = Steps()
+    for z in given:
+        one.add(np.array(z))
+    return one
 
 
 def watch():
@@ -57,7 +65,7 @@ def test_ranges_that_contradict_while_their_rates_do_not_have_jumped():
     words = integrity_watch.reason("gps_range", {"gps_range": BAD, **rates})
     assert words == "moves without its velocity"
     one = watch()
-    one.moved = np.array([3.0, 4.0, 0.0])
+    one.moved = steps([3.0, 4.0, 0.0])
     assert doubts(one, gps_range=MOVES, **rates) == "CC-" and doubts(one, gps_range=HEALTHY) == "C--"
     one.accept(1.0, "gps_range")
     assert one.pending[-1].reason == "disputed: it or the filter was wrong by 5 m"
@@ -93,11 +101,11 @@ def test_what_gyros_turn_by_under_force_is_known_either_way():
 @pytest.mark.parametrize(
     "values, expected",
     [
-        ({"step": np.ones(3)}, "CCC"),
-        ({"moved": np.ones(3)}, "C--"),
+        ({"step": steps(np.ones(3))}, "CCC"),
+        ({"moved": steps(np.ones(3))}, "C--"),
         ({"alarms": {"gps": 0.0}}, "CCC"),
         ({"alarms": {"star_tracker": 0.0}}, "--C"),
-        ({"alarms": {"star_tracker": 0.0}, "moved": np.ones(3)}, "C-C"),
+        ({"alarms": {"star_tracker": 0.0}, "moved": steps(np.ones(3))}, "C-C"),
         ({"alarms": {"star_tracker": 0.0}, "reasons": {"gps": "frozen"}}, "CCC"),
         ({"reasons": {"gps": "frozen"}}, "---"),
     ],
@@ -141,42 +149,57 @@ def test_reasons_name_what_is_contradicted():
     assert integrity_watch.reason("gps_velocity", health) == "contradicts the accelerometers"
 
 
+def test_a_step_that_is_taken_back_leaves_the_others_open():
+    """A receiver that is off by A, and for a while by B as well, is off by A in the end."""
+    A, B = np.array([300.0, 0.0, 0.0]), np.array([0.0, 400.0, 0.0])
+    for first, left in ((B, A), (A, B)):
+        one = steps(A, B)
+        assert one.largest == pytest.approx(500.0)
+        assert one.take_back(-first) and one.largest == pytest.approx(np.linalg.norm(left))
+        assert not one.take_back(-first) and one
+        assert one.take_back(-left) and not one and one.largest == 0.0
+    one = steps(A, B)
+    assert not one.take_back(A) and one.take_back(-(A + B)) and not one  # all of them together
+    one = steps(A, -A)
+    assert not one.is_back(np.zeros(3)) and one.largest == pytest.approx(300.0)
+
+
 def test_a_step_back_is_one_of_the_same_size():
     step = np.array([3.0, -4.0, 0.0])
     for back, is_back in ((-step, True), (-1.29 * step, True), (-1.31 * step, False), (-0.71 * step, True),
                           (-0.69 * step, False), (step, False)):  # fmt: skip
-        assert integrity_watch.is_back(step, back) == is_back
-    assert not integrity_watch.is_back(None, step) and not integrity_watch.is_back(step, -step[:2])
+        assert steps(step).is_back(back) == is_back
+    assert not steps().is_back(step) and not steps(step).is_back(-step[:2])
 
 
 def test_a_velocity_that_is_believed_is_a_step_until_one_back():
     one, z = watch(), np.array([3.0, 0.0, 0.0])
     one.accept_velocity("gps_velocity", z, 5.0)
-    assert one.step is None  # not far off
+    assert not one.step  # not far off
     one.far = True
     one.accept_velocity("gps_range_rate", z, 5.0)
-    assert one.step is None
+    assert not one.step
     one.accept_velocity("gps_velocity", z, 5.0)
-    assert np.array_equal(one.step, z) and one.pushed == 5.0
+    assert np.array_equal(one.step.kept, [z]) and one.pushed == 5.0
     one.accept_velocity("gps_velocity", -z, 6.0)
-    assert one.step is None and one.pushed == 6.0
+    assert not one.step and one.pushed == 6.0
     one.unread = True
     one.accept_velocity("gps_velocity", z, 5.0)
-    assert one.step is None
+    assert not one.step
 
 
 def test_a_position_that_is_believed_is_remembered_until_it_is_back():
     one, z = watch(), np.array([30.0, 0.0, 0.0])
     one.accept_position(z)
-    assert one.moved is None
+    assert not one.moved
     one.far = True
     one.accept_position(z)
-    assert np.array_equal(one.moved, z)
+    assert np.array_equal(one.moved.kept, [z])
     one.accept_position(-z)
-    assert one.moved is None
+    assert not one.moved
     one.unread = True
     one.accept_position(z)
-    assert one.moved is None
+    assert not one.moved
 
 
 @pytest.mark.parametrize("angle, over", [(0.091, True), (0.089, False)])
@@ -184,24 +207,23 @@ def test_an_attitude_that_was_wrong_explains_a_step_of_the_velocity(angle, over)
     """By 0.3 of it at least: the angle times what specific force has added, 10 m/s; the step is 3 m/s."""
     one = watch()
     one.attitude_was_wrong(1.0)
-    one.step, one.moved, one.pushed = np.array([3.0, 0.0, 0.0]), np.ones(3), 10.0
+    one.step, one.moved, one.pushed = steps([3.0, 0.0, 0.0]), steps(np.ones(3)), 10.0
     one.attitude_was_wrong(angle)
-    assert (one.step is None) == (one.moved is None) == over
-    one.step, one.pushed = np.ones(3), np.inf
+    assert (not one.step) == (not one.moved) == over
+    one.step, one.pushed = steps(np.ones(3)), np.inf
     one.attitude_was_wrong(1.0)
-    assert one.step is not None
+    assert one.step
 
 
 def test_what_is_left_to_say_of_a_sensor_that_is_used():
     one = watch()
-    one.moved, one.step, one.disputed = np.array([3.0, 4.0, 0.0]), np.array([0.0, 1.2, 0.5]), np.radians(2.0)
+    one.moved, one.step, one.disputed = steps([3.0, 4.0, 0.0]), steps([0.0, 1.2, 0.5]), np.radians(2.0)
     for name, words in (("gps_position", "5 m"), ("gps_velocity", "1.3 m/s"), ("star_tracker", "2 deg")):
         one.accept(1.0, name)
         assert one.pending[-1].source == name and one.pending[-1].reason.endswith(f"wrong by {words}")
     one.accept(1.0, "barometer")
     assert len(one.pending) == 3
-    one.moved = one.step, one.disputed = None, 0.0
-    one.moved = None
+    one.moved, one.step, one.disputed = steps(), steps(), 0.0
     one.accept(2.0, "gps_position")
     assert one.pending[-1].healthy
 

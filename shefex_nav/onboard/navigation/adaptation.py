@@ -92,7 +92,7 @@ def weigh(nav, now, innovation, measurement, verdict):
     if fix_of(name) is VELOCITY:
         _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
-        if fix_of(name) is POSITION and integrity_watch.is_back(nav.watch.moved, innovation.z):
+        if fix_of(name) is POSITION and nav.watch.moved.is_back(innovation.z):
             return verdict  # it was the receiver
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
@@ -103,7 +103,8 @@ def weigh(nav, now, innovation, measurement, verdict):
 def _second_reset(nav, now, name, verdict):
     """Verdict on a measurement that is believed against the filter: the second time it is the filter.
 
-    So it is the first time, if the sensor has contradicted it nearly from the start on.
+    So it is the first time, if the sensor has contradicted it nearly from the start on, or by so little that
+    noise explains it.
     """
     noise = nav.noise
     if verdict.admitted is not None or verdict.insisted:
@@ -112,7 +113,8 @@ def _second_reset(nav, now, name, verdict):
     young = name in RATES and nav.health[name].used <= YOUNG
     recent = noise.recent[name]
     largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
-    if now.t_s - before > LOOP_S and not young and largest > BOLDEST:
+    again = now.t_s - before <= LOOP_S
+    if not again and not young and largest > BOLDEST:
         return verdict
     if name in WATCHED and _is_white(recent):
         if noise.share is None:  # while the IMU is in doubt no sensor is
@@ -121,7 +123,10 @@ def _second_reset(nav, now, name, verdict):
     if not (name in RATES or _alone(nav)):
         return verdict
     noise.resets.pop(name, None)
-    why = "contradicted from the start" if young else "second reset"
+    if young:
+        why = "contradicted from the start"
+    else:
+        why = "second reset" if again else "contradicted by little"
     return widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
 
 

@@ -223,7 +223,7 @@ def _doubted(nav, now, z, nis, name, verdict):
     off = z if fix_of(name) is POSITION else verdict.offset
     if verdict.insisted and verdict.fate == Fate.USED and off is not None:
         if not watch.unread:
-            watch.moved = off.copy()
+            watch.moved.add(off)
     elif verdict.insisted and verdict.fate == Fate.USED:
         watch.accept_velocity(name, z, watch.learnt.pushed(now.t_s, now.x))
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:

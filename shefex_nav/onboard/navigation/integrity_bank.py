@@ -227,8 +227,8 @@ class Bank:
         nav.watch.report(now_s, f"{group} innovations", f"{name}: {found.words}")
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
         mean = np.linalg.cholesky(S) @ found.mean[-len(S) :]
-        if fix_of(name) is POSITION and found.one_sided and nav.watch.moved is None:
-            nav.watch.moved = mean  # the filter has followed it, and follows it still
+        if fix_of(name) is POSITION and found.one_sided and not nav.watch.moved:
+            nav.watch.moved.add(mean)  # the filter has followed it, and follows it still
         self.due[group] = Alarm(now_s, float(np.clip(factor, LEAST, MOST)), mean)
         self.forget(group)
 

@@ -63,7 +63,7 @@ class Sums(NamedTuple):
 
     J: np.ndarray  # (4, 4)
     y: np.ndarray  # (4,)
-    v_i: np.ndarray  # (3,) m/s, at the last measurement
+    v_i: np.ndarray  # (3,) m/s, at the latest measurement
     C_ib: np.ndarray  # (3, 3) likewise
 
 
@@ -80,7 +80,7 @@ class Shown(NamedTuple):
     omega_ie_i: np.ndarray  # (3,) rad/s
     l_ba_b: np.ndarray  # (3,) m, IMU to GPS antenna
     clock: int  # place of the receiver's clock and its drift among the errors; -1: none
-    dt_s: float  # since the last one, NaN: it is the first
+    dt_s: float  # since the latest one, below 0 of a late one, NaN: it is the first
 
 
 class Constants:
@@ -90,7 +90,7 @@ class Constants:
     """
 
     def __init__(self):
-        self.B, self.seen_s = None, np.nan  # (n, 4); s, of the last measurement
+        self.B, self.seen_s = None, np.nan  # (n, 4); s, of the latest measurement
         self.omega_ie_i = None  # (3,) rad/s
         self.sums = Sums(*(np.zeros(shape) for shape in ((4, 4), 4, 3, (3, 3))))
         self.beyond, self.count = 0.0, 0
@@ -121,7 +121,8 @@ class Constants:
         constant = self.omega_ie_i, nav.params.l_ba_b, -1 if clock is None else clock.start
         seen = Shown(now.x, now.P, z, H, S, *motion, *constant, now.t_s - self.seen_s)
         beyond, *found = _take(self.B, self.sums, seen, what, judges, fate == Fate.USED)
-        self.seen_s = now.t_s
+        if not now.t_s < self.seen_s:  # a late one is taken in where the response is
+            self.seen_s = now.t_s
         if judges:
             self.beyond += beyond + less
             self.count += 1
@@ -167,7 +168,8 @@ def _take(B, sums, seen, what, judges, learns):
         _carry(B, sums.v_i, sums.C_ib, x[X_R], v_i, C_ib, seen.dt_s)
         if seen.clock >= 0:
             B[seen.clock] += seen.dt_s * B[seen.clock + 1]
-    sums.v_i[:], sums.C_ib[:] = v_i, C_ib
+    if not seen.dt_s < 0.0:  # else the time until then would be carried again
+        sums.v_i[:], sums.C_ib[:] = v_i, C_ib
     h, both = _shown(seen, what) - H @ B, np.empty((len(z), 5))
     if what >= VELOCITY and np.isnan(seen.f_i[0]):
         h[:] = 0.0  # whatever it shows is not known

@@ -19,7 +19,8 @@ fixes are compared, first, middle and last: the rotation from the first to the l
 and gyro noise explain, with what the filter thinks of the gyro bias; so must each half of it, and the first
 half must be its share of the whole. That several times in a row, and the gyro is called wrong: its bias is
 made unknown, to be found again from the stars. Short comparisons find large errors soon, long ones small
-ones: after 8 s some 6 arcsec/s with stars good to an arcsecond.
+ones: after 8 s some 6 arcsec/s with stars good to an arcsecond. Of fewer than two fixes a second none are
+compared.
 
 What this cannot see. A wrong scale factor or misalignment while the vehicle does not turn does nothing, and
 is found when it turns. Without stars nothing is found. So a gyro that has been wrong once, or contradicted by
@@ -50,7 +51,7 @@ CONFIRMATIONS = 3  # comparisons that must agree
 WITHIN_S = 1.0  # [E] and within how long
 SIGNIFICANT = 4.0  # sigma of the rate error of an axis that is blamed
 UNCHECKED_S = 1.0  # [E] for how long a gyro that was wrong once is trusted without stars: it may be turning
-ROWS = 256  # fixes that are remembered at most; half of them go when they are full
+ROWS = 1024  # fixes that are remembered at most; half of them go when they are full: 8 s at 64 Hz are left
 T, Q_E, R_I, PATH, P_BG, Q_IB, PUSH = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28), 28
 Q_STARS, PATH_STARS = slice(29, 33), 33
 WIDTH = 34

@@ -22,6 +22,8 @@ the variance of the time before is made up for at once. Once a fix has said wher
 instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: less than noise that knows of no
 bound on the rate would add.
 
+Faults that follow each other, as blocks lost now and then, err to one side (`integrity_gaps`).
+
 An axis that is wrong but looks alive is seen by stars and GPS alone, which then contradict the strapdown.
 """
 
@@ -31,8 +33,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, rows
-from shefex_nav.onboard.navigation import integrity_force
+from shefex_nav.onboard.navigation import integrity_force, integrity_gaps
 from shefex_nav.onboard.navigation.integrity_force import FORCE, ROLL
+from shefex_nav.onboard.navigation.integrity_gaps import SIGN_S
 from shefex_nav.onboard.navigation.integrity_readings import (
     END,
     GOOD,
@@ -50,7 +53,6 @@ from shefex_nav.onboard.navigation.integrity_readings import (
 from shefex_nav.records import NavHealth
 
 CALM_S = 1.0  # [E] an axis that vibrates into the end of its range has left it after so long without
-SIGN_S = 10.0  # [E] for how long the error of a sensor that cannot be trusted keeps its sign
 NAMES = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz")
 WORDS = {
     STUCK: "stuck: the same reading again and again",
@@ -88,6 +90,10 @@ AXIS = rows(
         ("charged", float),  # rad^2 or m^2/s^2, variance that the filter has been given for it
         ("at_end_s", float),  # time at the end of its range, in all or since a fix
         ("fixed_s", float),  # when a fix last said what the integral was; NaN: not since it began
+        ("missed", float),  # rad or m/s, S of `integrity_gaps`
+        ("lately", float),  # the same of the last second
+        ("given", float),  # rad^2 or m^2/s^2, V of it
+        ("ended_s", float),  # when the last fault was over
         ("state", int),  # GOOD ...
     ]
 )
@@ -115,6 +121,7 @@ def start(rules, n, sensed=0.0):
     axes["run"] = 1.0
     for name in ("mean_rate", "before", "since_s", "seen_s", "fixed_s"):
         axes[name] = np.nan
+    axes["ended_s"] = -np.inf
     forces = np.zeros(3, dtype=FORCE)
     return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes, forces, sensed, np.zeros(2))
 
@@ -226,6 +233,7 @@ def screen_packed(watch, block, readings, densities):
         # if the unit does not say which axis is at the end of its range, it may be any
         at_end = at_range(readings, k, end) or (block.saturated and not anywhere)
         kept = _kept(axis)
+        integrity_gaps.fade(axis, n * dt_s)
         if whole == GOOD:
             limit = limit_of_run(rules[0, k // 3], axes, k // 3)
             code, age_s = read_axis(readings, last[n - 1, k], axis, k, limit, END * end, dt_s)
@@ -307,15 +315,21 @@ def _ran_away(axis, kept, last, now, dt_s, t_end_s):
     The truth went from the last reading to the present one: what was held is off by the larger of their
     differences from it at most, for as long as no fix has said otherwise.
 
+    With it comes what it owes together with the faults before (`integrity_gaps`).
+
     kept : what was held;  last, now : (n,) increments of the block before the fault and of the present one
     """
     if axis.state == GOOD or axis.state == SATURATED or not np.isfinite(kept):
         return 0.0
     block_s = now.shape[0] * dt_s
-    off = max(abs(last.sum() / block_s - kept), abs(now.sum() / block_s - kept))
+    before, after = last.sum() / block_s - kept, now.sum() / block_s - kept
     since_s = max(axis.since_s, axis.fixed_s) if np.isfinite(axis.fixed_s) else axis.since_s
-    added = (off * max(t_end_s - block_s - since_s, 0.0)) ** 2 - axis.charged
-    return max(added, 0.0) if np.isfinite(added) else 0.0
+    unread_s = max(t_end_s - block_s - since_s, 0.0)
+    own = max((max(abs(before), abs(after)) * unread_s) ** 2, axis.charged)
+    if not np.isfinite(own):
+        return 0.0
+    more = integrity_gaps.closed(axis, 0.5 * (before + after) * unread_s, own, t_end_s - block_s)
+    return own - axis.charged + more
 
 
 @inner(forceinline=True)

@@ -127,25 +127,27 @@ def read_axis(readings, previous, axis, k, repeats, end, dt_s):
     A unit whose noise is told too large repeats itself more often than that allows. A run that is too long
     and yet ends soon was no fault, and longer ones are allowed from then on.
 
-    -> GOOD or STUCK, age of the fault s
+    -> GOOD or STUCK, age of the fault s: of all of the block at least, which is given the mean
     """
-    n, total, longest = readings.shape[0], 0.0, 0.0
+    n, total, longest, begins = readings.shape[0], 0.0, 0.0, 0.0
     for m in range(n):
         value = readings[m, k]
         if value == previous:
             axis.run += 1.0
         else:
-            if axis.run < repeats:  # a run that was no fault
+            if longest < repeats and axis.run < repeats:  # runs that were no fault
                 axis.before = axis.mean_rate
             if axis.run < min(BY_ITSELF * repeats, NATURAL_S / dt_s) and abs(previous) < end:
                 axis.longest = max(axis.longest, axis.run)
             axis.run = 1.0
         longest = max(longest, axis.run)
+        if axis.run >= repeats:
+            begins = min(begins, m + 1.0 - axis.run)
         previous, total = value, total + value
     rate = total / (n * dt_s)
     if longest >= repeats:
         axis.mean_rate = axis.before  # it has taken in repeated readings until they were too many
-        return STUCK, axis.run * dt_s
+        return STUCK, (n - begins) * dt_s
     if not np.isfinite(axis.mean_rate):
         axis.mean_rate = axis.before = rate
     else:

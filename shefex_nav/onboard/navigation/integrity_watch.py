@@ -12,6 +12,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_drift,
+    integrity_gaps,
     integrity_gps,
     integrity_gyro,
     integrity_imu,
@@ -19,6 +20,7 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
 )
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
+from shefex_nav.onboard.navigation.integrity_steps import BACK, Steps
 from shefex_nav.onboard.navigation.quantity import (
     ATTITUDE,
     BESIDE,
@@ -40,7 +42,6 @@ ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, v
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
 ALSO_VELOCITY = np.array([Doubt.CONTRADICTED, Doubt.CONTRADICTED, Doubt.NONE], dtype=np.int64)
-BACK = 0.3  # [E] share of a step, to within which one back ends it
 OF_FORCE = np.array([True, True, False])  # position, velocity, attitude: what runs away without it
 ALONE = POSITION, VELOCITY  # of which one fix that is far off raises doubt
 MEASURES = {ATTITUDE: 0, VELOCITY: 1}  # -> triad whose readings a fix says the sum of
@@ -86,15 +87,16 @@ class Watch:
         self.unread = Blind.NOT  # by readings of an axis that are replaced, or are at the end of its range
         self.uncounted = 0.0  # m/s, along the roll axis: corrections since a GPS velocity, blind to force
         self.replaced = False  # whether some have been replaced: axes that are silent or stuck
+        self.gaps = False  # whether an axis has ever been anything but read
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
         self.constants = integrity_constants.Constants()
         self.far = False  # whether its sensor's rejected fixes before the one that is judged were far off
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
-        self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
-        self.moved = None  # (3,) m, by which a GPS position was believed against the filter
-        self.pushed = 0.0  # m/s, that specific force had added to the velocity before that, since a fix
+        self.step = Steps()  # m/s, by which a GPS velocity was believed against the accelerometers
+        self.moved = Steps()  # m, by which a GPS position was believed against the filter
+        self.pushed = 0.0  # m/s, that specific force had added to the velocity before the last step of it
         self.gps_drift = integrity_gps.QUIET
         self.protection = integrity_protection.Protection()
         self.drifts = {}  # name of an instrument -> integrity_drift.Drift
@@ -144,7 +146,7 @@ class Watch:
         self.unread = blind(self.imu.state)
         if not self.unread & Blind.TO_FORCE:
             self.uncounted = 0.0
-        self.replaced = integrity_imu.replaced(self.imu.state)
+        self.replaced, self.gaps = integrity_imu.replaced(self.imu.state), True
         self.gyros.forget()
 
     @property
@@ -184,7 +186,11 @@ class Watch:
         if self.unread & Blind.TO_FORCE:
             self.uncounted += float(dv_i @ rotation.dcm_from_quat(x[X_Q])[:, 0])
         quantity = fix_of(sensor)
-        if not self.unread or quantity not in MEASURES:
+        if quantity not in MEASURES or not self.gaps:
+            return
+        triad = 3 * MEASURES[quantity]
+        integrity_gaps.fixed(self.imu.axes[triad : triad + 3], t_valid_s)
+        if not self.unread:
             return
         integrity_imu.fixed(self.imu, MEASURES[quantity], t_valid_s, now_s)
         if quantity is ATTITUDE:
@@ -201,27 +207,28 @@ class Watch:
         """
         if fix_of(name) is not VELOCITY or self.unread or not self.far:
             return
-        self.step, self.pushed = (None if is_back(self.step, z) else z.copy()), pushed
+        if not self.step.take_back(z):
+            self.step.add(z)
+        self.pushed = pushed
 
     def accept_position(self, z):
         """A GPS position is believed against the filter, which its velocity did not make wrong.
 
         As of a velocity: only a step back, as large, says that it was the receiver.
         """
-        if is_back(self.moved, z):
-            self.moved = None
-        elif self.far and not self.unread:
-            self.moved = z.copy()
+        if not self.moved.take_back(z) and self.far and not self.unread:
+            self.moved.add(z)
 
     def attitude_was_wrong(self, angle):
         """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over.
 
         Where no velocity was known before the step, nothing says what an angle would have done.
         """
-        if self.step is None or not np.isfinite(self.pushed):
+        if not self.step or not np.isfinite(self.pushed):
             return
-        if angle * self.pushed > BACK * np.linalg.norm(self.step):
-            self.step = self.moved = None  # the velocity has moved the position
+        if angle * self.pushed > BACK * self.step.largest:
+            self.step.forget()
+            self.moved.forget()  # the velocity has moved the position
 
     def graver_doubts(self, health, imu_blind=None):
         """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
@@ -246,18 +253,18 @@ class Watch:
     def _contradicted(self, health):
         """The same of what sensors say against each other."""
         drifted = any(one.is_disputed for one in self.drifts.values())
-        if self.constants.found or self.step is not None or "gps" in self.alarms or drifted:
+        if self.constants.found or self.step or "gps" in self.alarms or drifted:
             return ALL_OF[Doubt.CONTRADICTED]
         bad = contradicting(health)
-        if not bad and not self.alarms and self.moved is None:
+        if not bad and not self.alarms and not self.moved:
             return ALL_OF[Doubt.NONE]
         others = [name for name in bad if about(name) is not ATTITUDE]
         jumps = [about(name) for name in others] == [POSITION] and jumped(health, others[0])
         if (others and not jumps) or ((bad or self.alarms) and self.reasons.get("gps")):
             return ALL_OF[Doubt.CONTRADICTED]
         of_attitude = self.alarms or len(bad) > len(others)
-        of_position = jumps or self.moved is not None
-        by_sights = self.moved is not None and any(health[name].used for name in SIGHTS if name in health)
+        of_position = jumps or bool(self.moved)
+        by_sights = bool(self.moved) and any(health[name].used for name in SIGHTS if name in health)
         of_place = ALSO_VELOCITY if by_sights else ONLY_POSITION
         return (ONLY_ATTITUDE if of_attitude else 0) | (of_place if of_position else 0)
 
@@ -267,10 +274,10 @@ class Watch:
 
     def _left(self, sensor):
         """What is left to say of a sensor that is used; '' if nothing is."""
-        if about(sensor) is POSITION and self.moved is not None:
-            return f"disputed: it or the filter was wrong by {np.linalg.norm(self.moved):.3g} m"
-        if fix_of(sensor) is VELOCITY and self.step is not None:
-            return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(self.step):.2g} m/s"
+        if about(sensor) is POSITION and self.moved:
+            return f"disputed: it or the filter was wrong by {self.moved.largest:.3g} m"
+        if fix_of(sensor) is VELOCITY and self.step:
+            return f"disputed: it or the accelerometers were wrong by {self.step.largest:.2g} m/s"
         if fix_of(sensor) is ATTITUDE and self.disputed > 0.0:
             return f"disputed: it or the gyros are wrong by {np.degrees(self.disputed):.2g} deg"
         return ""
@@ -305,13 +312,6 @@ def start(params):
     watch = Watch(params.integrity or DEFAULT, limit, gyros)
     watch.drifts = {aid.name: integrity_drift.Drift(aid.drift) for aid in params.aids if aid.drift}
     return watch
-
-
-def is_back(step, z):
-    """Whether an innovation takes a step back. (d,) or None, (d,) -> bool"""
-    if step is None or len(step) != len(z):
-        return False
-    return bool(np.linalg.norm(step + z) < BACK * np.linalg.norm(step))
 
 
 def reason(name, health):
