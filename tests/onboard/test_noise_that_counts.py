@@ -28,15 +28,17 @@ NOW_S = 50.0
 
 
 def filter_of(moved=None, **health):
-    """What of a Filter is looked at here; it remembers whether its bank began anew."""
-    anew = []
+    """What of a Filter is looked at here; it remembers whether its bank began anew. moved : an open step"""
+    anew, steps = [], Steps()
+    if moved is not None:
+        steps.add(moved)
     records = {"gps_position": HEALTHY._replace(used=100), "gps_velocity": HEALTHY._replace(used=100)}
     return SimpleNamespace(
         noise=Noise(), params=PARAMS._replace(imu=MODEL), layout=layout(()), health={**records, **health},
         constants=SimpleNamespace(model=error_model.record(PARAMS)),
         history=SimpleNamespace(ends_s=[0.0, NOW_S], P=P, newest=1, oldest=0, number=lambda k: k),
         watch=SimpleNamespace(
-            pending=[], moved=moved or Steps(), imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
+            pending=[], moved=steps, imu_blind=False, gyros=SimpleNamespace(noise=np.zeros(5))
         ),
         bank=SimpleNamespace(begin_anew=lambda: anew.append(True), anew=anew),
     )  # fmt: skip
