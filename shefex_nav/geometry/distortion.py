@@ -113,6 +113,16 @@ def grid_px(pinhole):
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
+def undone_to_px(pinhole, distortion):
+    """Largest distance on the detector by which a distortion there and back misses, px; NaN: no way back.
+
+    Pinhole, (5,) -> float
+    """
+    seen_px = grid_px(pinhole)
+    again_px = distort(pinhole, distortion, undistort(pinhole, distortion, seen_px))
+    return float(np.abs(again_px - seen_px).max())
+
+
 def displaced_px(pinhole, distortion):
     """Largest distance by which a distortion moves stars on the detector from their ideal places, px.
 

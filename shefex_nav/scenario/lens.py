@@ -157,11 +157,7 @@ def fault(star_camera):
                 "pixels away. Use smaller coefficients"
             )
         return TOO_STRONG
-    seen_px = distortion.grid_px(hole)
-    again = distortion.distort(hole, k, distortion.undistort(hole, k, seen_px))
-    if not np.abs(again - seen_px).max() < INVERSE_PX:
-        return TOO_STRONG
-    return None
+    return None if distortion.undone_to_px(hole, k) < INVERSE_PX else TOO_STRONG
 
 
 def _folds_at(k, half):

@@ -6,7 +6,7 @@ from numbers import Real
 
 import numpy as np
 
-from shefex_nav.geometry.distortion import distort, grid_px, undistort
+from shefex_nav.geometry.distortion import undistort, undone_to_px
 from shefex_nav.geometry.pinhole import Pinhole
 
 UNDONE_PX = 0.1  # [E] by which a distortion there and back may be off
@@ -52,10 +52,7 @@ def check_lens(camera):
     """ValueError where the distortion of a Camera is none of a lens on its detector."""
     if camera.distortion is None:
         return
-    hole, k = pinhole_of(camera), np.array(camera.distortion)
-    seen_px = grid_px(hole)
-    off_px = np.abs(distort(hole, k, undistort(hole, k, seen_px)) - seen_px).max()
-    if not off_px < UNDONE_PX:
+    if not undone_to_px(pinhole_of(camera), np.array(camera.distortion)) < UNDONE_PX:
         words = "expected one that can be undone everywhere on the detector"
         raise ValueError(
             f"Camera.distortion: {words}; {camera.distortion} folds the picture over, or is too strong"
