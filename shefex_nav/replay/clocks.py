@@ -13,7 +13,8 @@ offset by the course is a coarse one, and the filter's own estimate (state gps_l
 The offset is where the squared differences over their noise are least per pair of fixes, while a constant
 difference of each kind (biases) is free. Its sigma is from the curvature there, larger by what the
 differences are larger than the noise, and from how far away an offset fits nearly as well: between two fixes
-the motion may begin anywhere. Nothing is said where the motion does not show it.
+the motion may begin anywhere, and one that repeats itself fits a period later, too. Nothing is said where the
+motion does not show it.
 """
 
 from itertools import pairwise
@@ -40,7 +41,7 @@ NO_ARM = np.zeros(3)
 AXLE_M = 0.5  # [E] 1 sigma, from the IMU to where the vehicle does not slip
 MOST_SIGMA_S = 0.15  # [E] of an offset that is worth a word
 NOISE = 0.05  # [E] m/s^2 and, in rad/s, a hundredth of it: what both see differently anyway
-CLEAR = 5.0  # [E] sigma from which on an offset is told
+CLEAR = 5.0  # [E] sigma from which on an offset is told, or another one is out of the question
 SMALL_S = 0.02  # [E] offset that is not worth a word
 
 
@@ -126,7 +127,7 @@ def _costs(kind, seen, shifts_s):
         return cost
     motion = _misfit(kind.said, kind.sigma, np.zeros(count)) / count
     for k, shift_s in enumerate(shifts_s):
-        inside = (kind.begin_s + shift_s >= seen.t_s[0]) & (kind.end_s + shift_s <= seen.t_s[-1])
+        inside = _inside(kind, seen, shift_s)
         n = np.count_nonzero(inside)
         if n < max(FEWEST, 0.5 * count):
             continue
@@ -259,24 +260,51 @@ def _misfit(said, sigma, felt):
 
 def _least(kinds, seen, shifts_s):
     """Offset at the least cost, from a parabola through it; None if it is at an end or too vague."""
-    rough = sum(_costs(kind, seen, shifts_s) for kind in kinds)
-    count, coarse_s = sum(len(kind.said) for kind in kinds), max(kind.own_s for kind in kinds)
-    k = int(np.argmin(rough))
     wide = 3  # steps: the cost is made of straight pieces between the samples of the IMU
-    reach = round(COARSE_S / STEP_S) + wide
-    fine_s = shifts_s[k] + STEP_S * np.arange(-reach, reach + 1)
-    cost = sum(_costs(kind, seen, fine_s) for kind in kinds)
-    m = int(np.argmin(cost))
+    fine_s = _valleys(sum(_costs(kind, seen, shifts_s) for kind in kinds), shifts_s, wide)
+    costs = sum(_costs(kind, seen, fine_s.ravel()) for kind in kinds).reshape(fine_s.shape)
+    best, m = np.unravel_index(int(np.argmin(costs)), costs.shape)
+    cost, count = costs[best], sum(len(kind.said) for kind in kinds)
     if not wide <= m < len(cost) - wide or not np.isfinite(cost[[m - wide, m, m + wide]]).all():
         return None
     low, middle, high = cost[m - wide], cost[m], cost[m + wide]
     curvature = (low - 2.0 * middle + high) / (wide * STEP_S) ** 2
     if curvature <= 0.0:
         return None
-    offset_s = fine_s[m] + 0.5 * (low - high) / (low - 2.0 * middle + high) * wide * STEP_S
+    offset_s = fine_s[best, m] + 0.5 * (low - high) / (low - 2.0 * middle + high) * wide * STEP_S
     scale = max(1.0, middle / max(count - 2, 1))
-    likely_s = shifts_s[rough - middle < LIKELY**2 * scale]
-    vague_s = float(np.abs(likely_s - offset_s).max(initial=0.0)) / LIKELY
+    likely_s = fine_s[best][cost - middle < LIKELY**2 * scale]
+    vague_s = float(np.abs(likely_s - offset_s).max()) / LIKELY
+    for lowest_s in np.take_along_axis(fine_s, np.argmin(costs, axis=1)[:, None], 1)[:, 0]:
+        if _excess(kinds, seen, lowest_s, fine_s[best, m]) < CLEAR**2 * scale:
+            vague_s = max(vague_s, abs(lowest_s - offset_s) - STEP_S)
+    own_s = max(kind.own_s for kind in kinds)
     curved_s = np.sqrt(2.0 / curvature * scale)
-    sigma_s = float(np.hypot(max(curved_s, vague_s - COARSE_S), coarse_s))
+    sigma_s = float(np.hypot(max(curved_s, vague_s), own_s))
     return Offset(float(-offset_s), sigma_s) if sigma_s < MOST_SIGMA_S else None
+
+
+def _excess(kinds, seen, shift_s, best_s):
+    """By how much the squared differences at a shift exceed those at another, of the pairs that both have."""
+
+    def misfit(kind, at_s):
+        both = _inside(kind, seen, shift_s) & _inside(kind, seen, best_s)
+        return _misfit(kind.said[both], kind.sigma[both], kind.felt(at_s)[both])
+
+    return sum(misfit(kind, shift_s) - misfit(kind, best_s) for kind in kinds)
+
+
+def _inside(kind, seen, shift_s):
+    """Which pairs lie within the data of the IMU."""
+    return (kind.begin_s + shift_s >= seen.t_s[0]) & (kind.end_s + shift_s <= seen.t_s[-1])
+
+
+def _valleys(rough, shifts_s, wide):
+    """Fine shifts [s] around each shift at which the rough cost is least among its neighbours: (V, W).
+
+    A valley may be narrower than a rough step, so that which is the deepest only the fine ones tell.
+    """
+    beside = np.pad(rough, 1, constant_values=np.inf)
+    is_low = np.isfinite(rough) & (rough <= beside[:-2]) & (rough <= beside[2:])
+    reach = round(COARSE_S / STEP_S) + wide
+    return shifts_s[is_low, None] + STEP_S * np.arange(-reach, reach + 1)

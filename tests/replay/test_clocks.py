@@ -72,23 +72,46 @@ def test_what_stands_still_shows_no_clock():
     assert clocks.find(data.imu, without) is None
 
 
-def lift_off(times_s, step_s=0.01):
-    """Increments of 30 s and fixes of a rocket that stands until 9.3 s and then climbs with 20 m/s^2."""
-    rng = np.random.default_rng(11)
-    t_s = np.arange(0.0, 30.0, step_s)
+def climb(acceleration, times_s, rng, late_s=0.0, length_s=30.0, step_s=0.01):
+    """Increments of a vehicle that climbs with acceleration(t_s) [m/s^2], and fixes stamped late_s later."""
+    t_s = np.arange(0.0, length_s, step_s)
     r_e = wgs84.ecef_from_geodetic(1.1, 0.3, 300.0)
     up_e, g = -wgs84.level_axes(r_e)[:, 2], float(np.linalg.norm(gravity.normal_gravity_e(r_e)))
     dv_b = np.zeros((len(t_s), 3))
-    dv_b[:, 0] = step_s * (g + 20.0 * (t_s > 9.3)) + 1e-3 * rng.standard_normal(len(t_s))
+    dv_b[:, 0] = step_s * (g + acceleration(t_s)) + 1e-3 * rng.standard_normal(len(t_s))
     imu = Increments(t_s, np.zeros_like(dv_b), dv_b, np.zeros(len(t_s), dtype=bool))
+    v = step_s * np.cumsum(acceleration(t_s))
+    h = step_s * np.cumsum(v)
     fixes = []
     for t in times_s:
-        since = max(t - 9.3, 0.0)
-        v_e = 20.0 * since * up_e + 0.05 * rng.standard_normal(3)
-        place = r_e + 10.0 * since**2 * up_e
+        v_e = np.interp(t, t_s, v) * up_e + 0.05 * rng.standard_normal(3)
+        place = r_e + np.interp(t, t_s, h) * up_e
         noise = np.eye(3), 0.05**2 * np.eye(3)
-        fixes.append(GpsFix(t, t, True, place, v_e, *noise, n_satellites=9, pdop=1.0, reason=""))
+        stamp = t + late_s
+        fixes.append(GpsFix(stamp, stamp, True, place, v_e, *noise, n_satellites=9, pdop=1.0, reason=""))
     return imu, fixes
+
+
+def lift_off(times_s):
+    """Of 30 s of a rocket that stands until 9.3 s and then climbs with 20 m/s^2."""
+    return climb(lambda t_s: 20.0 * (t_s > 9.3), times_s, np.random.default_rng(11))
+
+
+@pytest.mark.parametrize("period_s", [4.23, 4.88, 5.51, 6.17, 6.94])
+def test_a_motion_that_repeats_itself_tells_no_offset(period_s):
+    """A swing of one period looks the same a period later; one that begins in the middle does not."""
+    rng, times_s = np.random.default_rng(3), np.arange(0.5, 59.0, 1.0)
+
+    def swings(t_s):
+        return 6.0 * np.sin(2.0 * np.pi * t_s / period_s)
+
+    def begins(t_s):
+        return np.where(t_s < 20.0, 0.0, swings(t_s))
+
+    for _ in range(3):
+        assert clocks.find(*climb(swings, times_s, rng, 0.2, 60.0)) is None
+    found = clocks.find(*climb(begins, times_s, rng, 0.2, 60.0))
+    assert abs(found.offset_s - 0.2) < 4.0 * found.sigma_s < 0.1
 
 
 def test_an_offset_that_the_fixes_do_not_fix_is_not_told():
