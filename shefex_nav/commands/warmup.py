@@ -25,7 +25,7 @@ def warmup(
 ):
     """Compile the kernels of missions now, so that the first run does not have to."""
     from shefex_nav.scenario import load
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav.scenario.block import choices
 
     jobs = [{"command=run", *choices(load.load(scenario))} for scenario in scenarios or ()]
     from shefex_nav import warmup as ready

@@ -5,14 +5,14 @@ import numpy as np
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.onboard.navigation.hypotheses import WIDE
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.scenario import aboard, params_filter, params_shaken
+from shefex_nav.scenario import aboard, params_filter
 
 
 def nav_params(scenario, dt_s):
     """NavParams of a ReplayScenario whose IMU samples last dt_s: no star camera, motors as one."""
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     vibration = scenario.imu.vibration
-    shaken, period_s = params_shaken.at_rest(vibration, dt_s), 1.0 / vibration.lowest_frequency
+    shaken, period_s = params_filter.at_rest(vibration, dt_s), 1.0 / vibration.lowest_frequency
     integrity = params_filter.integrity_params(scenario, dt_s, coarse_if_silent=True, shaken=shaken)
     told, late_s = _beforehand(scenario), max(scenario.gnss.latency, aboard.longest_latency(scenario))
     return NavParams(
@@ -26,7 +26,7 @@ def nav_params(scenario, dt_s):
         history_s=params_filter.memory_s(scenario.navigation.history + late_s, late_s, period_s),
         motors=np.array([[-np.inf, 1.0]] if any(vibration.boost) else []).reshape(-1, 2),
         vibration_period_s=period_s,
-        swing_at_rest=params_shaken.swings(vibration, vibration.coast),
+        swing_at_rest=params_filter.swings(vibration, vibration.coast),
         aids=aboard.aids(scenario),
         lasting_share=scenario.gnss.lasting_share,
         range_bias_time_s=scenario.gnss.lasting_time,
@@ -44,7 +44,7 @@ def _of_imu(imu, dt_s):
 
     White noise is of readings that are rounded one by one, as files are: q^2/12 of each sample adds to it.
     """
-    return params_shaken.imu_fields(imu, dt_s) | {
+    return params_filter.imu_fields(imu, dt_s) | {
         "gyro_random_walk": _noise(imu.gyro, dt_s),
         "gyro_quantum": 0.0,
         "accel_random_walk": _noise(imu.accelerometer, dt_s),
@@ -66,7 +66,7 @@ def _beforehand(scenario):
         gyro_roll=gyro.scale_factor_roll,
         gyro_misalignment=gyro.misalignment,
         rectified=scenario.imu.accelerometer.vibration_rectification
-        * params_shaken.strongest(scenario.imu.vibration) ** 2,
+        * params_filter.strongest(scenario.imu.vibration) ** 2,
         gravity=scenario.navigation.gravity_error,
         lever_arm=sensors.lever_arm_error,
         gps_latency=sensors.gps_latency_error,

@@ -23,7 +23,7 @@ from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import ImuBlock
 from shefex_nav.replay import contradicted, external, rerun, said
 from shefex_nav.report import metrics
-from shefex_nav.scenario.choices import choices
+from shefex_nav.scenario.block import choices
 
 BRIEF_TICKS = 300  # of a log, by which everything is compiled: the first fixes are among them
 

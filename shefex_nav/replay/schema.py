@@ -31,8 +31,8 @@ from shefex_nav.scenario.quantity import (
     refuse,
 )
 from shefex_nav.scenario.requirements import ReplayRequirements
-from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro, Vibration
-from shefex_nav.scenario.use import Use
+from shefex_nav.scenario.sensors import OF_IMU, Accelerometer, Gyro, Use, Vibration
+from shefex_nav.world.settings import OFF, UNLIMITED
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 FIND = (("find", float("inf")),)

@@ -62,7 +62,7 @@ def _loaded(scenario):
 def get_ready(scenario):
     """Compile what flying a Scenario needs and is not compiled yet."""
     from shefex_nav import warmup
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav.scenario.block import choices
 
     warmup.get_ready({"command=run", *choices(scenario)})
 

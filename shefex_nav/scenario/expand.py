@@ -13,8 +13,8 @@ from shefex_nav.scenario import rasp, tables
 from shefex_nav.scenario.dispersions import ColumnOfFile
 from shefex_nav.scenario.document import BadText, Mark, dotted, parse
 from shefex_nav.scenario.files import LARGEST_TABLE, Unreadable, read_text
-from shefex_nav.scenario.gps import ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
+from shefex_nav.scenario.sensors import ALMANAC_UNITS
 from shefex_nav.scenario.tables import BadTable, NoColumn
 
 FILE = "file"

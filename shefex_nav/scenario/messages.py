@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args, get_origin
 
 from pydantic import BaseModel, Tag
 
-from shefex_nav.scenario import moved, suggest
+from shefex_nav.scenario import suggest
 from shefex_nav.scenario.block import BAD_KEY, is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.kind import of_the_other
@@ -287,7 +287,7 @@ def _unknown(model, error):
     """Words about a key that is not known, or not in this form of the section."""
     location = error["loc"]
     known = field_at(model, location[:-1])[0].keys()
-    if said := moved.words(plain(location), error["input"]):
+    if said := suggest.moved(plain(location), error["input"]):
         return said
     given = error["input"]
     if plain(location) == ("gps", "outage") and isinstance(given, dict) and set(TIMES) & set(given):

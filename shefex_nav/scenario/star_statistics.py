@@ -6,7 +6,7 @@ it was fitted to, in SI: with others it does not hold, and the scenario is refus
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.block import Block
@@ -20,6 +20,7 @@ NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result tr
 # of the star camera: what the flux says all of, and where the world puts the stars, which is not fitted
 NOT_FITTED = {**OF_LENS, "optics": {*OF_LENS["optics"], "principal_point", "distortion"}}
 MOST = 8  # settings with which a model does not go that are told one by one
+MODEL = "star_tracker", "model"
 SAME = 1e-9  # relative; rounding of a number that was written and read
 
 
@@ -142,14 +143,14 @@ def contradictions(scenario):
         return
     if not isinstance(tracker.model, StarStatistics):
         words = "frames: statistical needs the file that `shefex-nav characterise` writes"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
         return
     yield from fitness(scenario)
     yield from _miscalibrated(scenario)
     found, wanted = settings(scenario), tracker.model.settings
     for path in [path for path in wanted if path not in found]:
         words = f"the model is made for a setting {path} that there is not; characterise again"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
     others = [path for path, value in wanted.items() if path in found and not _holds(value, found[path])]
     for path in others[:MOST]:
         place = tuple(int(part) if part.isascii() and part.isdigit() else part for part in path.split("."))
@@ -162,10 +163,10 @@ def contradictions(scenario):
         yield place, words
     if others[MOST:]:
         words = f"the model does not go with {len(others) - MOST} more settings: {', '.join(others[MOST:])}"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
     if missing := sorted(set(found) - set(wanted)):
         words = f"the model does not say for which {missing[0]} it was made; characterise again"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
 
 
 def fitness(scenario):
@@ -208,6 +209,35 @@ def with_model(scenario, content):
     model = StarStatistics.model_validate(content)
     tracker = scenario.star_tracker.model_copy(update={"frames": "statistical", "model": model})
     return scenario.with_sections(star_tracker=tracker)
+
+
+def named_by(path, overrides=()):
+    """StarStatistics of the file that star_tracker.model of a scenario names, None without one.
+
+    A scenario of rendered frames is loaded without them (`expand`): its camera may be another one. Whoever
+    predicts what the star tracker would do asks here.
+
+    path, overrides : as of `load.load`. ScenarioError if the file cannot be read
+    """
+    from shefex_nav.scenario import layers, messages, overriding
+    from shefex_nav.scenario.document import BadText, parse
+    from shefex_nav.scenario.files import Unreadable, read_text
+
+    files, path = layers.Texts(), layers.file_of(path)
+    tree, places = layers.extended(path, files)
+    overriding.carry_out(overrides, tree, places, files)
+    name = layers.node(tree, MODEL)
+    if not isinstance(name, str):
+        return None
+    where = f"{places.value(MODEL)}: {'.'.join(MODEL)}: '{name}'"
+    try:
+        found = parse(read_text(name, "a file of `shefex-nav characterise`"), name)
+        return StarStatistics.model_validate(found.tree)
+    except (Unreadable, BadText) as error:
+        raise layers.ScenarioError([f"{where} {error.args[-1]}"]) from None
+    except ValidationError as error:
+        lines = [words for _, words in messages.lines(StarStatistics, error, places)]
+        raise layers.ScenarioError([f"{where}: {lines[0]}"]) from None
 
 
 def _holds(wanted, found):
