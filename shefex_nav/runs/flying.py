@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.log import thinning
-from shefex_nav.log.described import MOST_DIGITS
+from shefex_nav.log.checked import MOST_DIGITS
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
 from shefex_nav.log.topics import LogError, RunSummary

@@ -29,11 +29,13 @@ from shefex_nav.scenario import (
 )
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
-from shefex_nav.scenario.document import Mark, dotted, placed
+from shefex_nav.scenario.document import BadText, Mark, dotted, parse, placed
+from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.layers import EXTENDS, ScenarioError, Texts, file_of
 from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.partial import known
 from shefex_nav.scenario.partial import validated as part_of
+from shefex_nav.scenario.star_statistics import MODEL, StarStatistics
 from shefex_nav.scenario.told import Told
 from shefex_nav.settings import declared
 from shefex_nav.world.camera_settings import Detector
@@ -156,7 +158,7 @@ def _validated_as(model, tree, places, files, overrides, parts, trust=False):
         found = dark + messages.lines(model, error, places)
     found = files.with_mistakes(found)
     for part in parts:
-        found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
+        found += [places.wrong(where, words) for where, words in read(part(loaded))]
     if found:
         raise layers.sorted_error(found) from None
     return loaded, places, normalised(tree)
@@ -281,6 +283,31 @@ def _whose(mark, path, others):
     """Where to put right what stands in a file that the user's own builds on: nobody need edit that one."""
     verb = others.get(mark.file)
     return f" (set in {mark.file}; change it in {path}, which {verb} it)" if verb else ""
+
+
+def star_statistics_of(path, overrides=()):
+    """StarStatistics of the file that star_tracker.model of a scenario names, None without one.
+
+    A scenario of rendered frames is loaded without them (`expand`): its camera may be another one. Whoever
+    predicts what the star tracker would do asks here.
+
+    path, overrides : as of `load`. ScenarioError if the file cannot be read
+    """
+    read, path = Texts(), file_of(path)
+    tree, places = layers.extended(path, read)
+    overriding.carry_out(overrides, tree, places, read)
+    name = layers.node(tree, MODEL)
+    if not isinstance(name, str):
+        return None
+    where = f"{places.value(MODEL)}: {dotted(MODEL)}: '{name}'"
+    try:
+        found = parse(read_text(name, "a file of `shefex-nav characterise`"), name)
+        return StarStatistics.model_validate(found.tree)
+    except (Unreadable, BadText) as error:
+        raise ScenarioError([f"{where} {error.args[-1]}"]) from None
+    except ValidationError as error:
+        lines = [words for _, words in messages.lines(StarStatistics, error, places)]
+        raise ScenarioError([f"{where}: {lines[0]}"]) from None
 
 
 def with_saturation(tree):

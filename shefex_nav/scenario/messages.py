@@ -53,6 +53,10 @@ class Places:
         """Mark of the value at `path`, or of the nearest section around it."""
         return self.values[path] if path in self.values else self._nearest(self.keys, path)
 
+    def wrong(self, path, words):
+        """(Mark, text) of what is wrong about the value at `path`."""
+        return self.value(path), f"{dotted(path)}: {words}"
+
     def put(self, path, keys, values):
         """Replace everything known at and below `path`; `keys` and `values` are relative to it."""
         n = len(path)

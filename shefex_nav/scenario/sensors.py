@@ -10,13 +10,12 @@ from functools import partial
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import Field
-from pydantic_core import core_schema
 
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import bare
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.partial import of_each
-from shefex_nav.scenario.quantity import Count, Number, Quantity, QuantitySpec, describe, refuse
+from shefex_nav.scenario.quantity import Count, Number, Quantity, QuantitySpec, Reader, describe, refuse
 from shefex_nav.world import camera_settings, fault_settings, gps_settings, settings
 
 USE = "use"
@@ -30,13 +29,10 @@ Gyro, Accelerometer, Vibration, PadAlignment = (
 
 
 @dataclass(frozen=True)
-class Instrument:
+class Instrument(Reader):
     """Type of the key: whatever is still there once files have been read had no file to be read from."""
 
     example: str = "ln_200s"
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
         return {"type": "string", "examples": [self.example]}

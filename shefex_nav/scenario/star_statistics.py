@@ -6,7 +6,7 @@ it was fitted to, in SI: with others it does not hold, and the scenario is refus
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.block import Block
@@ -209,35 +209,6 @@ def with_model(scenario, content):
     model = StarStatistics.model_validate(content)
     tracker = scenario.star_tracker.model_copy(update={"frames": "statistical", "model": model})
     return scenario.with_sections(star_tracker=tracker)
-
-
-def named_by(path, overrides=()):
-    """StarStatistics of the file that star_tracker.model of a scenario names, None without one.
-
-    A scenario of rendered frames is loaded without them (`expand`): its camera may be another one. Whoever
-    predicts what the star tracker would do asks here.
-
-    path, overrides : as of `load.load`. ScenarioError if the file cannot be read
-    """
-    from shefex_nav.scenario import layers, messages, overriding
-    from shefex_nav.scenario.document import BadText, parse
-    from shefex_nav.scenario.files import Unreadable, read_text
-
-    files, path = layers.Texts(), layers.file_of(path)
-    tree, places = layers.extended(path, files)
-    overriding.carry_out(overrides, tree, places, files)
-    name = layers.node(tree, MODEL)
-    if not isinstance(name, str):
-        return None
-    where = f"{places.value(MODEL)}: {'.'.join(MODEL)}: '{name}'"
-    try:
-        found = parse(read_text(name, "a file of `shefex-nav characterise`"), name)
-        return StarStatistics.model_validate(found.tree)
-    except (Unreadable, BadText) as error:
-        raise layers.ScenarioError([f"{where} {error.args[-1]}"]) from None
-    except ValidationError as error:
-        lines = [words for _, words in messages.lines(StarStatistics, error, places)]
-        raise layers.ScenarioError([f"{where}: {lines[0]}"]) from None
 
 
 def _holds(wanted, found):

@@ -11,7 +11,7 @@ from shefex_nav.scenario.block import Block, forms, tagged
 from shefex_nav.scenario.mission import Name
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Number, Quantity, Time, Vector
-from shefex_nav.world.flight import parts, settings
+from shefex_nav.world.flight import settings
 
 LARGEST = 1e4  # [E] of a coefficient: a parachute to the area of a slim rocket has some hundreds
 MassType = Quantity("kg", "814 kg", "at ignition", positive=True)
@@ -138,7 +138,7 @@ class PropellantFile(Block):
 Propellant = forms(("length", Grain), file=PropellantFile, table=TabulatedPropellant)
 
 
-class Nozzle(section(parts.Nozzle)):
+class Nozzle(section(settings.Nozzle)):
     """What every motor has: a nozzle, and what is not perfect about its thrust."""
 
     thrust_factor: Quantity(
@@ -208,7 +208,7 @@ class MotorFile(Nozzle):
 Motor = forms(("burn_time", ShapedMotor), file=MotorFile, thrust=MeasuredMotor)
 
 
-class Payload(section(parts.Payload)):
+class Payload(section(settings.Payload)):
     """What is left when every stage is gone, and in what the whole vehicle is not symmetric."""
 
     aerodynamics: Aerodynamics | None = Field(
@@ -232,8 +232,10 @@ class Stage(Block):
     """A stage with a solid motor."""
 
     ignition: Time("0 s", "when its motor is lit")
-    separation: section(parts.Separation) | None = Field(default=None, description="none: it stays attached")
-    dry: section(parts.RigidPart)
+    separation: section(settings.Separation) | None = Field(
+        default=None, description="none: it stays attached"
+    )
+    dry: section(settings.RigidPart)
     propellant: Propellant
     motor: Motor
     aerodynamics: Aerodynamics = Field(description="of the vehicle while this is the lowest stage attached")

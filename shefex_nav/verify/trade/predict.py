@@ -22,7 +22,7 @@ from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model, over_bound
 from shefex_nav.verify.trade import pointing, stars
 from shefex_nav.verify.trade.growth import Growth
-from shefex_nav.world.columns import truth_of
+from shefex_nav.world.flight.record import truth_of
 
 GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END, STARS, POINTING = "entry", "end", "stars", "pointing"
