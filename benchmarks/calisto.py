@@ -13,7 +13,7 @@ from rocketpy.mathutils.vector_matrix import Matrix
 
 from shefex_nav.environment import gravity
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.world.flight import params, parts, settings
+from shefex_nav.world.flight import params, settings
 
 LATITUDE, LONGITUDE, ELEVATION = 32.990254, -106.974998, 1400.0  # deg, deg, m: Spaceport America
 RAIL_LENGTH, INCLINATION, HEADING = 5.2, 85.0, 0.0  # m, deg, deg
@@ -137,7 +137,7 @@ def flight_params(calisto, *, wind=True, field="j2", damping_at_s=np.inf):
         ),
         C_bc=np.eye(3),
         imu_b=np.array([-station(calisto.center_of_dry_mass_position), 0.0, 0.0]),
-        payload=parts.Payload(
+        payload=settings.Payload(
             mass=calisto.mass,
             station=station(calisto.center_of_mass_without_motor),
             inertia_roll=calisto.I_33_without_motor,
@@ -177,7 +177,7 @@ def _stage(calisto, damping_at_s):
         inertia_roll=np.array([motor.propellant_I_33(t) for t in burn]),
         inertia_pitch=np.array([motor.propellant_I_11(t) for t in burn]),
     )
-    dry = parts.RigidPart(
+    dry = settings.RigidPart(
         mass=motor.dry_mass,
         station=station(calisto.motor_center_of_dry_mass_position),
         inertia_roll=motor.dry_I_33,
@@ -192,7 +192,7 @@ def _stage(calisto, damping_at_s):
             t_s=t_s,
             vacuum_thrust_n=thrust,
             exhaust_speed=impulse / left[-1],
-            nozzle=parts.Nozzle(
+            nozzle=settings.Nozzle(
                 exit_area=0.0,  # RocketPy's thrust does not depend on the pressure of the air
                 exit_station=station(calisto.nozzle_position),
                 misalignment=(0.0, 0.0),

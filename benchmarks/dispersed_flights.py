@@ -132,14 +132,14 @@ def _loaded(path, overrides):
 
 def _fly_one(nominal, earth, sigmas, seed, k):
     """Result of flight k; -1 is the nominal one."""
-    from shefex_nav.world.flight import fly, refused
+    from shefex_nav.world.flight import fly, timeline
 
     streams = np.random.SeedSequence(seed, spawn_key=(max(k, 0),)).spawn(2)
     vehicle_rng, reference_rng = (np.random.default_rng(stream) for stream in streams)
     params = nominal if k < 0 else dispersed(nominal, sigmas, vehicle_rng)
     try:
         flight = fly.fly(params, earth, None if k < 0 else reference_rng)
-    except (refused.FlightError, ValueError) as error:
+    except (timeline.FlightError, ValueError) as error:
         return {"flight": k, "failure": str(error)}
     return {"flight": k, "failure": _shortcoming(nominal, flight), **_figures(nominal, flight, earth)}
 

@@ -22,7 +22,8 @@ from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.papers.stills import StillCamera, electrons, still
 from shefex_nav.records import CameraCommand, Trajectory
-from shefex_nav.scenario import load, params
+from shefex_nav.scenario import load
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.settings import changed
 from shefex_nav.world import camera
 from shefex_nav.world.camera.detector import Electronics
@@ -41,7 +42,7 @@ def mission_camera(line_s):
     catalogue = stars.at_epoch(stars.load_catalogue(8.0), ephemeris.julian_year(epoch))
     earth = ephemeris.earth_rotation(epoch, scenario.earth.ut1_minus_utc, 0.0, 0.0)
     chosen = changed(
-        params.star_camera(scenario),
+        settings(scenario.star_camera),
         {"detector.shutter": "rolling" if line_s else "global", "detector.line_time": line_s},
     )
     return camera.init(chosen, catalogue, ephemeris.sky_bodies(epoch), earth, np.random.default_rng(1))

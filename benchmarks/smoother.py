@@ -73,7 +73,7 @@ def driven(folder, k, recorded):
 
 def measure(recording):
     """One run: parts with mean squares by axis, and NEES in their middle; seconds."""
-    from shefex_nav.replay import smooth, smoothed_table
+    from shefex_nav.replay import smooth, smoothed
 
     began = time.process_time()
     result = smooth.run(recording)
@@ -82,9 +82,9 @@ def measure(recording):
     began = time.process_time()
     smooth.forward(alike)
     filter_s = time.process_time() - began
-    found = {part.name: {} for part in smoothed_table.parts(result.filtered) if part.to_s > part.from_s}
+    found = {part.name: {} for part in smoothed.parts(result.filtered) if part.to_s > part.from_s}
     for which, data in zip(("filtered", "smoothed"), result, strict=True):
-        for part in smoothed_table.parts(result.filtered):
+        for part in smoothed.parts(result.filtered):
             if part.name in found:
                 found[part.name][which] = _in(part, data)
     return {

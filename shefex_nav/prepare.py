@@ -119,7 +119,7 @@ def measure(scenario, seed, flight, *, brief=False, biases=None, sky=None, room=
     unit, shaken = _unit(scenario), absent.VIBRATION not in scenario.without
     sensed = imu.sense(unit, flight.trajectory, noise.generator(seed, "imu"), biases, shaken)
     room.release()
-    receiver, start_s = params.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
+    receiver, start_s = settings(scenario.gps), yuma.gps_seconds(scenario.mission.epoch)
     seen = gps_sky(scenario, flight) if sky is None else sky
     room.release()
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
@@ -133,7 +133,7 @@ def unmeasured(scenario, seed, flight):
     catalogue = stars.load_catalogue(8.0)
     at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(scenario.mission.epoch))
     rng = noise.generator(seed, "camera_errors")
-    of_camera = absent.of_camera(params.star_camera(scenario), scenario.without)
+    of_camera = absent.of_camera(settings(scenario.star_camera), scenario.without)
     true_camera = camera.init(of_camera, at_epoch, bodies, earth, rng)
     rng, unknown = noise.generator(seed, "pad"), settings(scenario.pad_alignment)
     return World(
@@ -158,7 +158,7 @@ def with_faults(scenario, healthy, *, keeps=False):
     keeps : whether the Healthy is to be used again; else its arrays are used up
     -> World
     """
-    world, sensed, receiver = healthy.world, healthy.sensed, params.receiver(healthy.scenario)
+    world, sensed, receiver = healthy.world, healthy.sensed, settings(healthy.scenario.gps)
     flight, wrong, of_instruments = world.flight, settings(scenario.faults), aboard.wrong(scenario)
     if keeps:
         sensed = sensed._replace(dtheta_b=sensed.dtheta_b.copy(), dv_b=sensed.dv_b.copy())
@@ -185,7 +185,7 @@ def _unit(scenario):
 
 def gps_sky(scenario, flight, with_ranges=True):
     """gps.Sky of a flight: `measure` of all runs of it needs no other. with_ranges : as of `gps.sky`"""
-    receiver, satellites = params.receiver(scenario), constellation(scenario)
+    receiver, satellites = settings(scenario.gps), constellation(scenario)
     return gps.sky(receiver, flight.trajectory, earth_rotation(scenario), satellites, with_ranges)
 
 

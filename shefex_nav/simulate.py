@@ -35,7 +35,7 @@ from shefex_nav.scenario import software
 from shefex_nav.software import flown
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
-from shefex_nav.world.columns import control_samples, truth_of
+from shefex_nav.world.flight.record import control_samples, truth_of
 
 
 def run(scenario, seed):

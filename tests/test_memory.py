@@ -5,14 +5,14 @@ import sys
 
 import pytest
 
-from shefex_nav.commands import memory
+from shefex_nav.commands import shell
 
 resource = pytest.importorskip("resource")
 
 
 @pytest.mark.parametrize("words", [("check", "night_sky"), ("campaign", "night_sky"), ("schema",)])
 def test_too_little_memory_is_told(tmp_path, words):
-    most = memory.LEAST // 2
+    most = shell.LEAST // 2
     done = subprocess.run(
         [sys.executable, "-m", "shefex_nav", *words],
         capture_output=True, text=True, timeout=100, cwd=tmp_path,
@@ -26,6 +26,6 @@ def test_memory_that_is_not_there_is_told(monkeypatch, command):
     def full():
         raise MemoryError("Unable to allocate 74 GiB")
 
-    monkeypatch.setattr(memory, "check", full)
+    monkeypatch.setattr(shell, "check", full)
     done = command("schema")
     assert done.code == 2 and done.err == "there is not enough memory: Unable to allocate 74 GiB\n"

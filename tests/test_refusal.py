@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from shefex_nav.commands import printing, terminal
+from shefex_nav.commands import printing
 from shefex_nav.commands.app import main
 from shefex_nav.commands.output_files import OF_CAMPAIGNS
 
@@ -218,7 +218,7 @@ def test_what_a_terminal_would_obey_is_written_out(tmp_path, monkeypatch, capsys
     with pytest.raises(SystemExit):
         main()
     assert r"earth.pole\x1b]0;T\x07\u202e: unknown key" in capsys.readouterr().err
-    assert terminal.visible("a\tb\nc é \x9b31m[b]\r") == "a\tb\nc é \\x9b31m[b]\\r"
+    assert printing.visible("a\tb\nc é \x9b31m[b]\r") == "a\tb\nc é \\x9b31m[b]\\r"
     printing.stdout(60).print(Table("[b]\x1b[31mhead", title="\x1b]2;t\x07"))
     printed = capsys.readouterr().out
     assert r"[b]\x1b[31m" in printed and r"\x1b]2;t" in printed and "\x1b" not in printed

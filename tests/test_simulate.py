@@ -8,7 +8,7 @@ import pytest
 from shefex_nav import simulate
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.records import ControlSample, Trajectory, row, rows
-from shefex_nav.world import columns
+from shefex_nav.world.flight import record
 
 
 def history(t_s):
@@ -25,7 +25,7 @@ def test_attitude_control_is_logged_ten_times_a_second():
     """Fifty controller steps a second, with a pause: the last one of each tenth of a second."""
     t_s = np.concatenate([65.0 + 0.02 * np.arange(51), 70.003 + 0.02 * np.arange(26)])
     start = SimpleNamespace(t_s=np.array([-10.0]))
-    samples = columns.control_samples(history(t_s), start)
+    samples = record.control_samples(history(t_s), start)
     np.testing.assert_allclose(samples.t_s[:11], 65.0 + 0.1 * np.arange(11))
     np.testing.assert_allclose(samples.t_s[11:], [70.083, 70.183, 70.283, 70.383, 70.483, 70.503])
     for sample in (row(samples, k) for k in range(len(samples.t_s))):
@@ -50,8 +50,8 @@ def test_records_that_are_made_many_at_once_are_those_made_one_by_one():
 
 
 def test_without_attitude_control_nothing_is_logged():
-    assert columns.control_samples(None, None) is None
-    assert columns.control_samples(history([]), None) is None
+    assert record.control_samples(None, None) is None
+    assert record.control_samples(history([]), None) is None
 
 
 def test_the_warming_picture_looks_up_and_away_from_the_sun():

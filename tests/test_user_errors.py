@@ -47,7 +47,7 @@ def test_every_exception_is_for_people_or_internal(exceptions):
     assert exceptions.keys() - for_people == INTERNAL
     assert {
         "scenario.layers.ScenarioError",
-        "world.flight.refused.FlightError",
+        "world.flight.timeline.FlightError",
         "log.topics.LogError",
     } < for_people
 

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from shefex_nav.commands import variables
+from shefex_nav.commands import shell
 
 WRONG = {
     "SOURCE_DATE_EPOCH=abc": "a whole number of seconds since 1970",
@@ -40,14 +40,14 @@ def test_what_they_can_read_is_no_mistake(setting):
     "value", ["", " 1", "1_0", "-1", "1.5", "\u0661", "253402300800", "9" * 5000], ids=range(8)
 )
 def test_seconds_that_are_none(value):
-    with pytest.raises(variables.VariableError, match="SOURCE_DATE_EPOCH"):
-        variables.check({"SOURCE_DATE_EPOCH": value})
+    with pytest.raises(shell.VariableError, match="SOURCE_DATE_EPOCH"):
+        shell.check({"SOURCE_DATE_EPOCH": value})
 
 
 def test_no_library_is_loaded_for_what_the_program_sets_itself():
     code = (
-        "import os, sys; from shefex_nav.commands import variables; "
-        "os.environ.update(MPLBACKEND='Agg', SOURCE_DATE_EPOCH='1'); variables.check(); "
+        "import os, sys; from shefex_nav.commands import shell; "
+        "os.environ.update(MPLBACKEND='Agg', SOURCE_DATE_EPOCH='1'); shell.check(); "
         "assert not {'numba', 'matplotlib'} & set(sys.modules)"
     )
     plain = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
@@ -56,5 +56,5 @@ def test_no_library_is_loaded_for_what_the_program_sets_itself():
 
 def test_threads():
     for value in ("0", "x"):
-        with pytest.raises(variables.VariableError, match="NUMBA_NUM_THREADS"):
-            variables.check({"NUMBA_NUM_THREADS": value})
+        with pytest.raises(shell.VariableError, match="NUMBA_NUM_THREADS"):
+            shell.check({"NUMBA_NUM_THREADS": value})

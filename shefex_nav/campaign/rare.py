@@ -21,7 +21,7 @@ from shefex_nav.campaign.rare_events import QUANTITIES, Event, RareError, landin
 from shefex_nav.scenario import dispersions, load
 from shefex_nav.scenario.laws import TableLaw
 from shefex_nav.workers import Pool, cores, undisturbed
-from shefex_nav.world.flight.refused import FlightError
+from shefex_nav.world.flight.timeline import FlightError
 
 FAILED, LEFT_OUT = float("inf"), float("-inf")  # value of a flight that fails
 RUN = 0  # number of a flight that is none of a campaign; no law but a table's, which is refused, asks for it

@@ -10,11 +10,10 @@ Commands import late what they need: the command line starts without it.
 import os
 import sys
 import threading
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands import memory, variables
+from shefex_nav.commands import shell
 from shefex_nav.commands.budget import budget
 from shefex_nav.commands.calibrate import calibrate
 from shefex_nav.commands.campaign import campaign
@@ -25,6 +24,8 @@ from shefex_nav.commands.export import export
 from shefex_nav.commands.impact import impact
 from shefex_nav.commands.instruments import instruments
 from shefex_nav.commands.new import new
+from shefex_nav.commands.options import option
+from shefex_nav.commands.printing import Closed, forgiving, tell
 from shefex_nav.commands.rare import rare
 from shefex_nav.commands.refusal import PROGRAM, TRUST_HELP, PlainGroup
 from shefex_nav.commands.repeat import repeat
@@ -37,7 +38,6 @@ from shefex_nav.commands.schema import schema
 from shefex_nav.commands.show import show
 from shefex_nav.commands.smooth import smooth
 from shefex_nav.commands.solve import solve
-from shefex_nav.commands.terminal import Closed, forgiving, tell
 from shefex_nav.commands.trade import trade
 from shefex_nav.commands.vehicle import vehicle
 from shefex_nav.commands.verify import app as verify_app
@@ -46,6 +46,11 @@ from shefex_nav.commands.warmup import warmup
 from shefex_nav.commands.winds import winds
 from shefex_nav.ending import end_quickly, search_seldom, without_folders_of_astropy
 
+COMMANDS = (  # in the order of the help
+    solve, calibrate, characterise, replay, smooth, campaign, trade, compare, budget, repeat, export,
+    scenarios, instruments, new, warmup, run, report, view, show, check, vehicle, impact, winds, rare, schema,
+)  # fmt: skip
+PLAIN = scenarios, instruments, new, schema  # which run no code of a scenario
 app = typer.Typer(
     name="shefex-nav",
     cls=PlainGroup,
@@ -56,31 +61,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command(cls=ListingCommand)(reproduce)
-app.command(epilog=TRUST_HELP)(solve)
-app.command(epilog=TRUST_HELP)(calibrate)
-app.command(epilog=TRUST_HELP)(characterise)
-app.command(epilog=TRUST_HELP)(replay)
-app.command(epilog=TRUST_HELP)(smooth)
-app.command(epilog=TRUST_HELP)(campaign)
-app.command(epilog=TRUST_HELP)(trade)
-app.command(epilog=TRUST_HELP)(compare)
-app.command(epilog=TRUST_HELP)(budget)
-app.command(epilog=TRUST_HELP)(repeat)
-app.command(epilog=TRUST_HELP)(export)
-app.command()(scenarios)
-app.command()(instruments)
-app.command()(new)
-app.command(epilog=TRUST_HELP)(warmup)
-app.command(epilog=TRUST_HELP)(run)
-app.command(epilog=TRUST_HELP)(report)
-app.command(epilog=TRUST_HELP)(view)
-app.command(epilog=TRUST_HELP)(show)
-app.command(epilog=TRUST_HELP)(check)
-app.command(epilog=TRUST_HELP)(vehicle)
-app.command(epilog=TRUST_HELP)(impact)
-app.command(epilog=TRUST_HELP)(winds)
-app.command(epilog=TRUST_HELP)(rare)
-app.command()(schema)
+for one in COMMANDS:
+    app.command(epilog=None if one in PLAIN else TRUST_HELP)(one)
 app.add_typer(verify_app, name="verify")
 
 
@@ -95,12 +77,12 @@ def _version(wanted):
 
 @app.callback()
 def options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")
-    ] = False,
+    version: option(
+        bool, "Print the version and end.", "--version", callback=_version, is_eager=True
+    ) = False,
 ):
-    variables.check()  # typer calls this before a command
-    memory.check()
+    shell.check()  # typer calls this before a command
+    shell.check_memory()
 
 
 def main():

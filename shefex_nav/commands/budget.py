@@ -4,45 +4,35 @@ Exit codes: 0 done, 1 runs failed or were lost, 2 bad input, 130 interrupted; th
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.campaign import MOST_RUNS
-from shefex_nav.commands.options import Json, Overrides, RootSeed, Scenario, Workers
+from shefex_nav.commands.options import Json, Overrides, RootSeed, Scenario, Workers, bad, option
 from shefex_nav.commands.printing import print_json, say, stdout
 
 RUNS = 20
-Software = Annotated[
+Software = option(
     str | None,
-    typer.Option(
-        metavar="FILE.py:CLASS",
-        help="Navigation software in the place of the scenario's: also package.module:Class, "
-        "'command:./my_fsw', or built-in.",
-    ),
-]
-Sources = Annotated[
+    "Navigation software in the place of the scenario's: also package.module:Class, "
+    "'command:./my_fsw', or built-in.",
+    metavar="FILE.py:CLASS",
+)
+Sources = option(
     list[str] | None,
-    typer.Option(
-        metavar="NAME",
-        help="An error to look at, e.g. gyro_bias (several times); another word is answered with all.",
-    ),
-]
+    "An error to look at, e.g. gyro_bias (several times); another word is answered with all.",
+    metavar="NAME",
+)
 
 
 def budget(
     scenario: Scenario,
     software: Software = None,
     source: Sources = None,
-    runs: Annotated[
-        int, typer.Option(min=1, max=MOST_RUNS, help="Flights with and without each error.")
-    ] = RUNS,
+    runs: option(int, "Flights with and without each error.", min=1, max=MOST_RUNS) = RUNS,
     seed: RootSeed = 1,
     workers: Workers = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder of what is flown; default logs/budgets/<scenario>-seed<seed>."),
-    ] = None,
+    out: option(Path | None, "Folder of what is flown; default logs/budgets/<scenario>-seed<seed>.") = None,
     overrides: Overrides = None,
     json: Json = False,
 ):
@@ -76,8 +66,8 @@ def _check_software(text):
     from shefex_nav.campaign.compare import given
 
     if text is not None and given.read(text).kind != given.SOFTWARE:
-        raise typer.BadParameter(
+        raise bad(
+            "--software",
             f"{text}: is no software; expected FILE.py:CLASS, package.module:Class, 'command:./my_fsw' or "
             "built-in",
-            param_hint="--software",
         )

@@ -7,56 +7,45 @@ or bad input.
 from math import atan, degrees
 from os.path import realpath
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json
+from shefex_nav.commands.options import Json, argument, bad, option
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 from shefex_nav.commands.solve import field_of_view, julian_year
 
-Camera = Annotated[
+Camera = option(
     str | None,
-    typer.Option(
-        metavar="FILE",
-        help="Camera file or scenario: what the pictures do not tell (pixel size, black level, gain of the "
-        "amplifier), and a focal length right to 20 %.",
-    ),
-]
+    "Camera file or scenario: what the pictures do not tell (pixel size, black level, gain of the "
+    "amplifier), and a focal length right to 20 %.",
+    metavar="FILE",
+)
 
-Fov = Annotated[
+Fov = option(
     str | None,
-    typer.Option(
-        help="Horizontal field of view of the pixels as stored, right to 20 %, e.g. '11.4 deg' (a number "
-        "alone is degrees); 2 to 70 deg, not told 5 to 70."
-    ),
-]
-Epoch = Annotated[
+    "Horizontal field of view of the pixels as stored, right to 20 %, e.g. '11.4 deg' (a number "
+    "alone is degrees); 2 to 70 deg, not told 5 to 70.",
+)
+Epoch = option(
     str | None,
-    typer.Option(
-        help="Date of all pictures, 2012-06-22, or Julian year, 2012.47; default the date of each picture, "
-        "else that of the file of --camera; pictures without a date are refused."
-    ),
-]
+    "Date of all pictures, 2012-06-22, or Julian year, 2012.47; default the date of each picture, "
+    "else that of the file of --camera; pictures without a date are refused.",
+)
 
 
 def calibrate(
-    images: Annotated[
+    images: argument(
         list[Path],
-        typer.Argument(
-            metavar="IMAGE...",
-            help="Pictures of one camera, as its detector gives them: PNG, TIFF, FITS, JPEG; "
-            "with --camera .raw and .bin.",
-        ),
-    ],
+        "Pictures of one camera, as its detector gives them: PNG, TIFF, FITS, JPEG; "
+        "with --camera .raw and .bin.",
+        metavar="IMAGE...",
+    ),
     camera: Camera = None,
     fov: Fov = None,
     epoch: Epoch = None,
-    output: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the camera file; needs --camera.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --output.")] = False,
+    output: option(Path | None, "Write the camera file; needs --camera.", metavar="FILE") = None,
+    force: option(bool, "Overwrite the file given with --output.", "--force") = False,
     json: Json = False,
 ):
     """Calibrate a star camera: focal length, principal point, distortion, width of the spots, noise, hot
@@ -101,23 +90,23 @@ def _day(epoch):
     year = julian_year(epoch)
     if not says_day(year):
         words = f"{epoch} {NO_DAY}; expected a date such as 2012-06-22, or 2012.473"
-        raise typer.BadParameter(words, param_hint="--epoch")
+        raise bad("--epoch", words)
     return year
 
 
 def _check(images, camera, fov, output):
     """Refuse options that do not go together."""
     if camera is not None and fov is not None:
-        raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
+        raise bad("--fov", "not together with --camera, which says it")
     firsts = {}
     for one in images:
         first = firsts.setdefault(realpath(one), one)
         if first is not one:
             again = "" if first == one else f", as {first} and as {one}"
-            raise typer.BadParameter(f"{first} is given twice{again}", param_hint="IMAGE...")
+            raise bad("IMAGE...", f"{first} is given twice{again}")
     if output is not None and camera is None:
         words = "needs --camera: pixel size, black level and amplifier are not in pictures"
-        raise typer.BadParameter(words, param_hint="--output")
+        raise bad("--output", words)
 
 
 def _check_output(output, force, images, base):
@@ -141,7 +130,7 @@ def _given(camera, fov_deg, year):
     low, high = NARROWEST_DEG, FOV_DEG[1]
     if not low <= fov_deg <= high:
         words = f"{camera}: the field of view is {fov_deg:.3g} deg wide; expected {low:g} to {high:g} deg"
-        raise typer.BadParameter(words, param_hint="--camera")
+        raise bad("--camera", words)
     return base, calibrated.told(base, fov_deg, year)
 
 

@@ -6,44 +6,35 @@ command flies it), 2 bad input or no workers, 130 interrupted; the same command 
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import show_campaign, warn
-from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers
+from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers, bad, option
 from shefex_nav.commands.output_files import check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 OUT = Path("logs/campaigns")
 MOST_LOST = 5  # that are named
-Sweep = Annotated[
+Sweep = option(
     list[str] | None,
-    typer.Option(
-        metavar="KEY=A,B,C",
-        help="Fly a campaign for each of the values, with the same draws, and compare them; several times: "
-        "all combinations. imu=stim300,adis16505_1 means instruments.",
-    ),
-]
-Kept = Annotated[
+    "Fly a campaign for each of the values, with the same draws, and compare them; several times: "
+    "all combinations. imu=stim300,adis16505_1 means instruments.",
+    metavar="KEY=A,B,C",
+)
+Kept = option(
     list[str] | None,
-    typer.Option(
-        metavar="worst:K|failed|none",
-        help="Runs that are flown again at the end with a log each (several times: all of these).",
-    ),
-]
-Runs = Annotated[
-    int | None, typer.Option(min=1, max=MOST_RUNS, help="How many runs; with --until-verified at most.")
-]
-UntilVerified = Annotated[
+    "Runs that are flown again at the end with a log each (several times: all of these).",
+    metavar="worst:K|failed|none",
+)
+Runs = option(int | None, "How many runs; with --until-verified at most.", min=1, max=MOST_RUNS)
+UntilVerified = option(
     bool,
-    typer.Option(
-        "--until-verified",
-        help="Fly on until each requirement passes or fails, at requirements.probability and "
-        "requirements.confidence, or --runs are reached.",
-    ),
-]
+    "Fly on until each requirement passes or fails, at requirements.probability and "
+    "requirements.confidence, or --runs are reached.",
+    "--until-verified",
+)
 
 
 def campaign(
@@ -51,21 +42,17 @@ def campaign(
     runs: Runs = None,
     until_verified: UntilVerified = False,
     workers: Workers = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option("--engine", metavar="dask://HOST:PORT", help="Fly on a Dask cluster: its scheduler."),
-    ] = None,
+    cluster: option(
+        str | None, "Fly on a Dask cluster: its scheduler.", "--engine", metavar="dask://HOST:PORT"
+    ) = None,
     seed: RootSeed = 1,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>."),
-    ] = None,
+    out: option(Path | None, "Folder of the results; default logs/campaigns/<scenario>-seed<seed>.") = None,
     keep: Kept = None,
     overrides: Overrides = None,
     sweep: Sweep = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
-    ] = False,
+    dry_run: option(
+        bool, "Print what each run would draw, as CSV or JSON; fly nothing.", "--dry-run"
+    ) = False,
     json: Json = False,
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
@@ -73,7 +60,7 @@ def campaign(
     from shefex_nav.scenario import load, software
 
     if runs is None and (dry_run or not until_verified):
-        raise typer.BadParameter("is missing; see `shefex-nav campaign --help`", param_hint="--runs")
+        raise bad("--runs", "is missing; see `shefex-nav campaign --help`")
     if not dry_run:
         check_writable(out or OUT, "--out")
     if sweep:
@@ -100,12 +87,12 @@ def campaign(
 
 def _check_sweep(cluster, keep, dry_run, until_verified):
     """Refuse what does not go with --sweep."""
-    for option, given in (("--engine", cluster), ("--keep", keep), ("--dry-run", dry_run)):
+    for flag, given in (("--engine", cluster), ("--keep", keep), ("--dry-run", dry_run)):
         if given:
-            raise typer.BadParameter("does not go with --sweep", param_hint=option)
+            raise bad(flag, "does not go with --sweep")
     if until_verified:
         words = "does not go with --sweep, whose combinations are compared run by run; verify the chosen one"
-        raise typer.BadParameter(words, param_hint="--until-verified")
+        raise bad("--until-verified", words)
 
 
 def _sweep(how, given, as_json):
@@ -145,7 +132,7 @@ def _parsed(option, parse, value):
     try:
         return parse(value)
     except BadCampaign as error:
-        raise typer.BadParameter(str(error), param_hint=option) from None
+        raise bad(option, str(error)) from None
 
 
 def _print_draws(sampler, request, as_json):

@@ -7,39 +7,35 @@ counted; with --records nothing that was flown is lost in any case.
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands import options
-from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers
+from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers, bad, option
 from shefex_nav.commands.output_files import check_apart, check_file, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
 
 def characterise(
     scenario: DispersedScenario,
-    runs: Annotated[
-        int, typer.Option(min=6, max=MOST_RUNS, help="Rendered runs to fly; a part of them judges the fit.")
-    ],
-    out: Annotated[Path, typer.Option(help="File of the statistics (JSON), for star_tracker.model.")],
+    runs: option(int, "Rendered runs to fly; a part of them judges the fit.", min=6, max=MOST_RUNS),
+    out: option(Path, "File of the statistics (JSON), for star_tracker.model."),
     seed: RootSeed = 1,
     workers: Workers = None,
-    records: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Keep the rendered runs here; what is there is not flown again."),
-    ] = None,
+    records: option(
+        Path | None, "Keep the rendered runs here; what is there is not flown again.", metavar="DIR"
+    ) = None,
     overrides: options.overrides("Override one value, as of shefex-nav run.") = None,
     force: OverwriteOut = False,
-    json: Annotated[bool, typer.Option("--json", help="Print the file's content on stdout.")] = False,
+    json: option(bool, "Print the file's content on stdout.", "--json") = False,
 ):
     """Fit the statistics of a scenario's star tracker to rendered runs, for frames: statistical."""
     loaded = _loaded(scenario, overrides or ())
     check_apart({"--out": out, "--records": records})
     check_file(out, "--out", force=force, given=[name for name, _ in loaded.files])
     if records is not None and not records.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {records.parent}", param_hint="--records")
+        raise bad("--records", f"there is no folder {records.parent}")
     if records is not None:
         check_writable(records, "--records")
     say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
@@ -66,10 +62,10 @@ def _loaded(path, overrides):
     # without the model that it may name: one of another format or star tracker is what this is to replace
     loaded = load.load(path, (*overrides, "star_tracker.frames=rendered", "star_tracker.model=null"))
     if wrong := list(star_statistics.fitness(loaded)):
-        raise typer.BadParameter(f"{path}: {wrong[0][1]}", param_hint="SCENARIO")
+        raise bad("SCENARIO", f"{path}: {wrong[0][1]}")
     refuse_own(loaded, "characterise", "star_tracker")
     if not loaded.star_tracker.enabled:
-        raise typer.BadParameter(f"{path}: star_tracker.enabled is false", param_hint="SCENARIO")
+        raise bad("SCENARIO", f"{path}: star_tracker.enabled is false")
     return loaded
 
 
@@ -82,10 +78,10 @@ def _characterised(loaded, runs, seed, workers, folder):
     try:
         return running.characterise(loaded, runs, seed, workers=workers, folder=folder, done=say)
     except RecordsError as error:
-        raise typer.BadParameter(str(error), param_hint="--records") from None
+        raise bad("--records", str(error)) from None
     except EngineError as error:
         words = f"{error}; if memory is short, try fewer"
-        raise typer.BadParameter(words, param_hint="--workers") from None
+        raise bad("--workers", words) from None
 
 
 def _write(out, content):
@@ -97,7 +93,7 @@ def _write(out, content):
         files.put(out, model.text(content))
         files.settle(out.parent)
     except OSError as error:
-        raise typer.BadParameter(f"{out}: {error.strerror or error}", param_hint="--out") from None
+        raise bad("--out", f"{out}: {error.strerror or error}") from None
 
 
 def _show(result):

@@ -2,12 +2,10 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, NamedTuple
-
-import typer
+from typing import NamedTuple
 
 from shefex_nav.commands.flights import about, warn
-from shefex_nav.commands.options import Json, Overrides, Scenario
+from shefex_nav.commands.options import Json, Overrides, Scenario, option
 from shefex_nav.commands.printing import print_json, say, say_result, stdout
 from shefex_nav.errors import UserError
 
@@ -32,10 +30,9 @@ class Checked(NamedTuple):
 def check(
     scenario: Scenario,
     overrides: Overrides = None,
-    against: Annotated[
-        Path | None,
-        typer.Option(help="List each value that differs from a campaign's folder, a log or a scenario."),
-    ] = None,
+    against: option(
+        Path | None, "List each value that differs from a campaign's folder, a log or a scenario."
+    ) = None,
     json: Json = False,
 ):
     """Check a scenario file; all its errors at once, with line and column.

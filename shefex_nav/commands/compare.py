@@ -7,12 +7,11 @@ or nothing that can be paired, 130 interrupted; the same command goes on.
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.campaign import MOST_RUNS
-from shefex_nav.commands.options import Json, Overrides, RootSeed, Workers
+from shefex_nav.commands.options import Json, Overrides, RootSeed, Workers, argument, bad, option
 from shefex_nav.commands.output_files import check_apart, check_file, check_writable
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -21,27 +20,20 @@ GOES_ON = "what is flown is kept, the same command goes on from there"
 
 
 def compare(
-    given: Annotated[
+    given: argument(
         list[str],
-        typer.Argument(
-            metavar="A B...",
-            help="Each a log (.mcap), the folder of a campaign, software (built-in, my_filter.py:MyFilter, "
-            "package.module:Class, 'command:./my_fsw --flag'), a scenario (.yaml), which is flown, or what "
-            "another filter says of the first log (.csv, or run.mcap:name in it).",
-        ),
-    ],
-    scenario: Annotated[
-        str | None, typer.Option(help="Scenario in which software flies: a YAML file, or a shipped one.")
-    ] = None,
-    runs: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="How many runs of each are flown.")] = RUNS,
+        "Each a log (.mcap), the folder of a campaign, software (built-in, my_filter.py:MyFilter, "
+        "package.module:Class, 'command:./my_fsw --flag'), a scenario (.yaml), which is flown, or what "
+        "another filter says of the first log (.csv, or run.mcap:name in it).",
+        metavar="A B...",
+    ),
+    scenario: option(str | None, "Scenario in which software flies: a YAML file, or a shipped one.") = None,
+    runs: option(int, "How many runs of each are flown.", min=1, max=MOST_RUNS) = RUNS,
     seed: RootSeed = 1,
     workers: Workers = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder of what is flown; default logs/compare/<scenario>-seed<seed>."),
-    ] = None,
-    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with pictures.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    out: option(Path | None, "Folder of what is flown; default logs/compare/<scenario>-seed<seed>.") = None,
+    html: option(Path | None, "Write a page to hand over, with pictures.") = None,
+    force: option(bool, "Overwrite the file given with --html.", "--force") = False,
     overrides: Overrides = None,
     json: Json = False,
 ):
@@ -53,9 +45,7 @@ def compare(
     _check_outputs(given, out, html, force)
     told = [words.read(text) for text in given]
     if scenario is not None and not any(one.kind == words.SOFTWARE for one in told):
-        raise typer.BadParameter(
-            f"{scenario}: no software is given that would fly in it", param_hint="--scenario"
-        )
+        raise bad("--scenario", f"{scenario}: no software is given that would fly in it")
     how = flying.How(scenario, tuple(overrides or ()), runs, seed, workers, out)
     flights = flying.planned([one for one in told if one.kind in words.FLOWN], how)
     there = _there(told)

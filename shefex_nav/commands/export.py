@@ -6,12 +6,12 @@ lost or cannot be written.
 
 import math
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import typer
 
 from shefex_nav.commands.flights import about, say_if_cut, say_missing_plugins
-from shefex_nav.commands.options import Overrides, mission_time
+from shefex_nav.commands.options import Overrides, argument, bad, mission_time, option
 from shefex_nav.commands.output_files import check_apart, check_file, check_writable
 from shefex_nav.commands.printing import say
 from shefex_nav.log.mcap_file import is_log
@@ -40,40 +40,32 @@ class _Frames(NamedTuple):
     overrides: tuple
 
 
-Source = Annotated[
-    str,
-    typer.Argument(
-        metavar="LOG", help="Log of a run (MCAP), of a killed one too; a scenario will do for --frames."
-    ),
-]
+Source = argument(
+    str, "Log of a run (MCAP), of a killed one too; a scenario will do for --frames.", metavar="LOG"
+)
 
 
 def export(
     source: Source,
-    csv: Annotated[Path | None, typer.Option(help="Folder for tables as CSV, one a topic.")] = None,
-    parquet: Annotated[Path | None, typer.Option(help="Folder for the same tables as Parquet.")] = None,
-    replay: Annotated[
-        Path | None,
-        typer.Option(help="Folder for what IMU, GPS and others measured, as `replay` and loggers have it."),
-    ] = None,
-    kml: Annotated[Path | None, typer.Option(help="File for the ground track and the events as KML.")] = None,
-    geojson: Annotated[Path | None, typer.Option(help="File for the same as GeoJSON.")] = None,
-    frames: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the star camera's frames, whole, with truth.csv and camera.yaml."),
-    ] = None,
-    format: Annotated[str | None, typer.Option(help="Of the frames: png (default) or fits.")] = None,
-    from_: Annotated[
-        str | None,
-        typer.Option("--from", metavar="TIME", help="Frames from this mission time on, e.g. 240s."),
-    ] = None,
-    until: Annotated[str | None, typer.Option(metavar="TIME", help="Frames until this mission time.")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Every so many-th of the frames.")] = 1,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of a scenario that is flown for its frames; default 1.")
-    ] = None,
+    csv: option(Path | None, "Folder for tables as CSV, one a topic.") = None,
+    parquet: option(Path | None, "Folder for the same tables as Parquet.") = None,
+    replay: option(
+        Path | None, "Folder for what IMU, GPS and others measured, as `replay` and loggers have it."
+    ) = None,
+    kml: option(Path | None, "File for the ground track and the events as KML.") = None,
+    geojson: option(Path | None, "File for the same as GeoJSON.") = None,
+    frames: option(
+        Path | None, "Folder for the star camera's frames, whole, with truth.csv and camera.yaml."
+    ) = None,
+    format: option(str | None, "Of the frames: png (default) or fits.") = None,
+    from_: option(
+        str | None, "Frames from this mission time on, e.g. 240s.", "--from", metavar="TIME"
+    ) = None,
+    until: option(str | None, "Frames until this mission time.", metavar="TIME") = None,
+    every: option(int, "Every so many-th of the frames.", min=1) = 1,
+    seed: option(int | None, "Seed of a scenario that is flown for its frames; default 1.", min=0) = None,
     overrides: Overrides = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
+    force: option(bool, "Overwrite files that are there.", "--force") = False,
 ):
     """Write a log as tables (CSV, Parquet), as a ground track (KML, GeoJSON), or its frames as pictures.
 
@@ -147,35 +139,31 @@ def _check_outputs(outputs, source, *, force):
 def _check_folder(path, option, *, force):
     """Refuse a folder that has something in it, or cannot be made."""
     if path.exists() and not path.is_dir():
-        raise typer.BadParameter(f"{path} is a file; give the name of a folder", param_hint=option)
+        raise bad(option, f"{path} is a file; give the name of a folder")
     if not path.exists() and not path.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
+        raise bad(option, f"there is no folder {path.parent}")
     if path.is_dir() and any(path.iterdir()) and not force:
-        raise typer.BadParameter(
-            f"{path} is not empty; choose another folder or add --force", param_hint=option
-        )
+        raise bad(option, f"{path} is not empty; choose another folder or add --force")
     check_writable(path, option)
 
 
 def _check_frames(wanted, *, of_log, alone):
     """Refuse options that do not go together. of_log : the source is a log; alone : nothing else is wanted"""
-    from shefex_nav.frames.picture_files import FORMATS
+    from shefex_nav.frames.export import FORMATS
 
     if wanted.format is not None and wanted.format not in FORMATS:
-        raise typer.BadParameter(
-            f"expected one of {', '.join(FORMATS)}, got {wanted.format!r}", param_hint="--format"
-        )
+        raise bad("--format", f"expected one of {', '.join(FORMATS)}, got {wanted.format!r}")
     given = {"--format": wanted.format, "--from": wanted.from_, "--until": wanted.until}
     given |= {"--seed": wanted.seed}
     given |= {"--every": None if wanted.every == 1 else wanted.every, "--set": wanted.overrides or None}
-    for option, value in given.items():
+    for flag, value in given.items():
         if value is not None and wanted.folder is None:
-            raise typer.BadParameter("goes with --frames DIR", param_hint=option)
-        if value is not None and of_log and option in ("--seed", "--set"):
-            raise typer.BadParameter("a log has its own; give the scenario in its place", param_hint=option)
+            raise bad(flag, "goes with --frames DIR")
+        if value is not None and of_log and flag in ("--seed", "--set"):
+            raise bad(flag, "a log has its own; give the scenario in its place")
     from_s, until_s = _between(wanted)
     if not from_s <= until_s:
-        raise typer.BadParameter(f"{wanted.until} is before --from {wanted.from_}", param_hint="--until")
+        raise bad("--until", f"{wanted.until} is before --from {wanted.from_}")
     if not of_log and not alone:
         raise typer.BadParameter("a scenario is flown for its frames alone; tables need a log: run it first")
 

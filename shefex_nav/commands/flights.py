@@ -16,7 +16,7 @@ def about(scenario, loaded=None):
     loaded : the Scenario; what is odd about its vehicle is told first, as it may be why
     """
     from shefex_nav.onboard.startracker.catalogue import CatalogueError
-    from shefex_nav.world.flight.refused import FlightError
+    from shefex_nav.world.flight.timeline import FlightError
 
     try:
         yield

@@ -6,45 +6,36 @@ Exit codes: 0 done, 1 written, but a run of --runs failed or did not land (the t
 
 import math
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.campaign import MOST_RUNS
 from shefex_nav.commands.flights import about, warn_of_parts
-from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers, number
+from shefex_nav.commands.options import (
+    DispersedScenario,
+    Json,
+    Overrides,
+    RootSeed,
+    Workers,
+    bad,
+    number,
+    option,
+)
 from shefex_nav.commands.output_files import check_folder, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 
-Runs = Annotated[
-    int,
-    typer.Option(min=0, max=MOST_RUNS, help="Flights with the scenario's dispersions; 0: one as it is told."),
-]
-Winds = Annotated[
+Runs = option(int, "Flights with the scenario's dispersions; 0: one as it is told.", min=0, max=MOST_RUNS)
+Winds = option(
     list[Path] | None,
-    typer.Option(
-        metavar="FILE",
-        help="Wind of the day in place of the scenario's: sounding (Wyoming text or CSV) or Open-Meteo JSON. "
-        "Several times: each, and the runs take them in turn.",
-    ),
-]
-Ground = Annotated[
-    str | None,
-    typer.Option(metavar="HEIGHT", help="Of the terrain above the ellipsoid; default: launch.height."),
-]
-Wished = Annotated[
-    str | None,
-    typer.Option(metavar="LAT,LON", help="Wished impact, degrees: find azimuth and elevation for it."),
-]
-WishedOf = Annotated[
-    str | None, typer.Option(metavar="STAGE", help="What is to land there; default: what flies last.")
-]
-Folder = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Folder for figures, KML, GeoJSON and JSON.")
-]
-Overwrite = Annotated[
-    bool, typer.Option("--force", help="Overwrite such files in it, and take away those of another study.")
-]
+    "Wind of the day in place of the scenario's: sounding (Wyoming text or CSV) or Open-Meteo JSON. "
+    "Several times: each, and the runs take them in turn.",
+    metavar="FILE",
+)
+Ground = option(str | None, "Of the terrain above the ellipsoid; default: launch.height.", metavar="HEIGHT")
+Wished = option(str | None, "Wished impact, degrees: find azimuth and elevation for it.", metavar="LAT,LON")
+WishedOf = option(str | None, "What is to land there; default: what flies last.", metavar="STAGE")
+Folder = option(Path | None, "Folder for figures, KML, GeoJSON and JSON.", metavar="DIR")
+Overwrite = option(bool, "Overwrite such files in it, and take away those of another study.", "--force")
 
 
 def impact(
@@ -113,7 +104,7 @@ def _show(found, as_json):
 def check_aim(aim, aim_body):
     """Refuse a body to be aimed without a place."""
     if aim_body is not None and aim is None:
-        raise typer.BadParameter("says what is aimed with --aim", param_hint="--aim-body")
+        raise bad("--aim-body", "says what is aimed with --aim")
 
 
 def height(text):
@@ -127,11 +118,9 @@ def place_of(text, option="--aim"):
     try:
         latitude, longitude = (number(part) for part in text.split(","))
     except ValueError:
-        raise typer.BadParameter(
-            f"{text!r} is no place; expected such as 68.4,20.9", param_hint=option
-        ) from None
+        raise bad(option, f"{text!r} is no place; expected such as 68.4,20.9") from None
     if not (abs(latitude) < 90.0 and abs(longitude) <= 360.0):
-        raise typer.BadParameter(f"{text} is no place on Earth", param_hint=option)
+        raise bad(option, f"{text} is no place on Earth")
     return math.radians(latitude), math.radians(longitude)
 
 
@@ -139,4 +128,4 @@ def _check_winds(files):
     for one in files:
         if one.is_dir() or not one.exists():
             words = f"{one} is a folder; give a file" if one.is_dir() else f"there is no file {one}"
-            raise typer.BadParameter(words, param_hint="--wind")
+            raise bad("--wind", words)

@@ -5,21 +5,18 @@ Exit codes: 0 done, 2 an unknown name, or a file that is no instrument.
 
 import os
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from shefex_nav.commands.options import argument, bad, option
 from shefex_nav.commands.printing import print_json, stdout
 
 ENDING = ".yaml"
 
 
 def instruments(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Explain this one in place of the list, e.g. stim300, or a file of your own."),
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print it as one JSON object on stdout.")] = False,
+    name: argument(
+        str | None, "Explain this one in place of the list, e.g. stim300, or a file of your own."
+    ) = None,
+    json: option(bool, "Print it as one JSON object on stdout.", "--json") = False,
 ):
     """List the instruments that come with the program, with the figures that are compared; or explain one.
 
@@ -38,7 +35,7 @@ def instruments(
         try:
             found = instrument_sheets.sheet(name.removesuffix(ENDING))
         except KeyError:
-            raise typer.BadParameter(_unknown(name), param_hint="NAME") from None
+            raise bad("NAME", _unknown(name)) from None
     if json:
         print_json(found.as_json())
     else:

@@ -6,10 +6,9 @@ Exit codes: 0 done, 2 bad input: an unknown kind, or a file that would be overwr
 import os
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
-import typer
-
+from shefex_nav.commands.options import argument, bad
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import say
 
@@ -79,14 +78,14 @@ KINDS = {
 
 
 def new(
-    kind: Annotated[Kind, typer.Argument(help="What to write.")],
-    file: Annotated[Path, typer.Argument(help="Where; must not exist.")],
+    kind: argument(Kind, "What to write."),
+    file: argument(Path, "Where; must not exist."),
 ):
     """Write software, a sensor or a scenario of your own to start from; it flies as it is."""
     template = KINDS[kind]
     ending = Path(template.file).suffix
     if file.suffix != ending:
-        raise typer.BadParameter(f"{file}: a {kind} is a file that ends in {ending}", param_hint="FILE")
+        raise bad("FILE", f"{file}: a {kind} is a file that ends in {ending}")
     check_place(file, "FILE")
     text = (TEMPLATES / template.file).read_text(encoding="utf-8")
     stem = os.path.join(".", file.with_suffix(""))
@@ -100,7 +99,7 @@ def new(
             with path.open("x", encoding="utf-8") as out:
                 out.write(content)
     except OSError as error:
-        raise typer.BadParameter(f"{error.filename}: {error.strerror}", param_hint="FILE") from None
+        raise bad("FILE", f"{error.filename}: {error.strerror}") from None
     say(f"wrote {', '.join(map(str, written))}; fly it:")
     for line in template.next:
         say(f"  {line.format(file=told, stem=stem)}")

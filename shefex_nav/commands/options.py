@@ -5,30 +5,44 @@ from typing import Annotated
 
 import typer
 
-Scenario = Annotated[
-    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
-]
-DispersedScenario = Annotated[
-    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_dispersed.")
-]
-Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
+
+def option(kind, help, *names, **more):
+    """Type of an option of a command. kind : of its value;  names, more : of typer.Option"""
+    return Annotated[kind, typer.Option(*names, help=help, **more)]
+
+
+def argument(kind, help, **more):
+    """The same of an argument."""
+    return Annotated[kind, typer.Argument(help=help, **more)]
+
+
+def bad(option, words):
+    """The refusal of an option, '--out', or of an argument, 'LOG', in words that begin with its value."""
+    return typer.BadParameter(words, param_hint=option)
+
+
+Scenario = argument(str, "Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
+DispersedScenario = argument(
+    str, "Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_dispersed."
+)
+Log = argument(Path, "Log of a run (MCAP); logs of killed runs are read too.")
 
 
 def seed_of_log(given):
     """A seed of a flight, whose log says it; BadParameter of one that no reader of logs takes."""
     if given is None or given.bit_length() < 64:
         return given  # so that most commands need not load what follows
-    from shefex_nav.log.described import MOST_DIGITS
+    from shefex_nav.log.checked import MOST_DIGITS
 
     if given >= 10**MOST_DIGITS:
         raise typer.BadParameter(f"expected a whole number of {MOST_DIGITS} digits at most")
     return given
 
 
-Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.", callback=seed_of_log)]
-RootSeed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
+Seed = option(int, "Seed of all randomness.", min=0, callback=seed_of_log)
+RootSeed = option(int, "Root of all randomness.", min=0)
 MOST_SEEDS = 100_000  # of a study that keeps all of its flights in memory
-FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]
+FirstSeed = option(int, "Seed of the first; the others follow.", min=0)
 
 
 def _each_once(given):
@@ -44,24 +58,18 @@ def _each_once(given):
 
 def overrides(help):
     """Type of the option --set, with its help."""
-    option = typer.Option("--set", metavar="KEY=VALUE", help=help, callback=_each_once)
-    return Annotated[list[str] | None, option]
+    return option(list[str] | None, help, "--set", metavar="KEY=VALUE", callback=_each_once)
 
 
 Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'.")
 StudyOverrides = overrides("Override one value.")
-Until = Annotated[
-    str | None,
-    typer.Option(
-        metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
-    ),
-]
-Workers = Annotated[
-    int | None, typer.Option(min=1, max=1024, help="Processes on this machine; default one a core.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-OverwriteFigure = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --figure.")]
-OverwriteOut = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")]
+Until = option(
+    str | None, "Look at the mission until this time only, e.g. 60s; its log ends there.", metavar="TIME"
+)
+Workers = option(int | None, "Processes on this machine; default one a core.", min=1, max=1024)
+Json = option(bool, "Print one JSON object on stdout.", "--json")
+OverwriteFigure = option(bool, "Overwrite the file given with --figure.", "--force")
+OverwriteOut = option(bool, "Overwrite the file given with --out.", "--force")
 
 
 def number(text):
@@ -91,4 +99,4 @@ def quantity(text, unit, option, example, *, positive=False):
     try:
         return QuantitySpec(unit, example, positive=positive).read(text)
     except PydanticCustomError as error:
-        raise typer.BadParameter(error.message(), param_hint=option) from None
+        raise bad(option, error.message()) from None

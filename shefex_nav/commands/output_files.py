@@ -9,9 +9,8 @@ import tempfile
 from contextlib import contextmanager
 from itertools import combinations
 
-import typer
-
 from shefex_nav import files
+from shefex_nav.commands.options import bad
 
 OF_CAMPAIGNS = ("campaign.json", "runs.sqlite", "flight.npz", "results.parquet")  # never overwritten
 LOG = ".mcap"
@@ -26,7 +25,7 @@ def not_made_meanwhile(path, option, instead):
     try:
         yield
     except LogExists:
-        raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option) from None
+        raise bad(option, f"{path} exists already; {instead}") from None
 
 
 def is_same(one, other):
@@ -46,13 +45,13 @@ def check_apart(outputs, folders=None):
     there = {option: path for option, path in outputs.items() if path is not None}
     for (first, one), (second, other) in combinations(there.items(), 2):
         if is_same(one, other):
-            raise typer.BadParameter(f"{other} is that of {first} too; give each its own", param_hint=second)
+            raise bad(second, f"{other} is that of {first} too; give each its own")
     for option, endings in (folders or {}).items():
         for other, path in there.items():
             inside = option in there and other != option and is_same(path.parent, there[option])
             if inside and path.suffix.lower() in endings:
                 words = f"{path} is in the folder of {option}, whose files it may overwrite"
-                raise typer.BadParameter(f"{words}; give it another place", param_hint=other)
+                raise bad(other, f"{words}; give it another place")
 
 
 def check_file(path, option, *, force, given=()):
@@ -62,9 +61,9 @@ def check_file(path, option, *, force, given=()):
     """
     if any(is_same(path, one) for one in given):
         what = "the log itself" if path.suffix == ".mcap" else "a file that is read here"
-        raise typer.BadParameter(f"{path} is {what}; {OTHER_NAME}", param_hint=option)
+        raise bad(option, f"{path} is {what}; {OTHER_NAME}")
     if path.is_dir():
-        raise typer.BadParameter(f"{path} is a folder; give the name of a file", param_hint=option)
+        raise bad(option, f"{path} is a folder; give the name of a file")
     check_place(path, option, force=force, instead=OR_FORCE)
 
 
@@ -74,11 +73,11 @@ def check_place(path, option, *, force=False, instead=OTHER_NAME):
     instead : what to do in place of overwriting, in words
     """
     if path.exists() and path.name in OF_CAMPAIGNS:
-        raise typer.BadParameter(f"{path} is a file of a campaign; {OTHER_NAME}", param_hint=option)
+        raise bad(option, f"{path} is a file of a campaign; {OTHER_NAME}")
     if path.exists() and not force:
-        raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option)
+        raise bad(option, f"{path} exists already; {instead}")
     if not path.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
+        raise bad(option, f"there is no folder {path.parent}")
     if path.exists():
         _check_overwritten(path, option)
     _check_length(path, option)
@@ -88,9 +87,9 @@ def check_place(path, option, *, force=False, instead=OTHER_NAME):
 def _check_overwritten(path, option):
     """Refuse to write over what is there but cannot be written, or is no file."""
     if what := files.irregular(os.stat(path)):
-        raise typer.BadParameter(f"{path} is {what}; give the name of a file", param_hint=option)
+        raise bad(option, f"{path} is {what}; give the name of a file")
     if path.suffix == LOG and not os.access(path, os.W_OK):  # others are written beside it first
-        raise typer.BadParameter(f"{path} cannot be written; {OTHER_NAME}", param_hint=option)
+        raise bad(option, f"{path} cannot be written; {OTHER_NAME}")
 
 
 def _check_length(path, option):
@@ -99,7 +98,7 @@ def _check_length(path, option):
         os.stat(path if path.suffix == LOG else files.part(path))
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            raise typer.BadParameter(f"{path} has a name that is too long", param_hint=option) from None
+            raise bad(option, f"{path} has a name that is too long") from None
 
 
 def check_writable(folder, option):
@@ -108,13 +107,13 @@ def check_writable(folder, option):
     while not there.exists():
         there = there.parent
     if not there.is_dir():
-        raise typer.BadParameter(f"{there} is a file; give the name of a folder", param_hint=option)
+        raise bad(option, f"{there} is a file; give the name of a folder")
     try:
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
         words = f"cannot write into the folder {there}: {os.strerror(error.errno)}"
-        raise typer.BadParameter(words, param_hint=option) from None
+        raise bad(option, words) from None
 
 
 def check_picture(path, option, *, force, endings=(".png", ".svg"), given=()):
@@ -123,7 +122,7 @@ def check_picture(path, option, *, force, endings=(".png", ".svg"), given=()):
     given : as of `check_file`
     """
     if path.suffix.lower() not in endings:
-        raise typer.BadParameter(f"{path} has to end in {' or '.join(endings)}", param_hint=option)
+        raise bad(option, f"{path} has to end in {' or '.join(endings)}")
     check_file(path, option, force=force, given=given)
 
 
@@ -132,9 +131,7 @@ def check_pictures(folder, names, option, *, force):
     there = [name for name in names if (folder / f"{name}.png").exists()]
     if there and not force:
         more = f" and {len(there) - 1} more exist" if there[1:] else " exists"
-        raise typer.BadParameter(
-            f"{folder / there[0]}.png{more} already; choose another folder or add --force", param_hint=option
-        )
+        raise bad(option, f"{folder / there[0]}.png{more} already; choose another folder or add --force")
     check_writable(folder, option)
 
 
@@ -151,14 +148,14 @@ def check_folder(folder, names, option, *, force, given=()):
     given : as of `check_file`
     """
     if folder.exists() and not folder.is_dir():
-        raise typer.BadParameter(f"{folder} is no folder", param_hint=option)
+        raise bad(option, f"{folder} is no folder")
     there = [name for name in names if (folder / name).exists()]
     if read := [name for name in there if any(is_same(folder / name, one) for one in given)]:
         words = f"{folder / read[0]} is a file that is read here; choose another folder"
-        raise typer.BadParameter(words, param_hint=option)
+        raise bad(option, words)
     if there and not force:
         words = f"{folder / there[0]} exists already; choose another folder or add --force"
-        raise typer.BadParameter(words, param_hint=option)
+        raise bad(option, words)
     check_writable(folder, option)
 
 
@@ -167,6 +164,4 @@ def make_folder(path, option):
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise typer.BadParameter(
-            f"cannot make the folder {path}: {error.strerror}", param_hint=option
-        ) from None
+        raise bad(option, f"cannot make the folder {path}: {error.strerror}") from None

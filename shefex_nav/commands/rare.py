@@ -4,40 +4,37 @@ Exit codes: 0 done, also if the search ends before the event, 2 bad input, or a 
 """
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands.flights import about, warn_of_parts
 from shefex_nav.commands.impact import Ground, height, place_of
-from shefex_nav.commands.options import DispersedScenario, Json, Overrides, RootSeed, Workers, quantity
+from shefex_nav.commands.options import (
+    DispersedScenario,
+    Json,
+    Overrides,
+    RootSeed,
+    Workers,
+    option,
+    quantity,
+)
 from shefex_nav.commands.output_files import check_folder, make_folder
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 from shefex_nav.progress import lines
 
 WORST = 3  # flights that are told, and written with --output
 FILES = "rare.json", *(f"worst-{k + 1}.yaml" for k in range(WORST))
-Of = Annotated[
+Of = option(
     str,
-    typer.Option(
-        metavar="EVENT",
-        help="Such as 'apogee < 150 km', 'off > 60 km'; quantities: apogee, rail_exit_speed, "
-        "dynamic_pressure, range, off, impact_speed. Alone, apogee means below requirements.apogee.",
-    ),
-]
-Body = Annotated[str | None, typer.Option(metavar="STAGE", help="Whose landing; default: what flies last.")]
-Place = Annotated[
-    str | None, typer.Option(metavar="LAT,LON", help="Where off counts from; default: the nominal impact.")
-]
-Runs = Annotated[int, typer.Option(min=50, max=1_000_000, help="Flights of each level.")]
-Smallest = Annotated[float, typer.Option(min=1e-9, max=0.1, help="Probability at which the search gives up.")]
-WithoutFailed = Annotated[
-    bool, typer.Option("--without-failed", help="Flights that fail count as flights without the event.")
-]
-Folder = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Folder for the result and the scenarios of the worst.")
-]
-Overwrite = Annotated[bool, typer.Option("--force", help="Overwrite such files in it.")]
+    "Such as 'apogee < 150 km', 'off > 60 km'; quantities: apogee, rail_exit_speed, "
+    "dynamic_pressure, range, off, impact_speed. Alone, apogee means below requirements.apogee.",
+    metavar="EVENT",
+)
+Body = option(str | None, "Whose landing; default: what flies last.", metavar="STAGE")
+Place = option(str | None, "Where off counts from; default: the nominal impact.", metavar="LAT,LON")
+Runs = option(int, "Flights of each level.", min=50, max=1_000_000)
+Smallest = option(float, "Probability at which the search gives up.", min=1e-9, max=0.1)
+WithoutFailed = option(bool, "Flights that fail count as flights without the event.", "--without-failed")
+Folder = option(Path | None, "Folder for the result and the scenarios of the worst.", metavar="DIR")
+Overwrite = option(bool, "Overwrite such files in it.", "--force")
 
 
 def rare(

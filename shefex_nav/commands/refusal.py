@@ -16,7 +16,7 @@ import typer
 import typer.core
 
 from shefex_nav import stopping
-from shefex_nav.commands.terminal import tell
+from shefex_nav.commands.printing import tell
 from shefex_nav.errors import UserError
 
 try:  # typer carries its own click, under no public name; until 2026 it used the package

@@ -4,25 +4,23 @@ Exit codes: 0 it came out as it was kept, with --keep: it is kept now; 1 it diff
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.commands.flights import kept as kept_log
-from shefex_nav.commands.options import Json
+from shefex_nav.commands.options import Json, argument, option
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import print_json, say, say_result
 
 
 def repeat(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a campaign.")],
-    run: Annotated[int, typer.Argument(min=0, help="Number of the run.")],
-    log: Annotated[Path | None, typer.Option(help="Write the log of the run (MCAP).")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --log.")] = False,
-    keep: Annotated[
-        bool,
-        typer.Option("--keep", help="Keep it in the place of one that a disk has spoilt, or that failed."),
-    ] = False,
+    folder: argument(Path, "Folder of a campaign.", metavar="DIR"),
+    run: argument(int, "Number of the run.", min=0),
+    log: option(Path | None, "Write the log of the run (MCAP).") = None,
+    force: option(bool, "Overwrite the file given with --log.", "--force") = False,
+    keep: option(
+        bool, "Keep it in the place of one that a disk has spoilt, or that failed.", "--keep"
+    ) = False,
     json: Json = False,
 ):
     """Fly one run of a campaign again, exactly, and compare it with what was kept (exit code 1: differs)."""

@@ -6,28 +6,21 @@ Exit codes: 0 done, 2 bad input: a scenario or data that cannot be replayed (the
 import math
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands import options
 from shefex_nav.commands.flights import followed, kept, object_of_failed
-from shefex_nav.commands.options import Json, Until, mission_time
+from shefex_nav.commands.options import Json, Until, argument, bad, mission_time, option
 from shefex_nav.commands.output_files import OTHER_NAME, check_place, not_made_meanwhile
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.log.mcap_file import is_log
 
 
 def replay(
-    source: Annotated[
-        str, typer.Argument(help="Replay scenario, a file or the name of a shipped one, or a log.")
-    ],
-    data: Annotated[Path | None, typer.Option(help="Folder with the data that the scenario names.")] = None,
-    from_: Annotated[
-        str | None, typer.Option("--from", help="Statistics from this mission time on, e.g. 60s.")
-    ] = None,
+    source: argument(str, "Replay scenario, a file or the name of a shipped one, or a log."),
+    data: option(Path | None, "Folder with the data that the scenario names.") = None,
+    from_: option(str | None, "Statistics from this mission time on, e.g. 60s.", "--from") = None,
     until: Until = None,
-    log: Annotated[Path | None, typer.Option(help="Write a log (.mcap) for report and view.")] = None,
+    log: option(Path | None, "Write a log (.mcap) for report and view.") = None,
     overrides: options.overrides("Override one value, e.g. --set gnss.latency='0.1 s'.") = None,
     json: Json = False,
 ):
@@ -35,7 +28,7 @@ def replay(
     from_s = -math.inf if from_ is None else mission_time(from_, "--from", "60s")
     until_s = math.inf if until is None else mission_time(until, "--until", "240s")
     if data is not None and not data.is_dir():
-        raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
+        raise bad("--data", f"there is no folder {data}")
     if log is not None:
         check_place(log, "--log")
     summarise = _of_log if is_log(Path(source)) else _of_data
@@ -67,7 +60,7 @@ def _of_log(source, folder, overrides, span_s, log):
     """Run the filter again over a log. span_s : from, until. -> the summary"""
     from_s, until_s = span_s
     if folder is not None:
-        raise typer.BadParameter("belongs to a replay scenario; a log holds its data", param_hint="--data")
+        raise bad("--data", "belongs to a replay scenario; a log holds its data")
     from shefex_nav.replay import rerun
 
     recording = rerun.open_log(Path(source), overrides)
@@ -85,4 +78,4 @@ def _under_its_option():
     try:
         yield
     except NothingLeft as error:
-        raise typer.BadParameter(str(error), param_hint=error.option) from None
+        raise bad(error.option, str(error)) from None

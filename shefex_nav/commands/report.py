@@ -1,12 +1,9 @@
 """`shefex-nav report`: the results of a run, or of a campaign, also of one that is not finished."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands.flights import say_if_cut, say_missing_plugins, show_campaign, show_run
-from shefex_nav.commands.options import Json
+from shefex_nav.commands.options import Json, argument, option
 from shefex_nav.commands.output_files import (
     check_apart,
     check_file,
@@ -18,10 +15,10 @@ from shefex_nav.commands.printing import print_json, say
 
 
 def report(
-    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
-    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite what --html and --figures name.")] = False,
-    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
+    log: argument(Path, "Log of a run (MCAP), or folder of a campaign."),
+    html: option(Path | None, "Write a page to hand over, with every figure.") = None,
+    force: option(bool, "Overwrite what --html and --figures name.", "--force") = False,
+    figures: option(Path | None, "Folder for the pictures, each a PNG.") = None,
     json: Json = False,
 ):
     """Print the results of a run from its log, or those of a campaign from its folder."""

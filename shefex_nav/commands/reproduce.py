@@ -4,11 +4,10 @@ Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json, Seed
+from shefex_nav.commands.options import Json, Seed, argument, bad, option
 from shefex_nav.commands.output_files import check_writable, make_folder
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.papers import registry
@@ -30,19 +29,17 @@ class ListingCommand(typer.core.TyperCommand):
 
 
 def reproduce(
-    name: Annotated[str | None, typer.Argument(help="Experiment, all, or report; none lists them.")] = None,
-    samples: Annotated[
-        int | None, typer.Option(help="Sample size; default as in the paper, with 'all' less for long ones.")
-    ] = None,
+    name: argument(str | None, "Experiment, all, or report; none lists them.") = None,
+    samples: option(
+        int | None, "Sample size; default as in the paper, with 'all' less for long ones."
+    ) = None,
     seed: Seed = 1,
-    out: Annotated[Path, typer.Option(help="Folder for figures (PNG), results (JSON) and the page.")] = OUT,
-    keep: Annotated[
+    out: option(Path, "Folder for figures (PNG), results (JSON) and the page.") = OUT,
+    keep: option(
         Path | None,
-        typer.Option(
-            help="Keep results here chunk by chunk; a second run goes on from them, one with more --samples "
-            "too if the first had whole chunks alone (a message says of how many)."
-        ),
-    ] = None,
+        "Keep results here chunk by chunk; a second run goes on from them, one with more --samples "
+        "too if the first had whole chunks alone (a message says of how many).",
+    ) = None,
     json: Json = False,
 ):
     """Run an experiment of the papers again and compare with what was published.
@@ -60,10 +57,10 @@ def reproduce(
     names = list(registry.EXPERIMENTS) if name == "all" else [name]
     if names[0] not in registry.EXPERIMENTS:
         known = ", ".join(["all", REPORT, *registry.EXPERIMENTS])
-        raise typer.BadParameter(f"there is no experiment {name!r}; choose from: {known}", param_hint="NAME")
+        raise bad("NAME", f"there is no experiment {name!r}; choose from: {known}")
     if samples is not None and not 1 <= samples <= MOST_SAMPLES:
         words = f"{samples} is not possible; 1 to {MOST_SAMPLES}"
-        raise typer.BadParameter(words, param_hint="--samples")
+        raise bad("--samples", words)
     _writable(out, "--out")
     if keep is not None:
         _writable(keep, "--keep")
@@ -78,10 +75,10 @@ def reproduce(
 
 def _nothing_runs(name, given):
     """Refuse options {name: value, or None} of an experiment where none is run. name : REPORT, or None"""
-    for option, value in given.items():
+    for flag, value in given.items():
         if value is not None:
             words = f"{REPORT} is the page of what there is" if name else "without NAME they are listed"
-            raise typer.BadParameter(f"goes with an experiment or 'all'; {words}", param_hint=option)
+            raise bad(flag, f"goes with an experiment or 'all'; {words}")
 
 
 def _close(done, out, every, json):
@@ -105,7 +102,7 @@ def _page(out):
     try:
         made = page.page(out)
     except page.FolderError as error:
-        raise typer.BadParameter(str(error), param_hint="--out") from None
+        raise bad("--out", str(error)) from None
     files.put(out / "report.html", made)
     say(f"wrote {out / 'report.html'}")
 
@@ -124,7 +121,7 @@ def _run(name, samples, seed, out, keep, before, show):
     try:
         outcome = _watched(experiment, samples, seed, keep)
     except StoreError as error:
-        raise typer.BadParameter(str(error), param_hint="--keep") from None
+        raise bad("--keep", str(error)) from None
     outcome = links.linked(before | {name: outcome})[name]
     if show:
         stdout(140).print(table.experiment_table(name, experiment, outcome))

@@ -5,13 +5,22 @@ import os
 import subprocess
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav import children
 from shefex_nav.commands.flights import about, kept, object_of_failed, show_run, warn, watched, written
-from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, Until, mission_time
+from shefex_nav.commands.options import (
+    Json,
+    Overrides,
+    OverwriteOut,
+    Scenario,
+    Seed,
+    Until,
+    bad,
+    mission_time,
+    option,
+)
 from shefex_nav.commands.output_files import OR_FORCE, check_file, not_made_meanwhile
 from shefex_nav.commands.printing import say
 from shefex_nav.commands.view import THE_INPUT_SAYS
@@ -20,16 +29,13 @@ from shefex_nav.commands.view import THE_INPUT_SAYS
 def run(
     scenario: Scenario,
     seed: Seed = 1,
-    out: Annotated[Path | None, typer.Option(help="Log; default logs/<scenario>-seed<seed>.mcap.")] = None,
+    out: option(Path | None, "Log; default logs/<scenario>-seed<seed>.mcap.") = None,
     overrides: Overrides = None,
     until: Until = None,
-    pace: Annotated[
-        float | None,
-        typer.Option(help="Mission time over real time, e.g. 1: in real time. Default: as fast as it goes."),
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Open the viewer at once and show the flight while it goes on.")
-    ] = False,
+    pace: option(
+        float | None, "Mission time over real time, e.g. 1: in real time. Default: as fast as it goes."
+    ) = None,
+    live: option(bool, "Open the viewer at once and show the flight while it goes on.", "--live") = False,
     force: OverwriteOut = False,
     json: Json = False,
 ):
@@ -74,7 +80,7 @@ def _check_pace(pace):
 
     if pace is not None and not SLOWEST <= pace < math.inf:
         words = f"{pace:g} is no pace: mission time over real time, from {SLOWEST:g} on; 1 is real time"
-        raise typer.BadParameter(words, param_hint="--pace")
+        raise bad("--pace", words)
 
 
 def _check_until(until, until_s, start_s, earliest_s):
@@ -84,7 +90,7 @@ def _check_until(until, until_s, start_s, earliest_s):
             f"{until} is not after the start of the mission, T{start_s:+g} s: "
             f"from {earliest_s:g} s on there is something to see"
         )
-        raise typer.BadParameter(words, param_hint="--until")
+        raise bad("--until", words)
 
 
 def _viewer():

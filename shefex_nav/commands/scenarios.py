@@ -5,25 +5,20 @@ Exit codes: 0 done, 2 bad input: an unknown name, or a file that would be overwr
 
 import os
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav import files
+from shefex_nav.commands.options import argument, bad, option
 from shefex_nav.commands.printing import print_json, say, stdout
 
 
 def scenarios(
-    name: Annotated[
-        str | None, typer.Argument(help="Print this one in place of the list, e.g. rexus_like, ln_200s.")
-    ] = None,
-    copy: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Copy it, with the files that it needs; overwrites nothing."),
-    ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print the list as one JSON object on stdout.")
-    ] = False,
+    name: argument(str | None, "Print this one in place of the list, e.g. rexus_like, ln_200s.") = None,
+    copy: option(
+        Path | None, "Copy it, with the files that it needs; overwrites nothing.", metavar="FOLDER"
+    ) = None,
+    json: option(bool, "Print the list as one JSON object on stdout.", "--json") = False,
 ):
     """List the scenarios and instruments that come with the program; print or copy one of them.
 
@@ -33,15 +28,15 @@ def scenarios(
     from shefex_nav.scenario import instruments, shipped
 
     if name is None and copy is not None:
-        raise typer.BadParameter("needs the NAME of a scenario to copy", param_hint="--copy")
+        raise bad("--copy", "needs the NAME of a scenario to copy")
     if name is not None and json:
-        raise typer.BadParameter("is for the list of all; leave NAME out", param_hint="--json")
+        raise bad("--json", "is for the list of all; leave NAME out")
     if name is None:
         _show(shipped.folder(), shipped.listed(), instruments.listed(), json)
         return
     known, stem = shipped.files() | instruments.files(), name.removesuffix(shipped.ENDING)
     if stem not in known:
-        raise typer.BadParameter(f"{name}: {_unknown(stem)}", param_hint="NAME")
+        raise bad("NAME", f"{name}: {_unknown(stem)}")
     if copy is None:
         typer.echo(Path(known[stem]).read_text(encoding="utf-8"), nl=False)
     else:
@@ -92,7 +87,7 @@ def _copy(sources, folder):
         for target in content:
             if target.exists() and (not target.is_file() or files.content_of(target) != content[target]):
                 words = f"{target} exists already and is another; choose another folder"
-                raise typer.BadParameter(words, param_hint="--copy")
+                raise bad("--copy", words)
         for target in (one for one in content if not one.exists()):
             target.parent.mkdir(parents=True, exist_ok=True)
             with files.whole(target) as half:
@@ -100,4 +95,4 @@ def _copy(sources, folder):
             say(f"wrote {target}")
     except OSError as error:
         words = f"{error.filename or folder}: cannot be written: {error.strerror}"
-        raise typer.BadParameter(words, param_hint="--copy") from None
+        raise bad("--copy", words) from None

@@ -1,22 +1,19 @@
 """`shefex-nav schema`: JSON Schema of scenario and replay files, messages of logs and of software."""
 
 import json
-from typing import Annotated
 
 import typer
 
+from shefex_nav.commands.options import bad, option
+
 
 def schema(
-    proto: Annotated[
-        bool, typer.Option("--proto", help="Print the messages of logs and of flight software, as .proto.")
-    ] = False,
-    replay: Annotated[
-        bool, typer.Option("--replay", help="Print the JSON Schema of files for `shefex-nav replay`.")
-    ] = False,
+    proto: option(bool, "Print the messages of logs and of flight software, as .proto.", "--proto") = False,
+    replay: option(bool, "Print the JSON Schema of files for `shefex-nav replay`.", "--replay") = False,
 ):
     """Print the JSON Schema of scenario files, for completion in editors."""
     if proto and replay:
-        raise typer.BadParameter("does not go with --replay", param_hint="--proto")
+        raise bad("--proto", "does not go with --replay")
     if proto:
         from shefex_nav.software import messages
 

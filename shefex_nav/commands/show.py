@@ -3,12 +3,11 @@
 import tempfile
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from shefex_nav.commands.flights import about, watched
-from shefex_nav.commands.options import quantity, seed_of_log
+from shefex_nav.commands.options import argument, bad, option, quantity, seed_of_log
 from shefex_nav.commands.printing import say, stdout
 from shefex_nav.log.mcap_file import is_log
 
@@ -16,49 +15,38 @@ FIRST_SEED = 1  # as of `shefex-nav run`
 
 
 def show(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG|SCENARIO", help="Log of a run (MCAP), or a scenario, which is flown first."
-        ),
-    ],
-    display: Annotated[
-        bool, typer.Option("--display", help="Show them: serve the screen to a browser on this machine.")
-    ] = False,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Seed of a scenario that is flown; default 1.", callback=seed_of_log),
-    ] = None,
-    collimator: Annotated[
+    source: argument(
+        str, "Log of a run (MCAP), or a scenario, which is flown first.", metavar="LOG|SCENARIO"
+    ),
+    display: option(bool, "Show them: serve the screen to a browser on this machine.", "--display") = False,
+    seed: option(
+        int | None, "Seed of a scenario that is flown; default 1.", min=0, callback=seed_of_log
+    ) = None,
+    collimator: option(
         str | None,
-        typer.Option(
-            metavar="LENGTH", help="Focal length of the collimator, or distance of the screen, e.g. '500 mm'."
-        ),
-    ] = None,
-    dot_pitch: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help="From one dot of the screen to the next, e.g. '0.1 mm'."),
-    ] = None,
-    gamma: Annotated[
-        float, typer.Option(help="Of the screen: its light goes with the code to this power.")
-    ] = 2.2,
-    white: Annotated[
-        float | None,
-        typer.Option(metavar="DN", help="Grey value shown with all light; default: the largest one."),
-    ] = None,
-    pace: Annotated[float, typer.Option(help="Mission time over real time.")] = 1.0,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: one that is free.")] = 0,
+        "Focal length of the collimator, or distance of the screen, e.g. '500 mm'.",
+        metavar="LENGTH",
+    ) = None,
+    dot_pitch: option(
+        str | None, "From one dot of the screen to the next, e.g. '0.1 mm'.", metavar="LENGTH"
+    ) = None,
+    gamma: option(float, "Of the screen: its light goes with the code to this power.") = 2.2,
+    white: option(
+        float | None, "Grey value shown with all light; default: the largest one.", metavar="DN"
+    ) = None,
+    pace: option(float, "Mission time over real time.") = 1.0,
+    port: option(int, "Of the page; 0: one that is free.", min=0, max=65535) = 0,
 ):
     """Show the star camera's frames on a screen, true to angle, for a camera on a test bench."""
     if (collimator is None) != (dot_pitch is None):
         raise typer.BadParameter("--collimator and --dot-pitch go together: both give the angle of a dot")
-    for option, value in (("--gamma", gamma), ("--white", white), ("--pace", pace)):
+    for flag, value in (("--gamma", gamma), ("--white", white), ("--pace", pace)):
         if value is not None and not 0.0 < value < float("inf"):
-            raise typer.BadParameter(f"{value:g} is not above 0", param_hint=option)
+            raise bad(flag, f"{value:g} is not above 0")
     lengths = None if collimator is None else _lengths(collimator, dot_pitch)
     of_log = is_log(Path(source))
     if of_log and seed is not None:
-        raise typer.BadParameter("a log has its own; give the scenario in its place", param_hint="--seed")
+        raise bad("--seed", "a log has its own; give the scenario in its place")
     with tempfile.TemporaryDirectory() as folder:
         log = Path(source) if of_log else _flown(source, FIRST_SEED if seed is None else seed, Path(folder))
         with _called(log, source):
@@ -118,7 +106,7 @@ def _show(log, lengths, light, pace, port):
     try:
         page = server.server(player, pace, port)
     except OSError as error:
-        raise typer.BadParameter(f"{port} cannot be had: {error.strerror}", param_hint="--port") from None
+        raise bad("--port", f"{port} cannot be had: {error.strerror}") from None
     say(f"open http://{page.server_address[0]}:{page.server_address[1]} on the screen; Ctrl-C ends it")
     with page:
         page.serve_forever()

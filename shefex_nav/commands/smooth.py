@@ -5,13 +5,10 @@ Exit codes: 0 done, 2 a log that cannot be smoothed or bad input.
 
 import time
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands import options
 from shefex_nav.commands.flights import kept
-from shefex_nav.commands.options import Json, Log
+from shefex_nav.commands.options import Json, Log, bad, option
 from shefex_nav.commands.output_files import check_place, is_same
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.progress import bar
@@ -21,9 +18,9 @@ SUFFIX = ".smoothed.mcap"
 
 def smooth(
     log: Log,
-    out: Annotated[Path | None, typer.Option(help="Log to write; default <log>.smoothed.mcap.")] = None,
+    out: option(Path | None, "Log to write; default <log>.smoothed.mcap.") = None,
     overrides: options.overrides("Configure the filter otherwise: navigation.<key>=value.") = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file that is written.")] = False,
+    force: option(bool, "Overwrite the file that is written.", "--force") = False,
     json: Json = False,
 ):
     """Smooth a flight after it is over: every estimate from all its measurements, later ones too."""
@@ -40,7 +37,7 @@ def smooth(
         say(f"{log}: the run ended early, at T{data.reached_s:+.2f} s; it is smoothed up to then")
     from shefex_nav import warmup
     from shefex_nav.replay import smooth as smoother
-    from shefex_nav.replay import smoothed_log, smoothed_table
+    from shefex_nav.replay import smoothed
     from shefex_nav.report import local_level
 
     warmup.get_ready({"command=smooth"})
@@ -48,8 +45,8 @@ def smooth(
     result = _with_bar(lambda progress: smoother.run(recording, progress))
     wall_s = time.perf_counter() - began
     with kept(path, "smoothed"):
-        smoothed_log.write(path, recording, result.smoothed, wall_s, overwrite=force)
-    summary = smoothed_table.summarise(log, path, result, wall_s)
+        smoothed.write(path, recording, result.smoothed, wall_s, overwrite=force)
+    summary = smoothed.summarise(log, path, result, wall_s)
     if json:
         print_json(summary)
     else:
@@ -59,9 +56,7 @@ def smooth(
 def _check(log, path, option, *, force):
     """Refuse an output file that would be lost or cannot be written, before anything is computed."""
     if is_same(path, log):
-        raise typer.BadParameter(
-            f"{path} is the log itself; choose another name with --out", param_hint=option
-        )
+        raise bad(option, f"{path} is the log itself; choose another name with --out")
     check_place(path, option, force=force, instead="choose another name with --out or add --force")
 
 
@@ -84,14 +79,14 @@ def _with_bar(work):
 
 def _show(summary, title):
     """The result as people read it."""
-    from shefex_nav.replay import smoothed_table
+    from shefex_nav.replay import smoothed
 
     console = stdout(100, highlight=False)
     if summary["parts"] is None:
         console.print("There is no truth in the log to compare with.")
     else:
-        console.print(smoothed_table.table(summary, title))
-        if sure := smoothed_table.too_sure(summary["parts"]):
+        console.print(smoothed.table(summary, title))
+        if sure := smoothed.too_sure(summary["parts"]):
             console.print(sure, markup=False, soft_wrap=True)
     factor = f"{summary['wall_s']:.1f} s, {summary['real_time_factor']:.0f} x real time"
     console.print(f"{summary['smoothed']}, smoothed in {factor}", markup=False, soft_wrap=True)

@@ -7,11 +7,10 @@ several the others are solved) or bad input.
 import re
 from math import pi
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json, mission_time, number
+from shefex_nav.commands.options import Json, argument, bad, mission_time, number, option
 from shefex_nav.commands.output_files import (
     check_apart,
     check_picture,
@@ -29,71 +28,57 @@ NEAR_S = 0.1  # a frame that is farther from the time asked for is told
 DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "arcmin": 1.0 / 60.0}
 
 
-Camera = Annotated[
+Camera = option(
     str | None,
-    typer.Option(
-        metavar="FILE",
-        help="Camera file (the export of frames writes one) or scenario: the star tracker that flies solves "
-        "the pictures, with covariance; pixels as stored, whatever EXIF says.",
-    ),
-]
+    "Camera file (the export of frames writes one) or scenario: the star tracker that flies solves "
+    "the pictures, with covariance; pixels as stored, whatever EXIF says.",
+    metavar="FILE",
+)
 
-Fov = Annotated[
+Fov = option(
     str | None,
-    typer.Option(
-        help="Horizontal field of view, right to 20 %, e.g. '11.4 deg' (a number alone is degrees); 2 to 70 "
-        "deg, not told 5 to 70. Of a picture that EXIF turns on its side, of either side."
-    ),
-]
-Mirrored = Annotated[
+    "Horizontal field of view, right to 20 %, e.g. '11.4 deg' (a number alone is degrees); 2 to 70 "
+    "deg, not told 5 to 70. Of a picture that EXIF turns on its side, of either side.",
+)
+Mirrored = option(
     bool,
-    typer.Option(
-        "--mirrored",
-        help="The pictures are mirrored, as through a telescope with a diagonal. The first row of a file is "
-        "the top one, in FITS too: one whose first row is the lowest is mirrored, unless ROWORDER says so.",
-    ),
-]
-Stages = Annotated[
+    "The pictures are mirrored, as through a telescope with a diagonal. The first row of a file is "
+    "the top one, in FITS too: one whose first row is the lowest is mirrored, unless ROWORDER says so.",
+    "--mirrored",
+)
+Stages = option(
     Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Draw every step of one picture into a folder: why is it not solved? "
-        "Of a frame of a log: objects, centroids, names by its star tracker.",
-    ),
-]
-Epoch = Annotated[
+    "Draw every step of one picture into a folder: why is it not solved? "
+    "Of a frame of a log: objects, centroids, names by its star tracker.",
+    metavar="DIR",
+)
+Epoch = option(
     str | None,
-    typer.Option(
-        help="Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the picture, else "
-        "with --camera that of its file, without it today."
-    ),
-]
-FrameTime = Annotated[
+    "Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the picture, else "
+    "with --camera that of its file, without it today.",
+)
+FrameTime = option(
     str | None,
-    typer.Option(
-        metavar="TIME",
-        help="Of a log in the place of pictures: solve its frame nearest to this mission time, e.g. 240s.",
-    ),
-]
+    "Of a log in the place of pictures: solve its frame nearest to this mission time, e.g. 240s.",
+    metavar="TIME",
+)
 
 
 def solve(
-    images: Annotated[
+    images: argument(
         list[Path],
-        typer.Argument(
-            metavar="IMAGE...",
-            help="Pictures of the night sky, turned by their EXIF orientation: PNG, JPEG, TIFF, FITS; with "
-            "--camera .raw and .bin; or a log.",
-        ),
-    ],
+        "Pictures of the night sky, turned by their EXIF orientation: PNG, JPEG, TIFF, FITS; with "
+        "--camera .raw and .bin; or a log.",
+        metavar="IMAGE...",
+    ),
     camera: Camera = None,
     fov: Fov = None,
     epoch: Epoch = None,
     frame: FrameTime = None,
-    overlay: Annotated[Path | None, typer.Option(help="Draw detections and names into a .png file.")] = None,
+    overlay: option(Path | None, "Draw detections and names into a .png file.") = None,
     mirrored: Mirrored = False,
     stages: Stages = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --overlay.")] = False,
+    force: option(bool, "Overwrite the file given with --overlay.", "--force") = False,
     json: Json = False,
 ):
     """Find where pictures of the night sky look, without being told anything, or with a camera told.
@@ -137,8 +122,8 @@ def _each(images, solve_one, json):
 
 def _draw(image, solution, camera, overlay):
     """Draw what was found, over the picture whose pixels the solution has."""
-    from shefex_nav.solve import overlay as drawing
     from shefex_nav.solve import picture
+    from shefex_nav.solve.stages import draw_overlay
 
     if camera is None:
         grey = picture.read(image).grey
@@ -147,7 +132,7 @@ def _draw(image, solution, camera, overlay):
         from shefex_nav.solve.image import as_stored
 
         grey = picture.grey(as_stored(image, camera_file.read(camera))[0])
-    drawing.draw(grey, solution, overlay)
+    draw_overlay(grey, solution, overlay)
     say(f"wrote {overlay}")
 
 
@@ -161,15 +146,15 @@ def _frame_of_log(logs, frame, of_pictures, drawn, json):
     if frame is None:
         raise typer.BadParameter(f"{log} is a log; --frame 240s solves its frame of that time")
     if len(logs) > 1 or not is_log(log):
-        raise typer.BadParameter(f"goes with one log, got {', '.join(map(str, logs))}", param_hint="--frame")
+        raise bad("--frame", f"goes with one log, got {', '.join(map(str, logs))}")
     if any(value is not None for value in of_pictures):
         words = "not together with --camera, --fov or --epoch: the log says them"
-        raise typer.BadParameter(words, param_hint="--frame")
+        raise bad("--frame", words)
     t_s = mission_time(frame, "--frame", "240s")
     from shefex_nav.frames import of_log
-    from shefex_nav.solve import overlay as drawing
     from shefex_nav.solve import table
     from shefex_nav.solve.image import Record
+    from shefex_nav.solve.stages import draw_overlay
 
     record = Record()
     again = of_log.solve(log, t_s, record)
@@ -188,7 +173,7 @@ def _frame_of_log(logs, frame, of_pictures, drawn, json):
 
         _write_stages(grey, record, again.solution, stages, steps.OF_TRACKER)
     if overlay is not None:
-        drawing.draw(grey, again.solution, overlay)
+        draw_overlay(grey, again.solution, overlay)
         say(f"wrote {overlay}")
     return 0 if again.solution.status == "ok" else 1
 
@@ -201,13 +186,13 @@ def _check(images, options, overlay, force):
         _check_stages(stages, len(images), camera)
     if mirrored and (camera is not None or frame is not None):
         words = "not together with --camera or --frame: their pictures are as they are"
-        raise typer.BadParameter(words, param_hint="--mirrored")
+        raise bad("--mirrored", words)
     if fov is not None and camera is not None:
-        raise typer.BadParameter("not together with --camera, which says it", param_hint="--fov")
+        raise bad("--fov", "not together with --camera, which says it")
     if overlay is not None:
         check_picture(overlay, "--overlay", force=force, endings=(".png",), given=images)
         if len(images) > 1:
-            raise typer.BadParameter("is of one picture; give one", param_hint="--overlay")
+            raise bad("--overlay", "is of one picture; give one")
 
 
 def _check_stages(folder, n_images, told):
@@ -215,9 +200,9 @@ def _check_stages(folder, n_images, told):
     from shefex_nav.solve.stages import NAMES
 
     if told is not None:
-        raise typer.BadParameter("not together with --camera", param_hint="--stages")
+        raise bad("--stages", "not together with --camera")
     if n_images > 1:
-        raise typer.BadParameter("is of one picture; give one", param_hint="--stages")
+        raise bad("--stages", "is of one picture; give one")
     make_folder(folder, "--stages")
     check_writable(folder, "--stages")
     for name in (*NAMES, NAMED):
@@ -244,12 +229,12 @@ def _blind(options, stages):
 
 def _write_stages(grey, record, found, folder, steps=None, shown=None):
     """Draw the steps to an ImageSolution. steps : of `stages.draw`;  shown : of the names, if not grey"""
-    from shefex_nav.solve import overlay, stages
+    from shefex_nav.solve import stages
 
     with named(folder):
         written = stages.draw(grey, record, found, folder, steps)
         if found.status == "ok":
-            overlay.draw(grey if shown is None else shown, found, folder / f"{NAMED}.png")
+            stages.draw_overlay(grey if shown is None else shown, found, folder / f"{NAMED}.png")
             written.append(f"{NAMED}.png")
     say(f"wrote {', '.join(written)} to {folder}")
 
@@ -273,10 +258,10 @@ def julian_year(text):
         try:
             return year_of_date(text)
         except ValueError as error:
-            raise typer.BadParameter(str(error), param_hint="--epoch") from None
+            raise bad("--epoch", str(error)) from None
     if not FIRST_YEAR < year < LAST_YEAR:
         words = f"expected a year between {FIRST_YEAR} and {LAST_YEAR}, got {text!r}"
-        raise typer.BadParameter(words, param_hint="--epoch")
+        raise bad("--epoch", words)
     return year
 
 
@@ -291,10 +276,10 @@ def field_of_view(text):
         with_point = text.replace(",", ".")
         if _degrees(with_point) is not None:
             words += f"; decimals follow a point: '{with_point}'"
-        raise typer.BadParameter(words, param_hint="--fov")
+        raise bad("--fov", words)
     if not low <= fov_deg <= high:
         words = f"expected {low:g} to {high:g} deg, got {text!r}, which is {fov_deg:.3g} deg"
-        raise typer.BadParameter(words, param_hint="--fov")
+        raise bad("--fov", words)
     return fov_deg
 
 

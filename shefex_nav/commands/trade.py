@@ -5,25 +5,21 @@ Exit codes: 0 done, 1 nothing can be predicted of some combination, 2 bad input.
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json, Overrides, OverwriteFigure, Scenario, Seed, Workers
+from shefex_nav.commands.options import Json, Overrides, OverwriteFigure, Scenario, Seed, Workers, option
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 
-Sweep = Annotated[
+Sweep = option(
     list[str],
-    typer.Option(
-        metavar="KEY=A,B,C",
-        help="Values to try; several times: all combinations. imu=stim300,adis16505_1 means instruments.",
-    ),
-]
-Cost = Annotated[
-    list[str] | None,
-    typer.Option(metavar="KEY=A:1,B:2", help="What each value costs: the cheapest that meets all is marked."),
-]
+    "Values to try; several times: all combinations. imu=stim300,adis16505_1 means instruments.",
+    metavar="KEY=A,B,C",
+)
+Cost = option(
+    list[str] | None, "What each value costs: the cheapest that meets all is marked.", metavar="KEY=A:1,B:2"
+)
 
 
 class Quantity(StrEnum):
@@ -41,10 +37,8 @@ def trade(
     overrides: Overrides = None,
     seed: Seed = 1,
     workers: Workers = None,
-    figure: Annotated[
-        Path | None, typer.Option(help="Draw a map over the first two settings into a .png or .svg file.")
-    ] = None,
-    show: Annotated[Quantity, typer.Option(help="What the map shows.")] = Quantity.ATTITUDE,
+    figure: option(Path | None, "Draw a map over the first two settings into a .png or .svg file.") = None,
+    show: option(Quantity, "What the map shows.") = Quantity.ATTITUDE,
     force: OverwriteFigure = False,
     json: Json = False,
 ):

@@ -1,12 +1,9 @@
 """`shefex-nav vehicle`: the rocket of a scenario, drawn to scale and judged in its flight."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands.flights import about, warn
-from shefex_nav.commands.options import Json, Overrides, Scenario
+from shefex_nav.commands.options import Json, Overrides, Scenario, bad, option
 from shefex_nav.commands.output_files import check_file
 from shefex_nav.commands.printing import print_json, say, stdout
 
@@ -15,10 +12,10 @@ ENDINGS = (".html", ".png")
 
 def vehicle(
     scenario: Scenario,
-    output: Annotated[
-        Path | None, typer.Option("--output", metavar="FILE", help="Write a page (.html), or figures (.png).")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --output.")] = False,
+    output: option(
+        Path | None, "Write a page (.html), or figures (.png).", "--output", metavar="FILE"
+    ) = None,
+    force: option(bool, "Overwrite the file given with --output.", "--force") = False,
     overrides: Overrides = None,
     json: Json = False,
 ):
@@ -33,7 +30,7 @@ def vehicle(
 
     if output is not None:
         if output.suffix not in ENDINGS:
-            raise typer.BadParameter(f"{output} has to end in {' or '.join(ENDINGS)}", param_hint="--output")
+            raise bad("--output", f"{output} has to end in {' or '.join(ENDINGS)}")
     loaded = load.load(scenario, overrides or ())
     if output is not None:
         check_file(output, "--output", force=force, given=[name for name, _ in loaded.files])

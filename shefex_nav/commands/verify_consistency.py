@@ -4,7 +4,6 @@ Exit codes: 0 every statistic is inside its interval, 1 one is outside, 2 bad in
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -16,6 +15,7 @@ from shefex_nav.commands.options import (
     Scenario,
     StudyOverrides,
     Workers,
+    option,
 )
 from shefex_nav.commands.output_files import check_apart, check_picture, check_writable, make_folder
 from shefex_nav.commands.printing import counter, print_json, say, stdout
@@ -23,29 +23,18 @@ from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 def consistency(
     scenario: Scenario,
-    seeds: Annotated[
-        int, typer.Option(min=2, max=MOST_SEEDS, help="How many runs; intervals get narrower with them.")
-    ] = 20,
+    seeds: option(int, "How many runs; intervals get narrower with them.", min=2, max=MOST_SEEDS) = 20,
     first: FirstSeed = 0,
     overrides: StudyOverrides = None,
     workers: Workers = None,
-    keep: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the star fixes of the flights; seeds that it has are not flown again."),
-    ] = None,
-    turn_field: Annotated[
-        bool,
-        typer.Option(
-            "--turn-field",
-            help="Let what the on-board model leaves out of gravity point elsewhere in each run.",
-        ),
-    ] = False,
-    histories: Annotated[
-        int, typer.Option(min=100, max=100_000, help="Histories that make the intervals of the NEES.")
-    ] = 1000,
-    out: Annotated[
-        Path | None, typer.Option(help="Draw the NEES over time into a .png or .svg file.")
-    ] = None,
+    keep: option(
+        Path | None, "Folder for the star fixes of the flights; seeds that it has are not flown again."
+    ) = None,
+    turn_field: option(
+        bool, "Let what the on-board model leaves out of gravity point elsewhere in each run.", "--turn-field"
+    ) = False,
+    histories: option(int, "Histories that make the intervals of the NEES.", min=100, max=100_000) = 1000,
+    out: option(Path | None, "Draw the NEES over time into a .png or .svg file.") = None,
     force: OverwriteOut = False,
     json: Json = False,
 ):

@@ -4,11 +4,10 @@ Exit codes: 0 every requirement is met, 1 one is not, 2 bad input, 130 interrupt
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json, StudyOverrides, Workers
+from shefex_nav.commands.options import Json, StudyOverrides, Workers, argument, bad, option
 from shefex_nav.commands.output_files import check_writable
 from shefex_nav.commands.printing import counter, print_json, say, stdout
 
@@ -16,32 +15,20 @@ FLIGHTS = 25  # of each cell
 
 
 def robustness(
-    scenarios: Annotated[
-        list[str], typer.Argument(metavar="SCENARIO...", help="Scenarios, files or names of shipped ones.")
-    ],
-    flights: Annotated[
-        int | None, typer.Option(min=1, help=f"How many flights of each cell; default {FLIGHTS}.")
-    ] = None,
-    cells: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Cells of the design, e.g. 0-19,35; default all.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Root of all random numbers.")] = 0,
+    scenarios: argument(list[str], "Scenarios, files or names of shipped ones.", metavar="SCENARIO..."),
+    flights: option(int | None, f"How many flights of each cell; default {FLIGHTS}.", min=1) = None,
+    cells: option(str | None, "Cells of the design, e.g. 0-19,35; default all.", metavar="LIST") = None,
+    seed: option(int, "Root of all random numbers.", min=0) = 0,
     jobs: Workers = None,
-    random_faults: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Instead: N missions with one or two random faults.")
-    ] = 0,
+    random_faults: option(int, "Instead: N missions with one or two random faults.", min=0, metavar="N") = 0,
     overrides: StudyOverrides = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Keep flights, and draw robustness.html.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the flights that --out FOLDER has already.")
-    ] = False,
+    out: option(Path | None, "Keep flights, and draw robustness.html.", metavar="FOLDER") = None,
+    resume: option(bool, "Go on with the flights that --out FOLDER has already.", "--resume") = False,
     json: Json = False,
 ):
     """Fly the stress matrix: told wrongly, sensors that fail, every phase, grade of IMU and rocket."""
     if resume and out is None:
-        raise typer.BadParameter("needs --out FOLDER, where the flights are", param_hint="--resume")
+        raise bad("--resume", "needs --out FOLDER, where the flights are")
     _without_cells(random_faults, {"--cells": cells, "--flights": flights})
     chosen = _cells(cells)
     from shefex_nav.verify.robustness import running, store
@@ -69,9 +56,9 @@ def robustness(
 
 def _without_cells(random_faults, given):
     """Refuse options {name: value, or None} that are of cells where faults are drawn at random."""
-    for option, value in given.items():
+    for flag, value in given.items():
         if random_faults and value is not None:
-            raise typer.BadParameter("random faults have no cells of the design", param_hint=option)
+            raise bad(flag, "random faults have no cells of the design")
 
 
 def _cells(text):
@@ -85,11 +72,11 @@ def _cells(text):
         first, dash, last = part.strip().partition("-")
         if not (first.isdecimal() and (last.isdecimal() or not dash)):
             words = f"{part.strip()!r} is no number and no range of cells such as 0-19"
-            raise typer.BadParameter(words, param_hint="--cells")
+            raise bad("--cells", words)
         low, high = int(first), int(last or first)
         if not low <= high <= most:
             words = f"{part.strip()}: expected cells from 0 to {most}, the smaller number first"
-            raise typer.BadParameter(words, param_hint="--cells")
+            raise bad("--cells", words)
         found |= set(range(low, high + 1))
     return frozenset(found)
 

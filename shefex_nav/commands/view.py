@@ -3,59 +3,43 @@
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands.flights import say_if_cut, say_missing_plugins
-from shefex_nav.commands.options import mission_time
+from shefex_nav.commands.options import argument, bad, mission_time, option
 from shefex_nav.commands.output_files import check_apart, check_file
 from shefex_nav.commands.printing import say
 
 THE_INPUT_SAYS = "-"  # in place of a log that is followed: its path comes when it is known
 
-Page = Annotated[
-    str,
-    typer.Option(
-        "--view",
-        metavar="NAME",
-        help="Page open at first: overview, mission, star-tracker, navigation, sensors.",
-    ),
-]
+Page = option(
+    str, "Page open at first: overview, mission, star-tracker, navigation, sensors.", "--view", metavar="NAME"
+)
 
 
 def view(
-    logs: Annotated[
+    logs: argument(
         list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
-        ),
-    ],
+        "Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
+        metavar="LOG...",
+    ),
     page: Page = "overview",
-    save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd), do not open it.")] = None,
-    screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
-    at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
-    follow: Annotated[
-        bool, typer.Option("--follow", help="Show one log while it is written, from its first second on.")
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite what --save and --screenshot name.")
-    ] = False,
+    save: option(Path | None, "Write a rerun recording (.rrd), do not open it.") = None,
+    screenshot: option(Path | None, "PNG of the viewer; needs no screen.") = None,
+    at: option(str | None, "Mission time of the screenshot, e.g. 240s.") = None,
+    web: option(bool, "Serve it to a browser on this machine.", "--web") = False,
+    follow: option(bool, "Show one log while it is written, from its first second on.", "--follow") = False,
+    force: option(bool, "Overwrite what --save and --screenshot name.", "--force") = False,
 ):
     """Open logs in the rerun viewer, laid out."""
     at_s = None if at is None else mission_time(at, "--at", "240s")
     if at is not None and screenshot is None:
-        raise typer.BadParameter(
-            f"{at} is the time of a picture; name it with --screenshot", param_hint="--at"
-        )
+        raise bad("--at", f"{at} is the time of a picture; name it with --screenshot")
     _check_together(web, follow, save or screenshot, logs)
     check_apart({"--save": save, "--screenshot": screenshot})
-    for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
+    for path, flag, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
         if path is not None:
-            check_file(path, option, force=force, given=logs)
-            _check_ending(path, option, ending)
+            check_file(path, flag, force=force, given=logs)
+            _check_ending(path, flag, ending)
     chosen = _page(page)
     from shefex_nav.report import viewer
 
@@ -81,17 +65,17 @@ def _named_by_the_input():
 def _check_together(web, follow, written, logs):
     """Refuse options that do not go together. written : a file that --save or --screenshot names, or None"""
     if web and written:
-        raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
+        raise bad("--web", "does not go with --save or --screenshot")
     if follow and (written or len(logs) > 1):
         words = "shows one log in a window or a browser; it does not go with --save, --screenshot"
-        raise typer.BadParameter(f"{words} or a second log", param_hint="--follow")
+        raise bad("--follow", f"{words} or a second log")
 
 
 def _check_ending(path, option, ending):
     """Refuse a file whose name says that it is of another kind than what is written."""
     if path.suffix.lower() != ending:
         words = f"{path}: only {ending.removeprefix('.').upper()} is written; end its name in {ending}"
-        raise typer.BadParameter(words, param_hint=option)
+        raise bad(option, words)
 
 
 def _page(name):
@@ -100,5 +84,5 @@ def _page(name):
 
     names = {page.lower().replace(" ", "-"): page for page in layout.PAGES}
     if name.lower() not in names:
-        raise typer.BadParameter(f"{name!r} is no page; choose from: {', '.join(names)}", param_hint="--view")
+        raise bad("--view", f"{name!r} is no page; choose from: {', '.join(names)}")
     return names[name.lower()]

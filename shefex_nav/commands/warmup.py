@@ -5,27 +5,23 @@ Exit codes: 0 done, 2 bad input, or some kernels could not be compiled or kept.
 
 import time
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.options import Json
+from shefex_nav.commands.options import Json, argument, option
 from shefex_nav.commands.printing import print_json
 
 
 def warmup(
-    scenarios: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[SCENARIO]...", help="Compile what these need; without any, all kernels."),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default: as many as there are cores.")
-    ] = None,
+    scenarios: argument(
+        list[Path] | None, "Compile what these need; without any, all kernels.", metavar="[SCENARIO]..."
+    ) = None,
+    workers: option(int | None, "Processes; default: as many as there are cores.", min=1) = None,
     json: Json = False,
 ):
     """Compile the kernels of missions now, so that the first run does not have to."""
     from shefex_nav.scenario import load
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav.scenario.block import choices
 
     jobs = [{"command=run", *choices(load.load(scenario))} for scenario in scenarios or ()]
     from shefex_nav import warmup as ready

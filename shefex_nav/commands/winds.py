@@ -4,26 +4,27 @@ Exit codes: 0 done, whatever the winds, 2 bad input, or a flight that cannot be 
 """
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from shefex_nav.commands.flights import about, warn_of_parts
 from shefex_nav.commands.impact import Ground, WishedOf, check_aim, height, place_of
-from shefex_nav.commands.options import Json, Overrides, OverwriteFigure, Scenario, Seed, Workers, quantity
+from shefex_nav.commands.options import (
+    Json,
+    Overrides,
+    OverwriteFigure,
+    Scenario,
+    Seed,
+    Workers,
+    option,
+    quantity,
+)
 from shefex_nav.commands.output_files import check_picture
 from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.progress import lines
 
-Within = Annotated[
-    str, typer.Option(metavar="DISTANCE", help="How far off its place a body may land, e.g. '20 km'.")
-]
-Speeds = Annotated[str, typer.Option(metavar="A,B,C", help="Winds to try.")]
-Wished = Annotated[
-    str | None,
-    typer.Option(metavar="LAT,LON", help="Set the launcher in each wind so that a body lands here."),
-]
-Picture = Annotated[Path | None, typer.Option(help="Draw a compass into a .png or .svg file.")]
+Within = option(str, "How far off its place a body may land, e.g. '20 km'.", metavar="DISTANCE")
+Speeds = option(str, "Winds to try.", metavar="A,B,C")
+Wished = option(str | None, "Set the launcher in each wind so that a body lands here.", metavar="LAT,LON")
+Picture = option(Path | None, "Draw a compass into a .png or .svg file.")
 
 
 def winds(

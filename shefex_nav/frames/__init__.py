@@ -1,8 +1,8 @@
 """Pictures of the star camera as files, with their truth, for star trackers of other people and for `solve`.
 
 flown                            the frames of a flight, flown for them, or flown again from its log
-header, picture_files            what is told with a picture; PNG and FITS
+header                           what is told with a picture
 truth                            what it really shows, as a table
-camera_file, usual_tracker       the camera as `solve --camera` takes it; its star tracker, if it says none
-export                           a folder of all that
+camera_file                      the camera as `solve --camera` takes it; its star tracker, if it says none
+export                           a folder of all that, PNG or FITS
 """

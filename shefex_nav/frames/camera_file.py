@@ -8,8 +8,9 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field, create_model
 
-from shefex_nav.frames import usual_tracker
+from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.distortion import displaced_px
+from shefex_nav.geometry.pinhole import solid_angle
 from shefex_nav.onboard.startracker import settings as startracker
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.tracker import TrackerParams
@@ -20,10 +21,16 @@ from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.starlight import OF_LENS
 from shefex_nav.scenario.told import as_told
-from shefex_nav.solve.camera import Camera
+from shefex_nav.solve.camera import of_pinhole
 from shefex_nav.solve.told import StarCamera
 from shefex_nav.world import camera_settings
 
+MISSION = "shefex2_andoya"
+STARS = 30  # of the catalogue, in the field on average
+DEEPEST = 8.0  # V
+MERGED_PX = 3.0  # closer stars are one point of light
+BRIGHT = 0.4  # mean of a picture that is too bright, as a share of the largest grey value
+RATE = 1.0  # Hz: leaves time to read out all rows of any shutter; nothing else follows from it
 FLIGHT = ("vehicle", "programme", "trajectory")  # sections that only a scenario of a flight has
 HEAD = "# Star camera of pictures, for `shefex-nav solve --camera`; keys and units are those of scenarios.\n"
 FLUX = "zero_magnitude_flux"
@@ -32,6 +39,51 @@ WORLD_ONLY = ("frames", "model", "software")  # keys of star_tracker that are no
 
 NOT_IN_PICTURES = {"background": None, "read_noise": None, "full_well": None, "readout": "0 s"}
 SHORTEST = "the shortest camera file is in docs/how-to/calibrate.md"
+
+
+def tracker_of(sensor):
+    """Section star_tracker for a section star_camera with optics and detector, of a file that says none.
+
+    It is that of the default mission, with what follows from the camera: saturation by the bits of a grey
+    value, the way to look for objects by the shutter, how far stars are merged by the pixels, how deep its
+    catalogue goes by the field of view. There is no amplifier: `conversion` is that of the pictures.
+    """
+    detector, hole = sensor.detector, lens.pinhole_of(sensor)
+    usual = load.load(MISSION).star_tracker
+    largest = 2**detector.bits - 1
+    return usual.with_sections(
+        rate=RATE,
+        exposure=usual.exposure.with_sections(brightest_mean=BRIGHT * largest, gain=0.0),
+        detection=usual.detection.with_sections(
+            saturation=float(largest), scan="streaks" if detector.shutter == "rolling" else "sequential"
+        ),
+        catalogue=usual.catalogue.with_sections(
+            faintest=faintest(hole), merge_radius=MERGED_PX / hole.focal_length_px
+        ),
+    )
+
+
+def faintest(hole):
+    """V of the faintest star, so that the field of a Pinhole holds STARS of them on average."""
+    share = solid_angle(hole.width_px, hole.height_px, hole.focal_length_px) / (4.0 * np.pi)  # of the sky
+    vmag = np.sort(load_catalogue(DEEPEST).vmag)
+    return float(vmag[min(int(STARS / share), len(vmag) - 1)])
+
+
+def with_tracker(check):
+    """A check of a camera file that has its star tracker, or `tracker_of` it. check : of checks_tracker"""
+
+    def of_file(given):
+        own = given.star_tracker
+        yield from check(given if own else given.with_sections(star_tracker=tracker_of(given.star_camera)))
+
+    return of_file
+
+
+def told_tracker(given):
+    """Settings of the star tracker of a camera file, of its own or `tracker_of` it; and its gain [dB]."""
+    tracker = given.star_tracker or tracker_of(given.star_camera)
+    return settings(tracker), tracker.exposure.gain
 
 
 def _of_pictures(detector):
@@ -69,7 +121,7 @@ class CameraFile(Block):
         default=[], description="row and column of each, the first is 0; they are not looked at"
     )
     star_tracker: section(startracker.StarTracker) | None = Field(
-        default=None, description="left out: that of the default mission, for this camera (usual_tracker.py)"
+        default=None, description="left out: that of the default mission, for this camera (camera_file.py)"
     )
 
 
@@ -105,7 +157,7 @@ def base(path):
         given, _, _ = load.load_as(
             lambda provided: CameraFile,
             path,
-            parts=(_bad_pixels, *map(usual_tracker.checked, checks_tracker.OF_CAMERA)),
+            parts=(_bad_pixels, *map(with_tracker, checks_tracker.OF_CAMERA)),
             instead=kind.instead_of_camera,
         )
     except ScenarioError as error:
@@ -114,7 +166,7 @@ def base(path):
         raise ScenarioError([*error.messages, f"{path}: {SHORTEST}"]) from None
     sensor = given.star_camera
     bad = np.array(given.bad_pixels, dtype=np.int64).reshape(-1, 2)
-    tracker, gain_db = usual_tracker.told(given)
+    tracker, gain_db = told_tracker(given)
     camera = _star_camera(sensor, tracker, bad, given.epoch)
     return Base(camera, sensor.detector, gain_db, tree, tuple(texts))
 
@@ -155,9 +207,7 @@ def _star_camera(sensor, tracker, bad_pixels, epoch):
 
 def true_lens(scenario, world):
     """solve.Camera of the star camera as it is in a run. Scenario, prepare.World"""
-    hole, k = world.camera.pinhole, lens.distortion_of(scenario.star_camera)
-    k = None if k is None else tuple(k.tolist())
-    return Camera(hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), k)
+    return of_pinhole(world.camera.pinhole, lens.distortion_of(scenario.star_camera))
 
 
 def _bad_pixels(given):

@@ -13,7 +13,7 @@ from shefex_nav import __version__
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.log.topics import epoch_ns, log_time_ns
-from shefex_nav.solve import pointing
+from shefex_nav.solve import solution
 from shefex_nav.solve.camera import pinhole_of, undistorted
 
 MJD_1970 = 40587  # modified Julian date of 1970-01-01
@@ -62,9 +62,9 @@ def keywords(shot, mission, seed):
 
 def angles(q_ic, camera):
     """{keyword: (value, comment)} of where the middle of the picture of a solve.Camera points."""
-    marks_px = pointing.marks((camera.width_px, camera.height_px))
+    marks_px = solution.marks((camera.width_px, camera.height_px))
     seen = unit_vectors(pinhole_of(camera), undistorted(camera, marks_px)) @ dcm_from_quat(q_ic).T
-    ra, dec, roll = pointing.angles(seen)[:3]
+    ra, dec, roll = solution.angles(seen)[:3]
     return {
         "RA": (ra, "[deg] true, of the middle of the picture"),
         "DEC": (dec, "[deg]"),

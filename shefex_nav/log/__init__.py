@@ -6,6 +6,6 @@ thinning          a lower rate
 wire              records and columns to messages and back
 drawings          Foxglove's messages of them; pose_columns, many at once
 writer            the file
-reader, tail      the file as arrays, and while it is written; mcap_file, pixels, other_solutions
+reader, tail      the file as arrays, and while it is written; checked, mcap_file, pixels, other_solutions
 run_data          all of one run as arrays
 """

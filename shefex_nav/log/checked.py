@@ -7,6 +7,7 @@ is its author's own.
 """
 
 from collections.abc import Callable
+from datetime import datetime
 from functools import cache
 from math import prod
 from operator import attrgetter
@@ -16,7 +17,9 @@ import numpy as np
 
 from shefex_nav import possible
 from shefex_nav.fields import EQUAL, LARGEST, UNIT
+from shefex_nav.files import from_json
 from shefex_nav.instruments import BUILT_IN, TABLE
+from shefex_nav.log import topics
 from shefex_nav.log.topics import LogError, Mission, Timing, of_record
 from shefex_nav.records import (
     Alignment,
@@ -37,10 +40,87 @@ from shefex_nav.records import (
     TruthSample,
 )
 
+TEXTS = "scenario", "seed", "version", "epoch_utc"  # keys that each log has
+MOST_DIGITS = 30  # of a seed
+FIRST_YEAR, LAST_YEAR = 1973, 2100  # of UTC, as the tables of the Earth's rotation know it
+ITEMS = {"plugins": (str, str), "software": (str, str, str)}  # an item of these lists: names, SHA-256
+LENSES = 0, 5  # numbers of a distortion
 LEAST_RADIUS = 6.3e6  # m, of the ground
 LEAST_STEP = 1e-9  # s, or of a number
 LATEST_S = 2e9  # of a mission; as nanoseconds since 1970 a log can hold it
 MOST_SAMPLES = 1000  # of the IMU in a message
+
+
+def mission(path, numbers, raw):
+    """Mission of the constants in a log and its texts; LogError names the key and what it says.
+
+    path : of the log, for messages;  numbers : Mission without texts;  raw : content of the log
+    """
+    metadata = raw.metadata
+    if topics.ATTACHMENT not in raw.attachments:
+        raise LogError(f"{path}: the log has no attachment {topics.ATTACHMENT}, the scenario as flown")
+    for key in TEXTS:
+        if key not in metadata:
+            raise LogError(f"{path}: metadata '{topics.METADATA}': {key} is missing")
+    seed = metadata["seed"]
+    if not (seed.isascii() and seed.isdigit() and len(seed) <= MOST_DIGITS):
+        raise _unexpected(path, metadata, "seed", f"a whole number of {MOST_DIGITS} digits at most")
+    if not _is_instant(metadata["epoch_utc"]):
+        expected = f"an instant of {FIRST_YEAR} to {LAST_YEAR} as ISO 8601 has it"
+        raise _unexpected(path, metadata, "epoch_utc", expected)
+    return numbers._replace(
+        scenario=metadata["scenario"],
+        scenario_text=raw.attachments[topics.ATTACHMENT].decode(errors="replace"),
+        seed=int(seed),
+        version=metadata["version"],
+        epoch_utc=metadata["epoch_utc"],
+        distortion=_distortion(path, metadata),
+        **{key: own(path, metadata, key) for key in ITEMS},
+    )
+
+
+def own(path, metadata, key):
+    """Mission.plugins or Mission.software of the metadata."""
+    found = _json(metadata, key)
+    kinds = ITEMS[key]
+    if not isinstance(found, list) or any(_kinds(item) != kinds for item in found):
+        raise _unexpected(path, metadata, key, f"a list of lists of {len(kinds)} texts")
+    return tuple(map(tuple, found))
+
+
+def _distortion(path, metadata):
+    """Mission.distortion of the metadata."""
+    found = _json(metadata, "distortion")
+    are_numbers = isinstance(found, list) and all(type(one) in (int, float) for one in found)
+    if not are_numbers or len(found) not in LENSES or not all(abs(one) < LARGEST for one in found):
+        raise _unexpected(path, metadata, "distortion", f"a list of {LENSES[1]} numbers")
+    return tuple(found)
+
+
+def _json(metadata, key):
+    """What a text of the metadata holds, [] where there is none; None of what is no JSON."""
+    try:
+        return from_json(metadata.get(key, "[]"))
+    except ValueError:
+        return None
+
+
+def _kinds(item):
+    return tuple(map(type, item)) if isinstance(item, list) else ()
+
+
+def _is_instant(text):
+    try:
+        return FIRST_YEAR <= datetime.fromisoformat(text).year <= LAST_YEAR
+    except ValueError:
+        return False
+
+
+def _unexpected(path, metadata, key, expected):
+    """LogError of an impossible text."""
+    got = repr(metadata[key])
+    got = got if len(got) <= 60 else f"{got[:57]}..."
+    return LogError(f"{path}: metadata '{topics.METADATA}': {key}: got {got}, expected {expected}")
 
 
 class Rule(NamedTuple):
@@ -90,6 +170,7 @@ def check(path, topic, record, given):
 
     path, topic : for the message;  record : their type;  given : list of them, or one of arrays
     """
+    place = f"{path}: {topic}"
     rule, are_arrays = RULES.get(record, READING), not isinstance(given, list)
     where = rule.where(given) if are_arrays else np.array([rule.where(one) for one in given], dtype=bool)
     for name in rule.finite if _is_of_plug_in(record) else _numbers(record):
@@ -107,15 +188,15 @@ def check(path, topic, record, given):
         if bad.any():
             k = int(bad.argmax())
             expected = "a unit quaternion" if name.startswith("q_") else expected
-            raise _impossible(f"{path}: {topic}: message {k + 1}: {name}", values[k], expected)
+            raise _impossible(f"{place}: message {k + 1}: {name}", values[k], expected)
     for field in of_record(record).fields if record in RULES else ():
-        _possible(path, topic, field, given)
+        _possible(place, field, given)
     if rule.far:
-        _far(path, topic, rule.far, np.reshape(_each(given, rule.far), (-1, 3)))
+        _far(place, rule.far, np.reshape(_each(given, rule.far), (-1, 3)))
     if rule.rows:
-        _rows(path, topic, rule.rows, _each(given, rule.rows))
+        _rows(place, rule.rows, _each(given, rule.rows))
     if rule.increases:
-        _increases(path, topic, rule.increases, np.asarray(_each(given, rule.increases)))
+        _increases(place, rule.increases, np.asarray(_each(given, rule.increases)))
 
 
 def _each(given, name):
@@ -123,7 +204,7 @@ def _each(given, name):
     return [getattr(one, name) for one in given] if isinstance(given, list) else getattr(given, name)
 
 
-def _possible(path, topic, field, given):
+def _possible(place, field, given):
     """LogError if a value of a field is none that it can be (`possible`). given : as of `check`"""
     if (isinstance(given, list) and not given) or (rule := possible.rule(field)) is None:
         return
@@ -142,31 +223,31 @@ def _possible(path, topic, field, given):
     bad = wrong(values) if len(values) else np.zeros(0, dtype=bool)
     if bad.any():
         k = int(bad.argmax())
-        raise _impossible(f"{path}: {topic}: message {numbers[k] + 1}: {field.source}", values[k], words)
+        raise _impossible(f"{place}: message {numbers[k] + 1}: {field.source}", values[k], words)
 
 
-def _impossible(place, value, expected):
+def _impossible(where, value, expected):
     """LogError of a value (n,)"""
     got = np.array2string(value, precision=4, threshold=12)
-    return LogError(f"{place}: got {got}, expected {expected}")
+    return LogError(f"{where}: got {got}, expected {expected}")
 
 
-def _far(path, topic, name, r):
+def _far(place, name, r):
     """LogError of a position that is nearer to the centre of the Earth than any ground. r : (N, 3) m"""
     near = np.linalg.norm(r, axis=1) < LEAST_RADIUS
     if near.any():
         k = int(near.argmax())
         words = f"got {np.linalg.norm(r[k]):.4g} m from the centre of the Earth"
         words = f"{words}, expected {LEAST_RADIUS:g} m at least"
-        raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")
+        raise LogError(f"{place}: message {k + 1}: {name}: {words}")
 
 
-def _rows(path, topic, name, arrays):
+def _rows(place, name, arrays):
     """LogError of a message without samples, or with more than a tick has. arrays : list of (n, 3)"""
     for k, one in enumerate(arrays):
         if not 1 <= len(one) <= MOST_SAMPLES:
             words = f"got {len(one)} samples, expected 1 to {MOST_SAMPLES}"
-            raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")
+            raise LogError(f"{place}: message {k + 1}: {name}: {words}")
 
 
 @cache
@@ -204,13 +285,13 @@ def _bad(name, values, most=LARGEST):
     return bad
 
 
-def _increases(path, topic, name, values):
+def _increases(place, name, values):
     """LogError unless the values increase."""
     back = ~(np.diff(values) > LEAST_STEP)
     if back.any():
         k = int(back.argmax()) + 1
         words = f"got {values[k]:.10g} after {values[k - 1]:.10g}, expected a larger number"
-        raise LogError(f"{path}: {topic}: message {k + 1}: {name}: {words}")
+        raise LogError(f"{place}: message {k + 1}: {name}: {words}")
     if name != "number" and len(values) and values[-1] - values[0] > possible.LONGEST_S:
         words = f"{values[0]:.10g} to {values[-1]:.10g} s, expected {possible.LONGEST_S:g} s at most"
-        raise LogError(f"{path}: {topic}: {name}: goes from {words}")
+        raise LogError(f"{place}: {name}: goes from {words}")

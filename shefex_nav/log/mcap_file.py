@@ -1,8 +1,19 @@
-"""Which files are MCAP files, and which of them are whole."""
+"""What an MCAP file is made of, which files are such, and which of them are whole."""
+
+import struct
 
 from shefex_nav.files import opened
 
 MAGIC = b"\x89MCAP0\r\n"  # first bytes of one
+HEAD = struct.Struct("<BQ")  # of a record: opcode, length
+CHANNEL_OF = struct.Struct("<H")  # the first of a channel and of its messages: its number
+
+
+class Op:
+    """Opcodes of its records."""
+
+    HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
+    ATTACHMENT, METADATA, DATA_END = 9, 12, 15
 
 
 def is_log(path):
@@ -28,3 +39,13 @@ def ends_well(file):
     ending = file.read()
     file.seek(0)
     return magic == MAGIC == ending
+
+
+def parts(data):
+    """(opcode, begin, end) of the content of each record of an unpacked chunk."""
+    end, skip = 0, HEAD.size
+    while end < len(data):
+        opcode, length = HEAD.unpack_from(data, end)
+        begin = end + skip
+        end = begin + length
+        yield opcode, begin, end

@@ -14,19 +14,15 @@ from typing import NamedTuple
 
 from shefex_nav import plugins
 from shefex_nav.files import named, opened
-from shefex_nav.log import checked, described, other_solutions, topics, wire
-from shefex_nav.log.mcap_file import MAGIC
+from shefex_nav.log import checked, other_solutions, topics, wire
+from shefex_nav.log.mcap_file import CHANNEL_OF, HEAD, MAGIC, Op, parts
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
 from shefex_nav.records import Alignment
 
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7  # opcodes
-_ATTACHMENT, _METADATA, _DATA_END = 9, 12, 15
 _LONGEST = 4 << 30  # bytes of a record; what claims more is no record
 _LARGEST_CHUNK = 1 << 28  # bytes unpacked; what claims more is not unpacked,
 _SMALL_CHUNK, _TIMES = 1 << 24, 500  # nor what claims so many times its size beyond that
-_RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
-_CHANNEL_OF = struct.Struct("<H")  # the first of it
 _CHECKSUM = struct.Struct("<I")  # CRC-32; 0: there is none
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence number, log time, publish time
 
@@ -59,7 +55,7 @@ def read(path):
             single[topic.record] = _last(decoded)
     if single[Mission] is None:
         raise LogError(f"{path}: the log ends before its first record")
-    mission = described.mission(path, single[Mission], raw)
+    mission = checked.mission(path, single[Mission], raw)
     data = gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
     with readable(path, "another solution"):
         others = other_solutions.read(raw)
@@ -195,20 +191,20 @@ def records(file):
     from mcap.stream_reader import read_magic
 
     opcode, checksum = None, zlib.crc32(MAGIC)
-    while opcode != _FOOTER:
-        head = file.read(_RECORD_HEAD.size)
-        if len(head) < _RECORD_HEAD.size:
+    while opcode != Op.FOOTER:
+        head = file.read(HEAD.size)
+        if len(head) < HEAD.size:
             raise EndOfFile
-        opcode, length = _RECORD_HEAD.unpack(head)
+        opcode, length = HEAD.unpack(head)
         if length > _LONGEST:
             raise RecordLengthLimitExceeded(opcode, length, _LONGEST)
         content = file.read(length)
         if len(content) < length:
             raise EndOfFile
-        if opcode == _DATA_END:
+        if opcode == Op.DATA_END:
             _check(checksum, content, "of all before it")
         checksum = zlib.crc32(content, zlib.crc32(head, checksum))
-        if opcode != _MESSAGE_INDEX:
+        if opcode != Op.MESSAGE_INDEX:
             yield opcode, content
     read_magic(ReadDataStream(file))
 
@@ -241,21 +237,21 @@ def _take(path, opcode, content, raw):
     from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
     stream = ReadDataStream(BytesIO(content))
-    if opcode == _CHUNK:
+    if opcode == Op.CHUNK:
         _take_chunk(path, _unpacked(Chunk.read(stream)), raw)
-    elif opcode == _SCHEMA:
+    elif opcode == Op.SCHEMA:
         schema = Schema.read(stream)
         raw.schemas[schema.id] = schema
-    elif opcode == _CHANNEL:
+    elif opcode == Op.CHANNEL:
         channel = Channel.read(stream)
         raw.channels[channel.id] = channel
         raw.messages.setdefault(channel.topic, [])
-    elif opcode == _METADATA:
+    elif opcode == Op.METADATA:
         record = Metadata.read(stream)
         if record.name == topics.METADATA:
             raw.metadata.update(record.metadata)
             _load_plugins(path, raw.metadata)
-    elif opcode == _ATTACHMENT:
+    elif opcode == Op.ATTACHMENT:
         record = Attachment.read(stream)
         _check(zlib.crc32(content[: -_CHECKSUM.size]), content, f"of the attachment {record.name}")
         raw.attachments[record.name] = record.data
@@ -286,34 +282,24 @@ def _load_plugins(path, metadata):
     What one of them has logged is passed over where that cannot be done: a log may be looked at without
     running somebody's code.
     """
-    for _ in plugins.left_out(described.own(path, metadata, "plugins")):
+    for _ in plugins.left_out(checked.own(path, metadata, "plugins")):
         pass  # the one who looks is told (`commands.flights`)
 
 
 def _take_chunk(path, data, raw):
     """Sort the messages of an unpacked chunk by topic; mcap's own loop is ten times slower."""
     lists = _lists(raw)
-    for opcode, start, end in _parts(data):
-        if opcode == _MESSAGE:
-            number = _CHANNEL_OF.unpack_from(data, start)[0]
+    for opcode, start, end in parts(data):
+        if opcode == Op.MESSAGE:
+            number = CHANNEL_OF.unpack_from(data, start)[0]
             if number not in lists:
                 raise ValueError(f"a message of channel {number}, which there is not")
             messages = lists[number]
             if messages is not None:
                 messages.append(data[start + _MESSAGE_HEAD.size : end])
-        elif opcode in (_SCHEMA, _CHANNEL):
+        elif opcode in (Op.SCHEMA, Op.CHANNEL):
             _take(path, opcode, data[start:end], raw)
             lists = _lists(raw)
-
-
-def _parts(data):
-    """(opcode, begin, end) of each record of an unpacked chunk."""
-    position, skip, end = 0, _RECORD_HEAD.size, len(data)
-    while position < end:
-        opcode, length = _RECORD_HEAD.unpack_from(data, position)
-        start = position + skip
-        position = start + length
-        yield opcode, start, position
 
 
 def messages_of(path, topics):
@@ -327,9 +313,9 @@ def messages_of(path, topics):
         read_magic(ReadDataStream(file))
         with suppress(*cut_errors()):
             for opcode, content in records(file):
-                if opcode in (_SCHEMA, _CHANNEL):
+                if opcode in (Op.SCHEMA, Op.CHANNEL):
                     _take(path, opcode, content, raw)
-                elif opcode == _CHUNK:
+                elif opcode == Op.CHUNK:
                     yield from _chosen(
                         path, _unpacked(Chunk.read(ReadDataStream(BytesIO(content)))), raw, topics
                     )
@@ -337,14 +323,14 @@ def messages_of(path, topics):
 
 def _chosen(path, data, raw, topics):
     """The same of an unpacked chunk."""
-    for opcode, start, end in _parts(data):
-        if opcode == _MESSAGE:
+    for opcode, start, end in parts(data):
+        if opcode == Op.MESSAGE:
             number, _, ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
             channel = raw.channels[number]
             if channel.topic in topics:
                 schema = raw.schemas.get(channel.schema_id)
                 yield schema, channel.topic, ns, data[start + _MESSAGE_HEAD.size : end]
-        elif opcode in (_SCHEMA, _CHANNEL):
+        elif opcode in (Op.SCHEMA, Op.CHANNEL):
             _take(path, opcode, data[start:end], raw)
 
 

@@ -13,13 +13,9 @@ from pathlib import Path
 
 from shefex_nav.files import refuse_irregular
 from shefex_nav.log import topics
-from shefex_nav.log.mcap_file import MAGIC
+from shefex_nav.log.mcap_file import CHANNEL_OF, HEAD, MAGIC, Op, parts
 from shefex_nav.log.topics import LogError, Mission
 
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7  # opcodes
-_ATTACHMENT, _METADATA = 9, 12
-_HEAD = struct.Struct("<BQ")  # opcode, length
-_CHANNEL_OF = struct.Struct("<H")
 _MESSAGE_OF = struct.Struct("<HIQ")  # channel, sequence number, log time
 _INDEX_OF = struct.Struct("<HI")  # channel, bytes of the places
 _PLACE = struct.Struct("<QQ")  # log time, from the begin of the chunk
@@ -69,14 +65,14 @@ class Tail:
             return []
         size = os.fstat(self._file.fileno()).st_size
         chunks = []
-        while not self.is_complete and self._at + _HEAD.size <= size:
+        while not self.is_complete and self._at + HEAD.size <= size:
             self._file.seek(self._at)
-            head = self._file.read(_HEAD.size)
-            opcode, length = _HEAD.unpack(head)
-            if self._at + _HEAD.size + length > size:
+            head = self._file.read(HEAD.size)
+            opcode, length = HEAD.unpack(head)
+            if self._at + HEAD.size + length > size:
                 break  # the writer says how long a chunk is when it is whole; too much until then
             self._take(opcode, head + self._file.read(length), chunks)
-            self._at += _HEAD.size + length
+            self._at += HEAD.size + length
         return chunks
 
     def _open(self):
@@ -102,11 +98,11 @@ class Tail:
 
     def _take(self, opcode, record, chunks):
         """Take one record of the file."""
-        if opcode == _FOOTER:
+        if opcode == Op.FOOTER:
             self.is_complete = True
-        elif opcode in (_HEADER, _ATTACHMENT, _METADATA):
+        elif opcode in (Op.HEADER, Op.ATTACHMENT, Op.METADATA):
             self._top.append(record)
-        elif opcode == _CHUNK:
+        elif opcode == Op.CHUNK:
             chunks.append(record + _index(self._learn(record)))
 
     def _learn(self, chunk):
@@ -115,40 +111,30 @@ class Tail:
         from mcap.records import Chunk
         from mcap.stream_reader import get_chunk_data_stream
 
-        stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(BytesIO(chunk[_HEAD.size :]))))
+        stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(BytesIO(chunk[HEAD.size :]))))
         data = stream.read(size)
         constants = topics.of_record(Mission).topic.encode()
-        for opcode, at, end in _records(data):
-            number = _CHANNEL_OF.unpack_from(data, at + _HEAD.size)[0]
-            if opcode in (_SCHEMA, _CHANNEL):
-                self._described[opcode, number] = data[at:end]
-            elif not self._constants and constants in self._described.get((_CHANNEL, number), b""):
-                self._constants = data[at:end]
+        for opcode, begin, end in parts(data):
+            number = CHANNEL_OF.unpack_from(data, begin)[0]
+            if opcode in (Op.SCHEMA, Op.CHANNEL):
+                self._described[opcode, number] = data[begin - HEAD.size : end]
+            elif not self._constants and constants in self._described.get((Op.CHANNEL, number), b""):
+                self._constants = data[begin - HEAD.size : end]
         return data
 
     def _description(self):
         """A chunk with what every slice begins with."""
         data = b"".join(self._described[key] for key in sorted(self._described)) + self._constants
         content = _CHUNK_OF.pack(0, 0, len(data), zlib.crc32(data), 0, len(data)) + data
-        return _HEAD.pack(_CHUNK, len(content)) + content + _index(data)
-
-
-def _records(data):
-    """(opcode, begin, end) of each record of an unpacked chunk."""
-    at = 0
-    while at < len(data):
-        opcode, length = _HEAD.unpack_from(data, at)
-        end = at + _HEAD.size + length
-        yield opcode, at, end
-        at = end
+        return HEAD.pack(Op.CHUNK, len(content)) + content + _index(data)
 
 
 def _index(data):
     """The records that say where the messages of an unpacked chunk are; some readers want them."""
     places = {}
-    for opcode, at, _ in _records(data):
-        if opcode == _MESSAGE:
-            number, _, log_ns = _MESSAGE_OF.unpack_from(data, at + _HEAD.size)
-            places.setdefault(number, []).append(_PLACE.pack(log_ns, at))
+    for opcode, begin, _ in parts(data):
+        if opcode == Op.MESSAGE:
+            number, _, log_ns = _MESSAGE_OF.unpack_from(data, begin)
+            places.setdefault(number, []).append(_PLACE.pack(log_ns, begin - HEAD.size))
     contents = (_INDEX_OF.pack(n, len(found) * _PLACE.size) + b"".join(found) for n, found in places.items())
-    return b"".join(_HEAD.pack(_MESSAGE_INDEX, len(content)) + content for content in contents)
+    return b"".join(HEAD.pack(Op.MESSAGE_INDEX, len(content)) + content for content in contents)

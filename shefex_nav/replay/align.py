@@ -1,5 +1,11 @@
 """Where the navigation of external data starts from: the truth, sensors of a vehicle that stands still, on a
-rail or not, or the course of one that moves."""
+rail or not, or the course of one that moves.
+
+The nose of a rocket on its rail points to the rail's azimuth and elevation; the roll about it is seen by
+gravity. At rest the accelerometers sense gravity across the nose, f_y = -sin(roll) cos(elevation) g and f_z =
+-cos(roll) cos(elevation) g, so a bias b turns the roll by b/(g cos(elevation)): on a rail that is nearly
+vertical, little or nothing is known of it. The mean rate at rest, less that of the Earth, is the gyros' bias.
+"""
 
 from typing import NamedTuple
 
@@ -10,9 +16,10 @@ from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.onboard.navigation.hypotheses import UNKNOWN, wide_angles
 from shefex_nav.records import Alignment
-from shefex_nav.replay import align_motion, align_rail, align_ties, reference
+from shefex_nav.replay import align_motion, align_ties, imu_axes, reference
 from shefex_nav.scenario.data_table import DataError
 
+DISAGREE = 5.0  # [E] sigma by which accelerometers and rail may disagree about the elevation
 MOST_HEADING_SIGMA = np.radians(20.0)  # beyond it a linear filter cannot start
 STILL_SPEED = 0.5  # m/s, mean velocity of GNSS, above its noise
 FEWEST_SAMPLES = 20
@@ -80,7 +87,7 @@ def static(scenario, data, earth):
 def rail(scenario, data, earth):
     """Alignment of a rocket that stands on its rail for a time, at the end of that time."""
     rest = _rest(scenario, data)
-    C_nb, P_n, of_tau = align_rail.attitude(scenario, rest.f_b, rest.span_s, rest.g)
+    C_nb, P_n, of_tau = rail_attitude(scenario, rest.f_b, rest.span_s, rest.g)
     return _at_rest(scenario, rest, earth, C_nb, (P_n, of_tau, NOTHING), True)
 
 
@@ -134,7 +141,7 @@ def _at_rest(scenario, rest, earth, C_nb, known, with_bias):
     if not with_bias:
         return found
     omega_b = C_nb.T @ rest.C_en.T @ [0.0, 0.0, wgs84.OMEGA]
-    sigma = align_rail.sigma_gyro_bias(scenario, rest.span_s, P_n)
+    sigma = sigma_gyro_bias(scenario, rest.span_s, P_n)
     return found._replace(
         gyro_bias=rest.omega_b - omega_b,
         sigma_gyro_bias=sigma,
@@ -219,7 +226,7 @@ def _covariance(scenario, rest, C_nb):
     as `align_ties.of_tilt`, and what of it is of a rate of the gyros, (3, 3) s
     """
     settings, gyro, accelerometer = scenario.alignment, scenario.imu.gyro, scenario.imu.accelerometer
-    acceleration = align_rail.of_mean_force(accelerometer, rest.span_s)
+    acceleration = align_ties.of_mean_force(accelerometer, rest.span_s)
     level = float(np.hypot(acceleration / rest.g, settings.disturbance))
     if settings.heading is not None and np.isinf(settings.heading):
         return np.diag([level, level, UNKNOWN]) ** 2, LEVEL, NOTHING
@@ -243,3 +250,43 @@ def _covariance(scenario, rest, C_nb):
 
 
 METHODS = {"reference": from_reference, "static": static, "rail": rail, "course": course}
+
+
+def rail_attitude(scenario, f_b, span_s, g):
+    """C_nb of the mean specific force at rest, its covariance about north, east and down, (3, 3) rad^2, and
+    what of it is a tilt by the accelerometers, as `align_ties.of_tilt` says."""
+    settings, accelerometer = scenario.alignment, scenario.imu.accelerometer
+    acceleration = align_ties.of_mean_force(accelerometer, span_s)
+    level = float(np.hypot(acceleration / g, settings.disturbance))
+    sensed = float(np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2])))
+    sigma = float(np.hypot(level, settings.elevation_error))
+    if abs(sensed - settings.elevation) > DISAGREE * sigma:
+        words = f"the accelerometers sense {np.degrees(sensed):.1f} deg, alignment.elevation says"
+        up = imu_axes.of_file(f_b / np.linalg.norm(f_b), scenario.data.axes)
+        raise DataError(
+            f"alignment: {words} {np.degrees(settings.elevation):.1f} deg; check elevation, its error, "
+            f"imu.accelerometer.bias and data.axes: the first is the nose, axis {up} of the file points up"
+        )
+    weight = settings.elevation_error**2 / sigma**2
+    elevation = settings.elevation + weight * (sensed - settings.elevation)
+    elevation_sigma = level * settings.elevation_error / sigma
+    C_nb = euler.dcm_from_euler(np.arctan2(-f_b[1], -f_b[2]), elevation, settings.azimuth)
+    roll_sigma = align_ties.roll(C_nb, level)
+    return (
+        C_nb,
+        align_ties.spread(C_nb, settings.azimuth_error, elevation_sigma, roll_sigma),
+        align_ties.of_tilt(C_nb, weight, roll_sigma / level),
+    )
+
+
+def sigma_gyro_bias(scenario, span_s, P_n):
+    """1 sigma of the gyros' bias by their mean rate at rest, rad/s.
+
+    The rate of the Earth is taken out as far as the attitude is known; what is not known of it, with the
+    angular random walk, the bias that changes, a quantum and the swaying, is the sigma.
+    """
+    gyro = scenario.imu.gyro
+    turned = wgs84.OMEGA * min(float(np.sqrt(np.linalg.eigvalsh(P_n)[-1])), align_ties.MOST_TURN)
+    sway = np.sqrt(2.0) * scenario.alignment.disturbance / span_s
+    parts = (gyro.random_walk / np.sqrt(span_s), gyro.in_run_bias, sway, gyro.quantum / span_s, turned)
+    return float(np.linalg.norm(parts))

@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
-from shefex_nav.replay import align_rail, align_ties
+from shefex_nav.replay import align_ties
 from shefex_nav.scenario.data_table import DataError
 
 LONGEST_S = 2.5  # [E] between the two fixes that are compared
@@ -125,7 +125,7 @@ def _level_sigma(scenario, earlier, later, span_s, turned):
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     g = float(np.linalg.norm(gravity.normal_gravity_e(later.r_ea_e)))
     noise = max(np.linalg.eigvalsh(fix.R_v_e)[-1] for fix in (earlier, later))
-    acceleration = align_rail.of_mean_force(accelerometer, span_s)
+    acceleration = align_ties.of_mean_force(accelerometer, span_s)
     acceleration = np.hypot(acceleration, np.sqrt(2.0 * noise) / span_s)
     along = float(np.linalg.norm(later.v_ea_e - earlier.v_ea_e)) / span_s
     acceleration = np.hypot(acceleration, along * (scenario.alignment.sideslip + 0.5 * turned))

@@ -51,6 +51,12 @@ def _level(C_nb):
     return along, np.cross(DOWN, along)
 
 
+def of_mean_force(accelerometer, span_s):
+    """1 sigma of the mean specific force over a time, m/s^2: biases and noise of the accelerometers."""
+    bias = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
+    return np.hypot(bias, accelerometer.random_walk / np.sqrt(span_s))
+
+
 def of_accelerometers(C_nb, of_tau, g):
     """Attitude error of a bias of the accelerometers, body axes: (3, 3) rad s^2/m.
 

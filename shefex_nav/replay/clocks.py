@@ -25,6 +25,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.replay import series
 from shefex_nav.replay.align_motion import over_ground
 from shefex_nav.scenario.data_table import DataError
 
@@ -176,7 +177,7 @@ class Seen:
         """Values at other times, (m,) or (m, 3)."""
         if values.ndim == 1:
             return np.interp(times_s, self.t_s, values)
-        return np.column_stack([np.interp(times_s, self.t_s, column) for column in values.T])
+        return series.between(times_s, self.t_s, values)
 
 
 @kernel
@@ -202,8 +203,7 @@ def _force(seen, pairs):
     begin_s, end_s, span_s = _times(pairs)
     said, sigma = [], []
     for (earlier, later), dt_s in zip(pairs, span_s, strict=True):
-        coriolis = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], 0.5 * (earlier.v_ea_e + later.v_ea_e))
-        f = (later.v_ea_e - earlier.v_ea_e) / dt_s + coriolis - gravity.normal_gravity_e(later.r_ea_e)
+        f = force_between(earlier, later, dt_s)
         u = f / np.linalg.norm(f)
         said.append(np.linalg.norm(f))
         sigma.append(np.sqrt(u @ (earlier.R_v_e + later.R_v_e) @ u) / dt_s)
@@ -213,6 +213,12 @@ def _force(seen, pairs):
         return np.linalg.norm(gained, axis=1) / span_s
 
     return _Kind(begin_s, end_s, np.array(said), np.hypot(sigma, NOISE), felt, 0.0)
+
+
+def force_between(earlier, later, dt_s):
+    """Mean specific force between two fixes by their velocities, dt_s apart: (3,) m/s^2, frame e."""
+    coriolis = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], 0.5 * (earlier.v_ea_e + later.v_ea_e))
+    return (later.v_ea_e - earlier.v_ea_e) / dt_s + coriolis - gravity.normal_gravity_e(later.r_ea_e)
 
 
 def _course_rate(seen, pairs):

@@ -15,21 +15,7 @@ from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import Alignment, Event, GpsFix, ImuBlock, Phase, StarFix, TruthSample, row
-from shefex_nav.replay import (
-    accelerometer_unit,
-    align,
-    clocks,
-    dataset,
-    felt,
-    gyro_unit,
-    meeting,
-    own,
-    params,
-    plausible,
-    reference,
-    repeats,
-    said,
-)
+from shefex_nav.replay import align, clocks, dataset, imu_units, params, plausible, reference, said
 from shefex_nav.scenario import plugged, software
 from shefex_nav.scenario.data_table import DataError
 
@@ -59,13 +45,13 @@ def prepare(scenario, files):
     """Replay of a ReplayScenario and the paths of its files; DataError where the data do not allow it."""
     data = dataset.read(scenario, files)
     check(scenario, data)
-    odd_times = meeting.check(scenario, data)
+    odd_times = plausible.meeting(scenario, data)
     data, common = clocks.made_one(scenario, data)
-    odd_force = accelerometer_unit.check(scenario, data)
+    odd_force = imu_units.accelerometers(scenario, data)
     oddities = plausible.check(scenario, data)
-    gyro_unit.check(scenario, data)
+    imu_units.gyros(scenario, data)
     odd = [*odd_times, *odd_force, *data.oddities, *clocks.oddities(common)]
-    odd += repeats.oddities(data.imu, data.fixes)
+    odd += plausible.repeats(data.imu, data.fixes)
     oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(
@@ -82,7 +68,7 @@ def prepare(scenario, files):
     if not len(blocks.t_valid_s):
         raise DataError(f"{files['imu']}: {_too_short(scenario, data.imu.t_s, alignment.t_valid_s)}")
     ends_s = np.append(alignment.t_valid_s, blocks.t_valid_s)
-    truth = None if data.truth is None else felt.at(data.truth, earth, data.imu, ends_s)
+    truth = None if data.truth is None else reference.as_felt(data.truth, earth, data.imu, ends_s)
     start = said.alignment(alignment, earth, scenario.alignment.method, since_s)
     return Replay(scenario, data, earth, alignment, blocks, truth, tuple(oddities), start, common)
 
@@ -130,7 +116,7 @@ def mission(replay):
         launch_latitude=latitude,
         launch_longitude=longitude,
         launch_height=height,
-        camera=own.NO_CAMERA,
+        camera=params.NO_CAMERA,
         C_bc=np.eye(3),
         plugins=plugged.pinned(scenario),
         software=software.flown(scenario),
@@ -149,7 +135,7 @@ def run(replay, clock):
     yield alignment
     height = mission(replay).launch_height
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
-    flies = own.navigation(scenario, alignment, replay.earth) or _built_in(replay)
+    flies = params.navigation(scenario, alignment, replay.earth) or _built_in(replay)
     said = [one for one in replay.data.received if one.t_valid_s > alignment.t_valid_s]
     said = Recorded(replay.blocks.t_valid_s, sorted(said, key=lambda one: one.t_available_s))
     truth = _truth_samples(replay.truth)

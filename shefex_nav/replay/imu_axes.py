@@ -10,7 +10,7 @@ import numpy as np
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, wgs84
-from shefex_nav.replay import dataset
+from shefex_nav.replay import dataset, series
 from shefex_nav.scenario.data_table import DataError
 
 FIELD = "data.axes"
@@ -103,13 +103,13 @@ def _specific_forces(data, g, begin_s, end_s):
     gained, sensed_b, true_b = np.cumsum(imu.dv_b, axis=0), [], []
     for first_s in np.linspace(begin_s, end_s - SECOND_S, n):
         ends_s = np.array([first_s, first_s + SECOND_S])
-        sensed = np.diff([np.interp(ends_s, imu.t_s, column) for column in gained.T], axis=1)[:, 0] / SECOND_S
+        sensed = np.diff(series.between(ends_s, imu.t_s, gained), axis=0)[0] / SECOND_S
         rows = np.clip(np.searchsorted(truth.t_s, [*ends_s, ends_s.mean()]), 0, len(truth.t_s) - 1)
         C_first, C_last, C_nb = (euler.dcm_from_euler(*truth.angles[k]) for k in rows)
-        v_e = np.array([np.interp(ends_s, truth.t_s, column) for column in truth.v_e.T])
+        v_e = series.between(ends_s, truth.t_s, truth.v_e)
         C_en = wgs84.level_axes(truth.r_e[rows[2]])
-        coriolis_e = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], v_e.mean(axis=1))
-        true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=1)[:, 0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
+        coriolis_e = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], v_e.mean(axis=0))
+        true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=0)[0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
         steady = np.trace(C_first.T @ C_last) > 1.0 + 2.0 * np.cos(MOST_TURN)
         if steady and min(np.linalg.norm(sensed), np.linalg.norm(true)) > 0.5 * g:
             sensed_b.append(sensed)

@@ -8,7 +8,7 @@ from functools import partial
 from shefex_nav.files import irregular
 from shefex_nav.instruments import TABLE
 from shefex_nav.replay import schema
-from shefex_nav.replay.schema_alignment import Static
+from shefex_nav.replay.schema import Static
 from shefex_nav.replay.schema_data import CsvData
 from shefex_nav.scenario import aboard, kind
 from shefex_nav.scenario import load as missions

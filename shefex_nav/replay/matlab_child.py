@@ -1,4 +1,4 @@
-"""The structure of a Matlab file on standard output, as a NumPy archive: a program, run by `matlab_file`.
+"""The structure of a Matlab file on standard output, as a NumPy archive: a program, run by `navego`.
 
 A damaged file can crash scipy's reader, or have it ask for any amount of memory. Here that ends this process
 alone. It imports nothing of the package, so that it starts at once.

@@ -3,6 +3,9 @@
 - Velocities against the change of the positions between two fixes, or two rows of truth.
 - Truth against the positions of the fixes.
 - The axes of the IMU (`imu_axes`).
+- Times of fixes and IMU: a GNSS whose times are in another unit would be used by nobody (`meeting`).
+- A position that a receiver says for a long time while the vehicle moves. The filter notices that fix by fix
+  (`onboard.navigation.integrity_gps`); here it is said of the data as a whole (`repeats`).
 
 What disagrees beyond any noise, and what another frame or unit explains, is refused with what would fit. What
 is only odd (noise that was stated too small does it, too) is a warning.
@@ -13,9 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import imu_axes
+from shefex_nav.replay import dataset, imu_axes, series
 from shefex_nav.scenario.data_table import DataError
 
+LONG_S = 5.0  # [E] shorter repetitions are common and harmless
+SHAKEN = 1.0  # [E] m/s^2, standard deviation of the specific force that a vehicle at rest does not have
+FEWEST_FIXES = 5  # valid fixes, of which something can be said
+FEW_FIXES = 2  # fixes within the times of the IMU that are next to none
+MOST_FIT = 0.5  # [E] of the fixes, that meet the IMU if another unit is right
+TIME_UNITS = {**dataset.UNITS, 60.0: "min"}  # factor to seconds: name
 LONGEST_PAIR_S = 5.0  # [E] between two fixes whose positions are compared
 FEWEST_PAIRS = 3  # [E] in motion
 MOVING = 5.0  # bounds, by which a position has to change
@@ -119,16 +128,14 @@ def _otherwise(track, declared):
     """(words, (n, 3) m/s in frame e) of what the same columns would be in other frames and units."""
     C_en = _level_axes(track.r_e)
     v_n = np.einsum("kji,kj->ki", C_en, track.v_e)
-    given = {"ned": v_n, "enu": np.column_stack([v_n[:, 1], v_n[:, 0], -v_n[:, 2]]), "ecef": track.v_e}[
-        declared
-    ]
+    given = {"ned": v_n, "enu": series.ned_or_enu(v_n), "ecef": track.v_e}[declared]
 
     def turned(v_n):
         return np.einsum("kij,kj->ki", C_en, v_n)
 
     readings = {
         "ned": turned(given),
-        "enu": turned(np.column_stack([given[:, 1], given[:, 0], -given[:, 2]])),
+        "enu": turned(series.ned_or_enu(given)),
         "ecef": given,
     }
     for frame in FRAMES:
@@ -137,8 +144,7 @@ def _otherwise(track, declared):
     if declared != "ecef":
         yield (
             "velocities with the sign of the third column turned: down in ned, up in enu",
-            readings[declared]
-            - 2.0 * turned(np.array([0.0, 0.0, 1.0]) * np.einsum("kji,kj->ki", C_en, track.v_e)),
+            readings[declared] - 2.0 * turned(np.array([0.0, 0.0, 1.0]) * v_n),
         )
     for unit, of_one in SPEED_UNITS.items():
         yield f"velocities in {unit}: give them in m/s", track.v_e / of_one
@@ -163,8 +169,7 @@ def _truth(scenario, truth, fixes):
     bound = noise + (np.interp(t_s, truth.t_s[1:-1], bent) / 8.0 if len(bent) else 0.0)
 
     def away(truth_e):
-        there = np.column_stack([np.interp(t_s, truth.t_s, column) for column in truth_e.T])
-        gap = there - r_e
+        gap = series.between(t_s, truth.t_s, truth_e) - r_e
         if inside[0].horizontal:
             gap = np.einsum("kji,kj->ki", _level_axes(r_e)[:, :, :2], gap)
         return np.linalg.norm(gap, axis=1)
@@ -221,3 +226,66 @@ def _read_otherwise(scenario, r_e):
                 words,
                 np.array([wgs84.ecef_from_geodetic(*one) for one in zip(north, east, up, strict=True)]),
             )
+
+
+def meeting(scenario, data):
+    """(field, text) to warn of, a list; DataError if another unit fits. ReplayScenario, Dataset"""
+    t_s = np.array([fix.t_valid_s for fix in data.fixes if fix.valid])
+    begin_s, end_s = float(data.imu.t_s[0]), float(data.imu.t_s[-1])
+    if len(t_s) < FEWEST_FIXES or _within(t_s, begin_s, end_s) >= FEW_FIXES:
+        return []
+    words = (
+        f"{_within(t_s, begin_s, end_s)} of {len(t_s)} valid fixes lie within the times of the IMU, "
+        f"{begin_s:.6g} to {end_s:.6g} s; they are from {t_s.min():.6g} to {t_s.max():.6g} s"
+    )
+    columns = scenario.data.gnss if scenario.data.format == "csv" else None
+    told = 1.0 if columns is None else columns.time_unit.factor
+    for factor, name in TIME_UNITS.items():
+        ratio = factor / told
+        if ratio != 1.0 and _within(t_s * ratio, begin_s, end_s) >= max(MOST_FIT * len(t_s), FEW_FIXES):
+            field = "data.gnss" if columns is None else "data.gnss.time_unit"
+            raise DataError(f"{field}: {words}; they fit as {name}")
+    return [("data.gnss", f"{words}. The others are not used: check times and units")]
+
+
+def _within(t_s, begin_s, end_s):
+    return int(((t_s >= begin_s) & (t_s <= end_s)).sum())
+
+
+def longest_repeat(imu, fixes):
+    """First and last time [s] and number of the fixes of the longest repetition in motion; None without one.
+
+    imu : Increments;  fixes : GpsFix
+    """
+    found, begin = None, 0
+    places = [fix.r_ea_e.tolist() if fix.valid else None for fix in fixes]
+    said = [k for k, place in enumerate(places) if place is not None]
+    for i, k in enumerate(said):
+        if places[k] != places[said[begin]]:
+            begin = i
+        first_s, last_s = fixes[said[begin]].t_valid_s, fixes[k].t_valid_s
+        if last_s - first_s > max(LONG_S, found[1] - found[0] if found else 0.0):
+            found = first_s, last_s, i - begin + 1
+    if found is None:
+        return None
+    inside = (imu.t_s > found[0]) & (imu.t_s <= found[1])
+    dt_s = np.diff(imu.t_s, prepend=imu.t_s[0] - 1.0)[inside, None]
+    felt = imu.dv_b[inside] / dt_s
+    return found if len(felt) > 1 and np.linalg.norm(felt.std(axis=0)) > SHAKEN else None
+
+
+def repeats(imu, fixes):
+    """(field, text) to warn of."""
+    found = longest_repeat(imu, fixes)
+    if found is not None:
+        first_s, last_s, count = found
+        yield (
+            "data.gnss",
+            f"the position repeats itself to the last digit for {last_s - first_s:.1f} s, from "
+            f"T{first_s:+.1f} s to T{last_s:+.1f} s ({count} fixes), while the IMU senses motion; "
+            "the filter leaves it out",
+        )
+    strange = [fix for fix in fixes if fix.n_satellites == dataset.NONSENSE]
+    if strange:
+        text = f"the number of satellites of {len(strange)} fixes is none that there can be"
+        yield "data.gnss.satellites", f"{text}; they count as fixes all the same"

@@ -21,9 +21,9 @@ from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.onboard.navigation.state import POS
 from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import ImuBlock
-from shefex_nav.replay import contradicted, external, rerun, said
+from shefex_nav.replay import external, rerun, said
 from shefex_nav.report import metrics
-from shefex_nav.scenario.choices import choices
+from shefex_nav.scenario.block import choices
 
 BRIEF_TICKS = 300  # of a log, by which everything is compiled: the first fixes are among them
 
@@ -72,7 +72,7 @@ def of_data(scenario, files, from_s, log, watch=_unwatched, *, until_s=math.inf)
     records = watch(external.run(ready, clock), mission.start_s, end_s)
     data = _collect(records, mission, end_s, setup_s, log, until_s=cut_s)
     summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
-    odd = (*ready.oddities, *contradicted.oddities(data))
+    odd = (*ready.oddities, *said.contradiction(data))
     summary["warnings"] = [{"field": field, "text": text} for field, text in odd]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
     readings = [one for one in ready.data.readings.get("barometer", ()) if one.t_valid_s <= end_s + SAME_S]

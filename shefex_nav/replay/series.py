@@ -137,8 +137,18 @@ def velocities(table, names, frame, r_e, valid=None):
     if frame == "ecef":
         return given
     if frame == "enu":
-        given = np.column_stack([given[:, 1], given[:, 0], -given[:, 2]])
+        given = ned_or_enu(given)
     return to_ecef(given, r_e)
+
+
+def ned_or_enu(vectors):
+    """Vectors north, east, down as east, north, up, or the other way round: (N, 3)."""
+    return np.column_stack([vectors[:, 1], vectors[:, 0], -vectors[:, 2]])
+
+
+def between(t_s, known_s, vectors):
+    """Vectors (N, k) known at some times, at others (m,): linear between. -> (m, k)"""
+    return np.column_stack([np.interp(t_s, known_s, column) for column in vectors.T])
 
 
 @kernel

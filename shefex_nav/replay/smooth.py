@@ -29,6 +29,7 @@ from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, Columns, Navigator
 from shefex_nav.records import NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
+from shefex_nav.replay.series import between
 from shefex_nav.scenario import load, params_onboard
 
 CHUNK_TICKS = 100  # of which the solution is written down at once: what the processor's cache holds
@@ -267,7 +268,7 @@ def known_field(recording, nodes, final, xs):
     begin = nodes.parts_s[:, 0] - final.numbers[nodes.ticks, 1] * final.numbers[nodes.ticks, 2]
     begin_s = np.append(t_s[nodes.ticks] + begin, t_s[last])
     half_s = 0.5 * np.append(nodes.parts_s[:, 1] - nodes.parts_s[:, 0], 0.0)
-    return np.column_stack([np.interp(begin_s + half_s, t_s[at], found[:, i]) for i in range(3)])
+    return between(begin_s + half_s, t_s[at], found)
 
 
 def solutions(nav, final, nodes, xs, wanted):

@@ -146,12 +146,12 @@ def _gps(shown, tree, loaded):
 
 
 def _star_camera(shown, tree, loaded):
-    from shefex_nav.scenario import field_of_view, starlight
+    from shefex_nav.scenario import lens, starlight
 
     optics, detector = loaded.optics, loaded.detector
     light = starlight.of_camera(tree)
     flux = optics.zero_magnitude_flux or light.flux
-    view = "{:.1f} x {:.1f} deg".format(*field_of_view.degrees(loaded)[:2])
+    view = "{:.1f} x {:.1f} deg".format(*lens.field_of_view_deg(loaded)[:2])
     faintest = f"{faintest_magnitude(flux, optics, detector):.1f} mag"
     computed = {
         "field of view": view,

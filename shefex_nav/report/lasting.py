@@ -1,6 +1,6 @@
 """Blocks of `navigation.states` that are missing: of errors that last in a flight, noise to the filter.
 
-Where weight lasts (`scenario.weight`) these errors are biases, and the filter's covariance does not hold
+Where weight lasts (`wanted_states`) these errors are biases, and the filter's covariance does not hold
 (docs/theory/filter.md, docs/verification/navigation.md). Not looked at: what falls through the air without a
 parachute, and that one which opens at a great height hangs in free fall first.
 
@@ -17,8 +17,9 @@ import numpy as np
 from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.records import Phase
-from shefex_nav.scenario import params, params_onboard, wanted_states, weight
+from shefex_nav.scenario import params_onboard, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.software import BUILT_IN
 from shefex_nav.scenario.wanted_states import WINDOW_S
 from shefex_nav.world import absent
@@ -112,11 +113,13 @@ def words(scenario, flown):
 def _of_weight(scenario, flown):
     """Blocks of errors that weight makes biases, and why: list of names, text."""
     navigation = scenario.navigation
-    lasts_s, where = weight.longest(scenario, flown.events, flown.end_s)
+    lasts_s, where = wanted_states.longest_weight(scenario, flown.events, flown.end_s)
     missing = [
-        name for name, sigma in weight.errors(scenario.imu).items() if sigma and name not in navigation.states
+        name
+        for name, sigma in wanted_states.weight_errors(scenario.imu).items()
+        if sigma and name not in navigation.states
     ]
-    if not weight.is_bias(scenario, lasts_s):
+    if not wanted_states.is_bias(scenario, lasts_s):
         return [], ""
     errors_are, them = ("these errors are biases", "them") if missing[1:] else ("this error is a bias", "it")
     return missing, (
@@ -190,7 +193,7 @@ def _of_camera(scenario):
     tracker, named = scenario.star_tracker, scenario.navigation.states
     if not tracker.enabled or "mounting" in named:
         return [], ""
-    camera = absent.of_camera(params.star_camera(scenario), scenario.without)
+    camera = absent.of_camera(settings(scenario.star_camera), scenario.without)
     turn = params_onboard.turn_of(camera)
     one_star = tracker.identification.centroid_error * camera.detector.pixel_size / camera.optics.focal_length
     if turn <= max(one_star, OF_FLOOR * scenario.navigation.star_fix_floor):

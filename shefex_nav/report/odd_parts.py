@@ -8,7 +8,7 @@ import math
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import thrust
-from shefex_nav.scenario.motor import Grain
+from shefex_nav.scenario.vehicle import Grain
 
 DENSITIES = 500.0, 3000.0  # kg/m^3; composite propellant has 1600 to 1900, black powder 1000
 IMPULSES = 120.0, 320.0  # s, of grains in vacuum: below sugar, above the best composites in long nozzles

@@ -12,7 +12,7 @@ from shefex_nav.environment import ephemeris, stars
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.report import star_light, star_sight
-from shefex_nav.scenario import field_of_view, params
+from shefex_nav.scenario import lens, params
 from shefex_nav.scenario.software import BUILT_IN
 
 STEP = 0.1  # mag, of the catalogues that are tried
@@ -50,7 +50,7 @@ def poor(scenario, seen, looks):
 
 def counts(scenario, seen, u_i):
     """How many of some stars are in the field of view at each instant, (N,). u_i : (n, 3)"""
-    width, height, _ = field_of_view.degrees(scenario.star_camera)
+    width, height, _ = lens.field_of_view_deg(scenario.star_camera)
     half = [math.tan(math.radians(0.5 * one)) for one in (width, height)]
     C_bc, found = params.mounting(scenario), []
     for q_ib in seen.q_ib:

@@ -22,7 +22,7 @@ import numpy as np
 
 from shefex_nav.environment import ephemeris, stars
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.scenario import field_of_view
+from shefex_nav.scenario import lens
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.software import BUILT_IN
 from shefex_nav.world.camera import detector
@@ -64,7 +64,7 @@ def of(scenario):
         share * int(np.count_nonzero(known.vmag <= faintest)),
         share * _brighter(tracker.catalogue.system, faintest, camera.stars.faintest),
         chip.black_level + chip.background * tracker.exposure.shortest / electrons_per_dn,
-        field_of_view.degrees(camera)[:2],
+        lens.field_of_view_deg(camera)[:2],
     )
 
 
@@ -151,7 +151,7 @@ def notes(scenario):
 
     Nothing of it is wrong; a camera with more light gains from larger values.
     """
-    width, height, _ = field_of_view.degrees(scenario.star_camera)
+    width, height, _ = lens.field_of_view_deg(scenario.star_camera)
     field = f"star_camera: a field of view of {width:.3g} x {height:.3g} deg"
     if not scenario.star_tracker.enabled or scenario.star_tracker.software != BUILT_IN:
         return [field]

@@ -4,7 +4,7 @@ They would have no effect, and nobody would see that. Said only where the flight
 """
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.scenario import events
+from shefex_nav.scenario import checks_flight
 
 
 def found(scenario, flown):
@@ -16,7 +16,7 @@ def found(scenario, flown):
     if ended_s is None and scenario.trajectory is not None and not flown.is_part:
         ended_s, words = flown.end_s, "the end of the trajectory"
     if ended_s is not None:
-        had = [name for name in events.possible(scenario) if name in at]
+        had = [name for name in checks_flight.possible_events(scenario) if name in at]
         yield from _outages(scenario.gps.outages, had)
     elif (scenario.orbit or scenario.ground) and flown.end_s >= scenario.mission.time_limit - SAME_S:
         ended_s, words = scenario.mission.time_limit, "the end of the flight"

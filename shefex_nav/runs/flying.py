@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.log import thinning
-from shefex_nav.log.described import MOST_DIGITS
+from shefex_nav.log.checked import MOST_DIGITS
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
 from shefex_nav.log.topics import LogError, RunSummary
@@ -62,7 +62,7 @@ def _loaded(scenario):
 def get_ready(scenario):
     """Compile what flying a Scenario needs and is not compiled yet."""
     from shefex_nav import warmup
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav.scenario.block import choices
 
     warmup.get_ready({"command=run", *choices(scenario)})
 

@@ -11,8 +11,8 @@ from shefex_nav.scenario import (
     checks_tracker,
     checks_vehicle,
     dispersions,
-    faults,
     partial,
+    sensors,
     software,
     star_statistics,
     told,
@@ -21,6 +21,8 @@ from shefex_nav.scenario import (
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks_flight import seconds
 
+STAGES = ("vehicle", "stages")
+COUNTED = ("imu", "vibration", "boost")  # one value for each stage
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
 LOG_RATES = (10.0, 20.0, 50.0, 100.0)  # Hz
 IMU_NYQUIST = 0.5 * IMU_HZ
@@ -58,7 +60,7 @@ def _parts(scenario, rated):
         _states,
         *checks_tracker.PARTS,
         star_statistics.contradictions,
-        faults.contradictions,
+        sensors.contradictions,
         software.contradictions,
         told.contradictions,
         _told,
@@ -167,3 +169,36 @@ def _camera(scenario):
             ("star_camera", "artefacts", "hot_pixels"),
             f"{bad} bad pixels are more than a tenth of the detector",
         )
+
+
+def noted(found, names, places, others):
+    """The same contradictions; the first about stages says which are inherited, and how to leave them out.
+
+    Parameters
+    ----------
+    found : list of (path of the field, text)
+    names : of the stages
+    places : messages.Places of the scenario
+    others : {path of another file: 'extends', 'uses', what the scenario does with it}
+    """
+    inherited = {}  # file: names
+    for name in names:
+        file = places.key((*STAGES, name)).file
+        if others.get(file) == "extends":
+            inherited.setdefault(file, []).append(name)
+    mine = len(names) - sum(map(len, inherited.values()))
+    about = [k for k, (path, _) in enumerate(found) if _is_about(path)]
+    if not (inherited and mine and about):
+        return found
+    first = min(about, key=lambda k: places.value(found[k][0]))
+    path, words = found[first]
+    for file, left in inherited.items():
+        nulls = ", ".join(f"{name}: null" for name in left)
+        verb = "comes" if len(left) == 1 else "come"
+        words += f"; {' and '.join(left)} {verb} from {file}: '{nulls}' under vehicle.stages leaves out"
+        words += " what your rocket has not"
+    return [*found[:first], (path, words), *found[first + 1 :]]
+
+
+def _is_about(path):
+    return path[:2] == STAGES or path[:3] == COUNTED

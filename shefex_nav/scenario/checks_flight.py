@@ -1,4 +1,4 @@
-"""Contradictions about the flight: start, air, wind, attitude programme, devices."""
+"""Contradictions about the flight: start, air, wind, attitude programme, devices; events it may have."""
 
 from importlib.util import find_spec
 from itertools import pairwise
@@ -7,6 +7,7 @@ from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.scenario import sounding_checks, surroundings, thrust
 from shefex_nav.scenario.mission import WindTable
 
+DOWN = ("apogee", "entry", "altitude_60km", "altitude_20km", "impact")
 STARTS = ("launch", "orbit", "ground", "trajectory")
 ONE_OF = "a flight starts from exactly one of launch, orbit and ground"
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
@@ -226,3 +227,39 @@ def _devices(scenario):
 
 
 PARTS = (air, _orbit, _ground, _programme, _devices)  # (path of the field, text for people) of each
+
+
+def possible_events(scenario):
+    """Names of all events that may happen; a flight need not have all of them."""
+    if scenario.ground is not None:
+        return []
+    if scenario.trajectory is not None:
+        return _of_trajectory(scenario.trajectory)
+    names = ["lift_off", "rail_exit", "max_dynamic_pressure"] if scenario.launch is not None else []
+    for number, stage in enumerate(scenario.vehicle.stages.values(), 1):
+        if number > 1 or stage.ignition > 0.0 or scenario.orbit is not None:
+            names.append(f"ignition_{number}")
+        names.append(f"burn_out_{number}")
+        if stage.separation is not None:
+            names.append(f"separation_{number}")
+    for name, _ in scenario.tasks:
+        names += [f"{name}_start", f"{name}_end"]
+    vehicle = scenario.vehicle
+    devices = (
+        (vehicle.spin_motors, ["spin_motors"]),
+        (vehicle.yo_yo, ["yo_yo_release", "yo_yo_off"]),
+        (vehicle.cold_gas, ["cold_gas_empty"]),
+        (vehicle.parachute, ["parachute"]),
+    )
+    for device, of_device in devices:
+        names += of_device if device is not None else []
+    return [*names, *DOWN]
+
+
+def _of_trajectory(given):
+    """Events that a trajectory may show, or that a log says of it."""
+    n = len(given.separations)
+    names = [f"{what}_{k}" for k in range(1, n + 2) for what in ("ignition", "burn_out")]
+    names += [f"separation_{k}" for k in range(1, n + 1)]
+    told = ["rail_exit", "parachute"] if given.format == "log" else []
+    return ["lift_off", "max_dynamic_pressure", *names, *told, *DOWN]

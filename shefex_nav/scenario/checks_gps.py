@@ -4,8 +4,7 @@ from functools import partial
 
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.block import AUTOMATIC
-from shefex_nav.scenario.checks_flight import seconds
-from shefex_nav.scenario.events import possible
+from shefex_nav.scenario.checks_flight import possible_events, seconds
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.partial import of_each
 
@@ -15,7 +14,7 @@ LONGEST_AGE_DAYS = 182.0  # of an almanac; its orbits are good to some kilometre
 
 def _outages(scenario):
     """Outages after events that the flight can have, with durations the right way round."""
-    events = possible(scenario)
+    events = possible_events(scenario)
     yield from of_each(scenario.gps.outages, partial(_outage, events))
 
 

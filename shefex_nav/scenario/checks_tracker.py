@@ -2,7 +2,7 @@
 
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.onboard.startracker.settings import contradiction
-from shefex_nav.scenario import field_of_view, lens
+from shefex_nav.scenario import lens
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
@@ -51,13 +51,13 @@ def _rows_and_frames(scenario):
 def _field(scenario):
     """A field of view that a lens can have."""
     camera = scenario.star_camera
-    width, height, diagonal = field_of_view.degrees(camera)
-    if diagonal > field_of_view.WIDEST_DEG:
+    width, height, diagonal = lens.field_of_view_deg(camera)
+    if diagonal > lens.WIDEST_DEG:
         chip, optics = camera.detector, camera.optics
         words = (
             f"{chip.columns} x {chip.rows} pixels of {1e6 * chip.pixel_size:.4g} um behind "
             f"{1e3 * optics.focal_length:.4g} mm see {width:.4g} x {height:.4g} deg, {diagonal:.4g} deg from "
-            f"corner to corner; {field_of_view.WIDEST_DEG:g} deg is the most that is simulated: is "
+            f"corner to corner; {lens.WIDEST_DEG:g} deg is the most that is simulated: is "
             "detector.pixel_size right?"
         )
         yield ("star_camera", "optics", "focal_length"), words

@@ -7,7 +7,7 @@ from shefex_nav.clock import SAME_EVENT_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import thrust
 from shefex_nav.scenario.checks_flight import earliest, increasing, seconds, within
-from shefex_nav.scenario.motor import Grain, ShapedMotor, TabulatedPropellant
+from shefex_nav.scenario.vehicle import Grain, ShapedMotor, TabulatedPropellant
 
 CLOSURE = 0.02  # between total impulse, propellant mass and specific impulse
 RATED = 0.02  # between the propellant mass and that of the motor file

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.document import dotted
-from shefex_nav.scenario.quantity import QuantitySpec, describe, quoted, refuse
+from shefex_nav.scenario.quantity import QuantitySpec, Reader, describe, quoted, refuse
 
 SIDES = ("x", "y", "z")
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -21,14 +21,11 @@ class Scale(NamedTuple):
 
 
 @dataclass(frozen=True)
-class UnitSpec:
+class UnitSpec(Reader):
     """How a field reads the unit of a column; `kinds` are (kind, SI unit) of which one must fit."""
 
     example: str
     kinds: tuple[tuple[str, str], ...]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
         return {"type": "string", "description": "unit of the columns", "examples": [self.example]}

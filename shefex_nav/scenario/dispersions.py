@@ -14,21 +14,17 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
-from pydantic_core import core_schema
 
 from shefex_nav.scenario.block import Block, forms
-from shefex_nav.scenario.quantity import Number, Quantity, describe, refuse
+from shefex_nav.scenario.quantity import Number, Quantity, Reader, describe, refuse
 
 Apply = Literal["add", "scale", "replace"]
 _APPLY = "added to the value of the scenario, a share of it, or in its place"
 
 
 @dataclass(frozen=True)
-class AsWritten:
+class AsWritten(Reader):
     """A number or a quantity as it is written, whose unit is that of a field named elsewhere."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
         return {"type": ["string", "number"], "examples": ["0.2 deg", "5 %"]}

@@ -43,6 +43,10 @@ class Document(NamedTuple):
     removed: list  # paths of keys with the value `null`, which are not in the tree
     repeated: int = 0  # values that are in the tree because aliases repeat others
 
+    def wrong(self, mark, path, words):
+        """Note what is wrong at a place about what has a path."""
+        self.errors.append((mark, f"{dotted(path)}: {words}"))
+
 
 class BadText(Exception):
     """Text that is not YAML: (Mark, text)."""
@@ -146,12 +150,12 @@ def _build(node, path, file, document, parents):
     """Plain value of `node`; its marks and errors go into `document`."""
     document.values[path] = _mark(node, file)
     if not yaml_text.fits(node):
-        document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
+        document.wrong(_mark(node, file), path, _wrong_tag(node))
         return None
     if node.id == "scalar":
         return _scalar(node, path, file, document)
     if any(node is parent for parent in parents):
-        document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
+        document.wrong(_mark(node, file), path, "an alias must not contain itself")
         return None
     parents = (*parents, node)
     if node.tag == yaml_text.SEQ:
@@ -159,13 +163,13 @@ def _build(node, path, file, document, parents):
             document.keys[(*path, index)] = _mark(item, file)
             if index and node.flow_style and (halves := decimal_comma.of_list(node, index)):
                 words = decimal_comma.words(*halves, "values")
-                document.errors.append((_mark(node.value[index - 1], file), f"{dotted(path)}: {words}"))
+                document.wrong(_mark(node.value[index - 1], file), path, words)
         return [
             _build(item, (*path, index), file, document, parents) for index, item in enumerate(node.value)
         ]
     if node.tag == yaml_text.MAP:
         return _mapping(node, path, file, document, parents)
-    document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
+    document.wrong(_mark(node, file), path, _wrong_tag(node))
     return None
 
 
@@ -208,16 +212,16 @@ def _mapping(node, path, file, document, parents):
         if halves := decimal_comma.of_mapping(node, k):
             key, value = node.value[k - 1]
             words = decimal_comma.words(*halves, "keys")
-            document.errors.append((_mark(value, file), f"{dotted((*path, key.value))}: {words}"))
+            document.wrong(_mark(value, file), (*path, key.value), words)
             continue
         if words := no_key(key_node.value):
-            document.errors.append((mark, f"{dotted(path)}: {words}"))
+            document.wrong(mark, path, words)
             continue
         key_path = (*path, key_node.value)
         if key_node.value in taken:
             first = document.keys[key_path].line
-            text = f"{dotted(key_path)}: duplicate key, already given in line {first}; keep one of them"
-            document.errors.append((mark, text))
+            words = f"duplicate key, already given in line {first}; keep one of them"
+            document.wrong(mark, key_path, words)
             continue
         document.keys[key_path] = mark
         taken.add(key_node.value)
@@ -258,7 +262,7 @@ def _scalar(node, path, file, document):
             return text
     if node.tag == yaml_text.FLOAT:
         return float(re.sub(r"\.(?=[in])", "", text.replace("_", "").lower()))
-    document.errors.append((_mark(node, file), f"{dotted(path)}: {_wrong_tag(node)}"))
+    document.wrong(_mark(node, file), path, _wrong_tag(node))
     return None
 
 

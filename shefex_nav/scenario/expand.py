@@ -11,10 +11,10 @@ from pydantic import ValidationError
 
 from shefex_nav.scenario import rasp, tables
 from shefex_nav.scenario.dispersions import ColumnOfFile
-from shefex_nav.scenario.document import BadText, Mark, dotted, parse
+from shefex_nav.scenario.document import BadText, Mark, parse
 from shefex_nav.scenario.files import LARGEST_TABLE, Unreadable, read_text
-from shefex_nav.scenario.gps import ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
+from shefex_nav.scenario.sensors import ALMANAC_UNITS
 from shefex_nav.scenario.tables import BadTable, NoColumn
 
 FILE = "file"
@@ -58,8 +58,7 @@ def expand(tree, places, texts):
             text = read_text(name, "a table", LARGEST_TABLE)
             values, marks = convert(text, name)
         except Unreadable as error:
-            here = places.value((*path, FILE))
-            errors.append((here, f"{dotted((*path, FILE))}: '{name}' {error}"))
+            errors.append(places.wrong((*path, FILE), f"'{name}' {error}"))
             continue
         except BadTable as error:
             errors += error.errors
@@ -107,17 +106,13 @@ def _expand_dispersions(tree, places, texts):
             text = read_text(asked.file, "a table", LARGEST_TABLE)
             column = tables.read_one(text, asked.file, asked.column)
         except ValidationError as error:
-            errors += [
-                (places.value((*path, *inner)), f"{dotted((*path, *inner))}: {words}")
-                for inner, words in _complaints(error)
-            ]
+            errors += [places.wrong((*path, *inner), words) for inner, words in _complaints(error)]
             continue
         except Unreadable as error:
-            errors.append((places.value((*path, FILE)), f"{dotted((*path, FILE))}: '{asked.file}' {error}"))
+            errors.append(places.wrong((*path, FILE), f"'{asked.file}' {error}"))
             continue
         except NoColumn as error:
-            key = (*path, "column")
-            errors.append((places.value(key), f"{dotted(key)}: '{asked.file}' {error}"))
+            errors.append(places.wrong((*path, "column"), f"'{asked.file}' {error}"))
             continue
         except BadTable as error:
             errors += error.errors
@@ -152,12 +147,12 @@ def _expand_almanac(tree, places, texts):
     here = places.value(path)
     del gps[ALMANAC]  # if it cannot be read, the schema need not complain as well
     if not isinstance(name, str) or not name:
-        return [(here, f"{dotted(path)}: expected the name of a YUMA file, got {describe(name)}")]
+        return [places.wrong(path, f"expected the name of a YUMA file, got {describe(name)}")]
     try:
         text = read_text(name, "a YUMA almanac")
         satellites = yuma.items(text)
     except Unreadable as error:
-        return [(here, f"{dotted(path)}: '{name}' {error}")]
+        return [places.wrong(path, f"'{name}' {error}")]
     except yuma.BadYuma as error:
         return BadTable([(Mark(name, line, column), words) for line, column, words in error.errors]).errors
     texts[name] = text
@@ -191,7 +186,7 @@ def _expand_model(tree, places, texts):
         text = read_text(name, "a file of `shefex-nav characterise`")
         found = parse(text, name)  # JSON is YAML
     except Unreadable as error:
-        return [(here, f"{dotted(path)}: '{name}' {error}")]
+        return [places.wrong(path, f"'{name}' {error}")]
     except BadText as error:
         mark, words = error.args
         ours = words if words.startswith("not valid") else "this is no file of shefex-nav characterise"
@@ -236,11 +231,23 @@ def _places(column):
     return {(k,): cell.mark for k, cell in enumerate(column)}
 
 
+def _columns(columns, units):
+    """Values and marks by key. units : {key: (name of a column, unit)}"""
+    values = {key: _quantities(columns[name], unit) for key, (name, unit) in units.items()}
+    return values, {key: _places(columns[name]) for key, (name, _) in units.items()}
+
+
+def _section(key, columns, units, **more):
+    """Values and marks of a section that is under a key. columns, units : of `_columns`"""
+    values, marks = _columns(columns, units)
+    below = {(name, *inner): mark for name, places in marks.items() for inner, mark in places.items()}
+    return {key: values}, {key: below} | more
+
+
 def _wind(text, file):
     columns = tables.read(text, file, ("height_m", "speed_m_s", "from_deg"))
     units = {"height": ("height_m", "m"), "speed": ("speed_m_s", "m/s"), "from": ("from_deg", "deg")}
-    values = {key: _quantities(columns[name], unit) for key, (name, unit) in units.items()}
-    return values, {key: _places(columns[name]) for key, (name, _) in units.items()}
+    return _columns(columns, units)
 
 
 def _propellant(text, file):
@@ -250,26 +257,14 @@ def _propellant(text, file):
         "inertia_roll": ("inertia_roll_kg_m2", "kg m2"),
         "inertia_pitch": ("inertia_pitch_kg_m2", "kg m2"),
     }
-    columns = tables.read(text, file, [name for name, _ in units.values()])
-    values = {key: _quantities(columns[name], unit) for key, (name, unit) in units.items()}
-    marks = {
-        (key, *inner): mark
-        for key, (name, _) in units.items()
-        for inner, mark in _places(columns[name]).items()
-    }
-    return {"table": values}, {"table": marks}
+    return _section("table", tables.read(text, file, [name for name, _ in units.values()]), units)
 
 
 def _motor(text, file):
     motor = rasp.read(text, file)
-    values = {"time": _quantities(motor.t_s, "s"), "force": _quantities(motor.thrust_n, "N")}
-    marks = {
-        (key, *inner): mark
-        for key, column in (("time", motor.t_s), ("force", motor.thrust_n))
-        for inner, mark in _places(column).items()
-    }
     rated = Rated(motor.propellant_kg.value, motor.propellant_kg.mark)
-    return {"thrust": values}, {"thrust": marks, "rated": rated}
+    units = {"time": ("t_s", "s"), "force": ("thrust_n", "N")}
+    return _section("thrust", motor._asdict(), units, rated=rated)
 
 
 def _aerodynamics(text, file):

@@ -14,9 +14,8 @@ from pydantic import Field, create_model
 from shefex_nav.scenario import shipped
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.files import Unreadable
-from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.quantity import Quantity
-from shefex_nav.scenario.sensors import Accelerometer, Gyro, Imu, StarCamera
+from shefex_nav.scenario.sensors import Accelerometer, Gps, Gyro, Imu, StarCamera
 
 KIND = "instrument"  # key that says for which section a file is
 

@@ -5,7 +5,7 @@ import re
 from pydantic.json_schema import GenerateJsonSchema
 
 from shefex_nav.scenario.load import EXTENDS, Scenario
-from shefex_nav.scenario.use import USE
+from shefex_nav.scenario.sensors import USE
 
 
 class Named(GenerateJsonSchema):

@@ -16,16 +16,16 @@ from shefex_nav.scenario import (
     expand,
     instruments,
     messages,
-    moved,
     plugged,
     shipped,
     software,
     starlight,
+    suggest,
     trajectory,
 )
 from shefex_nav.scenario.document import BadText, Mark, dotted, placed
 from shefex_nav.scenario.files import LARGEST, Unreadable, read_text
-from shefex_nav.scenario.use import USE
+from shefex_nav.scenario.sensors import USE
 
 MOST, LONGEST = 2 * messages.MOST_TOLD, 4000  # errors, and letters of one: what a person reads
 EXTENDS, ENDINGS = "extends", (".yaml", ".yml")
@@ -47,7 +47,7 @@ class Texts(dict):
         super().__init__(texts)
         self.instruments = set()  # paths of those that are instruments
         self.used = {}  # real path of the instrument of each section that has one
-        self.dropped = []  # of replaced.Gone
+        self.dropped = []  # of overriding.Gone
         self.size = self.repeated = 0  # bytes of all, values that aliases repeat in them
         self.mistakes = {}  # (Mark, text) of what is wrong in them, as keys: each once
 
@@ -285,7 +285,7 @@ def _remove(tree, path):
     """Take away what a base gives at `path`; the complaint if it gives nothing there, else None."""
     given = node(tree, path[:-1])
     if not isinstance(given, dict) or path[-1] not in given:
-        if said := moved.words(path):
+        if said := suggest.moved(path):
             return f"{dotted(path)}: {said}"
         return f"{dotted(path)}: null takes away what the extended file gives, which is nothing; leave it out"
     del given[path[-1]]

@@ -1,4 +1,4 @@
-"""The lens of a star camera as a scenario says it: does it fold, how far does it displace, what is left.
+"""The lens of a star camera as a scenario says it: what it sees, does it fold, how far does it displace.
 
 What is told in the place of the truth leaves a residual. A part of it is a turn of the picture, which no star
 tracker can tell from an attitude; the rest shows in the residuals of the stars.
@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+WIDEST_DEG = 100.0  # from corner to corner. At 50 deg from the axis a pinhole draws distances 2.4 times as
+# long as in the middle, and a real lens has 0.17 of the light there (cos^4), which is not simulated
 INVERSE_PX = 0.01  # to which the distortion must be undone
 LEAST_PX = 1e-3  # less is not said: a hundredth of what a centroid is known to
 LEAST_ARCSEC = 1e-3
@@ -172,3 +174,14 @@ def _folds_at(k, half):
         if folds.any():
             least = min(least, float(np.hypot(*bent(k, (r * ray)[[np.argmax(folds)]])[0])))
     return least
+
+
+def field_of_view_deg(camera):
+    """Width, height and diagonal of the field of view, deg: (3,) floats. camera : section star_camera"""
+    chip, focal_length = camera.detector, camera.optics.focal_length
+    if camera.optics.distortion is not None or camera.optics.principal_point is not None:
+        pass
+
+        return field_deg(camera)
+    sides = [0.5 * n * chip.pixel_size / focal_length for n in (chip.columns, chip.rows)]
+    return tuple(math.degrees(2.0 * math.atan(one)) for one in (*sides, math.hypot(*sides)))

@@ -11,32 +11,36 @@ from pydantic import ValidationError
 
 from shefex_nav.scenario import (
     aboard,
+    checks,
     disperse,
     drawn,
     expand,
     fields,
     kind,
     layers,
-    leftovers,
     messages,
     overriding,
     plugged,
-    saturation,
     schema,
     software,
     starlight,
     trajectory,
-    trying,
     yaml_text,
 )
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
-from shefex_nav.scenario.document import Mark, dotted, placed
+from shefex_nav.scenario.document import BadText, Mark, dotted, parse, placed
+from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.layers import EXTENDS, ScenarioError, Texts, file_of
 from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.partial import known
 from shefex_nav.scenario.partial import validated as part_of
+from shefex_nav.scenario.star_statistics import MODEL, StarStatistics
 from shefex_nav.scenario.told import Told
+from shefex_nav.settings import declared
+from shefex_nav.world.camera_settings import Detector
 
+DETECTION, DETECTOR = ("star_tracker", "detection"), ("star_camera", "detector")
 __all__ = [
     "EXTENDS",
     "Pattern",
@@ -146,7 +150,7 @@ def _validated_as(model, tree, places, files, overrides, parts, trust=False):
     """What `load_as` returns, of a merged tree."""
     overriding.carry_out(overrides, tree, places, files)
     model = model(_provided(tree, places, trust))
-    whole, dark = starlight.filled(saturation.filled(tree), places)
+    whole, dark = starlight.filled(with_saturation(tree), places)
     try:
         loaded, found, read = model.model_validate(whole), dark, list
     except ValidationError as error:
@@ -154,7 +158,7 @@ def _validated_as(model, tree, places, files, overrides, parts, trust=False):
         found = dark + messages.lines(model, error, places)
     found = files.with_mistakes(found)
     for part in parts:
-        found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
+        found += [places.wrong(where, words) for where, words in read(part(loaded))]
     if found:
         raise layers.sorted_error(found) from None
     return loaded, places, normalised(tree)
@@ -214,7 +218,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
     bad = expand.not_expanded(tree) if found else []
-    whole, dark = starlight.filled(saturation.filled(tree), places)
+    whole, dark = starlight.filled(with_saturation(tree), places)
     found += dark
     try:
         scenario = model.model_validate(whole)
@@ -228,8 +232,8 @@ def _validated(tree, places, files, overrides, path, trust=False):
     else:
         more = list(cross_check(scenario, rated))
         more += _dispersions(tree, scenario, try_them=not more)
-    stages = layers.node(tree, leftovers.STAGES)
-    more = leftovers.noted(more, stages if isinstance(stages, dict) else (), places, others)
+    stages = layers.node(tree, checks.STAGES)
+    more = checks.noted(more, stages if isinstance(stages, dict) else (), places, others)
     found += [about(where, words) for where, words in more]
     if found:
         raise layers.sorted_error(found) from None
@@ -243,7 +247,7 @@ def _dispersions(tree, scenario, try_them):
     """(path, text) of what is wrong with the dispersions of a scenario that was read from a tree."""
     model, section = type(scenario), scenario.dispersions
     dispersed, found = disperse.resolve(model, tree, section)
-    return found if found or not try_them else trying.refused(model, tree, section, dispersed, _complaint)
+    return found if found or not try_them else drawn.refused(model, tree, section, dispersed, _complaint)
 
 
 def _complaint(tree):
@@ -279,6 +283,50 @@ def _whose(mark, path, others):
     """Where to put right what stands in a file that the user's own builds on: nobody need edit that one."""
     verb = others.get(mark.file)
     return f" (set in {mark.file}; change it in {path}, which {verb} it)" if verb else ""
+
+
+def star_statistics_of(path, overrides=()):
+    """StarStatistics of the file that star_tracker.model of a scenario names, None without one.
+
+    A scenario of rendered frames is loaded without them (`expand`): its camera may be another one. Whoever
+    predicts what the star tracker would do asks here.
+
+    path, overrides : as of `load`. ScenarioError if the file cannot be read
+    """
+    read, path = Texts(), file_of(path)
+    tree, places = layers.extended(path, read)
+    overriding.carry_out(overrides, tree, places, read)
+    name = layers.node(tree, MODEL)
+    if not isinstance(name, str):
+        return None
+    where = f"{places.value(MODEL)}: {dotted(MODEL)}: '{name}'"
+    try:
+        found = parse(read_text(name, "a file of `shefex-nav characterise`"), name)
+        return StarStatistics.model_validate(found.tree)
+    except (Unreadable, BadText) as error:
+        raise ScenarioError([f"{where} {error.args[-1]}"]) from None
+    except ValidationError as error:
+        lines = [words for _, words in messages.lines(StarStatistics, error, places)]
+        raise ScenarioError([f"{where}: {lines[0]}"]) from None
+
+
+def with_saturation(tree):
+    """A tree with the largest grey value of the camera's detector for `star_tracker.detection.saturation`.
+
+    So a scenario takes a camera of 8 bits or of 12, whichever it is given; a value is for a detector that
+    saturates below its largest grey value. The same tree if one is given or the detector is not known.
+    """
+    detection, detector = (layers.node(tree, path) for path in (DETECTION, DETECTOR))
+    if not isinstance(detection, dict) or not isinstance(detector, dict):
+        return tree
+    if detection.get("saturation", AUTOMATIC) != AUTOMATIC:
+        return tree
+    setting = declared(Detector)["bits"][1]
+    bits, limits = str(detector.get("bits", setting.default)), dict(setting.limits)
+    if not bits.isdecimal() or not limits["at_least"] <= int(bits) <= limits["at_most"]:
+        return tree  # what is wrong with it is told elsewhere
+    filled = {**detection, "saturation": f"{2 ** int(bits) - 1} DN"}
+    return {**tree, "star_tracker": {**tree["star_tracker"], "detection": filled}}
 
 
 def with_states(scenario, names):

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args, get_origin
 
 from pydantic import BaseModel, Tag
 
-from shefex_nav.scenario import moved, suggest
+from shefex_nav.scenario import suggest
 from shefex_nav.scenario.block import BAD_KEY, is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.kind import of_the_other
@@ -52,6 +52,10 @@ class Places:
     def value(self, path):
         """Mark of the value at `path`, or of the nearest section around it."""
         return self.values[path] if path in self.values else self._nearest(self.keys, path)
+
+    def wrong(self, path, words):
+        """(Mark, text) of what is wrong about the value at `path`."""
+        return self.value(path), f"{dotted(path)}: {words}"
 
     def put(self, path, keys, values):
         """Replace everything known at and below `path`; `keys` and `values` are relative to it."""
@@ -287,7 +291,7 @@ def _unknown(model, error):
     """Words about a key that is not known, or not in this form of the section."""
     location = error["loc"]
     known = field_at(model, location[:-1])[0].keys()
-    if said := moved.words(plain(location), error["input"]):
+    if said := suggest.moved(plain(location), error["input"]):
         return said
     given = error["input"]
     if plain(location) == ("gps", "outage") and isinstance(given, dict) and set(TIMES) & set(given):

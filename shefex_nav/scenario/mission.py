@@ -1,4 +1,4 @@
-"""Sections of a scenario about the mission: when, from where, on which Earth, through which air.
+"""Sections of a scenario about the mission: when, from where, on which Earth, in which air, what is done.
 
 Values are floats in SI and radians once loaded. All times count from lift-off.
 """
@@ -10,10 +10,10 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from shefex_nav.environment import models
 from shefex_nav.environment.models import BUILT_IN, Gravity, Msis
-from shefex_nav.scenario.block import Block, by_kind, tagged
+from shefex_nav.scenario.block import Block, by_kind, kinds, tagged
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Count, Quantity, Time, quoted, refuse
-from shefex_nav.world.flight import settings
+from shefex_nav.world.flight import settings, tasks
 
 EPOCH_EXAMPLE = "2012-06-22T19:18:00Z"
 LAST_YEAR, LONGEST_NAME = 2100, 100
@@ -121,3 +121,6 @@ def wind_type(names, *named):
 Wind = wind_type(tuple(BUILT_IN[models.Wind]))
 
 Launch, Ground, Orbit = (section(one) for one in (settings.Launch, settings.Ground, settings.Orbit))
+
+Name = Annotated[str, Field(pattern=r"^[\w-]+$", description="one word")]
+Programme = dict[Name, kinds("task", *map(section, tasks.KINDS))]  # of the attitude, by name

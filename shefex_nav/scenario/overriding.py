@@ -1,12 +1,20 @@
-"""What the user says with `--set` on top of a scenario file: values by their paths."""
+"""What the user says with `--set` on top of a scenario file: values by their paths.
 
+An instrument that takes the place of another (`--set imu.use=NAME`, `--sweep imu=A,B`) comes as its file has
+it: what a scenario puts on top of its own instrument, such as the range that this very unit was bought with,
+says nothing about another one, and what is gone is told. One that the scenario uses already stays as it is.
+"""
+
+import os
 from typing import NamedTuple
 
-from shefex_nav.scenario import document, instruments, layers, moved, replaced, starlight
+from shefex_nav.scenario import document, instruments, layers, shipped, starlight, suggest
 from shefex_nav.scenario.dispersions import KEYS, ColumnOfFile
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted, no_key
-from shefex_nav.scenario.use import USE
+from shefex_nav.scenario.files import Unreadable
+from shefex_nav.scenario.sensors import USE
 
+MOST_LISTED = 4  # values that are listed
 DISPERSIONS = "dispersions"  # the section whose keys are paths
 
 
@@ -37,9 +45,7 @@ class _Marks(NamedTuple):
 def carry_out(overrides, tree, places, texts):
     """Carry out the `--set` texts in `tree`; raises ScenarioError.
 
-    An instrument comes before the values that are set beside it, in whichever order they are given. One that
-    the scenario has already is left with what the scenario puts on top of it; another one comes as its file
-    has it (`replaced`).
+    An instrument comes before the values that are set beside it, in whichever order they are given.
 
     places : messages.Places of the tree
     texts : layers.Texts, to which those of instruments are added
@@ -51,8 +57,8 @@ def carry_out(overrides, tree, places, texts):
         (used if is_use else others).append(one)
     for one in used:
         section = _USES[tuple(one.parts)]
-        if not replaced.is_there(section, one.value, texts):
-            replaced.note_dropped(tree, section, one.value, places, texts)
+        if not is_there(section, one.value, texts):
+            note_dropped(tree, section, one.value, places, texts)
             layers.put_instrument(tree, section, one.value, "", one.mark, places, texts)
             places.put((*section, USE), {(): one.mark}, {(): one.mark})
     found += starlight.set_twice([(one.mark, tuple(one.parts)) for one in others if one.value is not REMOVED])
@@ -147,7 +153,7 @@ def _put(tree, parts, value, mark, places):
             if isinstance(node, list):
                 return f"an item of {dotted(path[:-1])} cannot be taken away; give the whole list"
             if node.pop(part, REMOVED) is REMOVED:
-                if said := moved.words(path):
+                if said := suggest.moved(path):
                     return said
                 return f"null takes away what the scenario gives; {dotted(path)} is not given"
             places.put(path, {}, {})
@@ -164,3 +170,67 @@ def _put(tree, parts, value, mark, places):
             places.made.add(path)
         node = node[part]
     return None
+
+
+class Gone(NamedTuple):
+    """What another instrument has taken away."""
+
+    field: tuple  # path of the key `use`
+    text: str
+
+
+def is_there(section, name, texts):
+    """Whether a section uses the instrument already. path, name as given, layers.Texts"""
+    if section not in texts.used or not isinstance(name, str) or not name:
+        return False
+    try:
+        return os.path.realpath(instruments.resolved(section, name, "")) == texts.used[section]
+    except Unreadable:
+        return False  # which is told when it is read
+
+
+def note_dropped(tree, section, name, places, texts):
+    """Add to `texts.dropped` what an instrument is going to take away from a section of a tree."""
+    gone = _on_top(tree, section, places, texts)
+    if not gone:
+        return
+    old = f"of {_stem(texts.used[section])}" if section in texts.used else "of the unit that it extends"
+    named = [f"{dotted(path[len(section) :])} {value}" for path, value in gone]
+    more = f" and {len(gone) - MOST_LISTED} more" if len(gone) > MOST_LISTED else ""
+    listed = ", ".join(named[:MOST_LISTED]) + more
+    first, value = gone[0]
+    words = (
+        f"{name} comes as its file has it, without what the scenario puts on top {old}: {listed}; it keeps "
+        f"what is set beside it, such as --set '{dotted(first)}={value}'"
+    )
+    texts.dropped.append(Gone((*section, USE), words))
+
+
+def _on_top(tree, section, places, texts):
+    """(path, value) of what a scenario puts on top of the instrument of a section: list.
+
+    Without `use` the instrument is what the file says of it that the others extend.
+    """
+    found = [
+        (path, value, places.value(path).file)
+        for key in instruments.values_of(section)
+        for path, value in _leaves(layers.node(tree, (*section, key)), (*section, key))
+    ]
+    own = texts.instruments
+    if section not in texts.used:
+        written = {file for _, _, file in found}
+        own = [file for file in texts if file in written][-1:]  # each file is read before those it extends
+    return [(path, value) for path, value, file in found if file not in own]
+
+
+def _leaves(value, path):
+    """(path, value) of each single value and each list, at and below a path."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _leaves(inner, (*path, key))
+    elif value is not None:
+        yield path, value
+
+
+def _stem(path):
+    return os.path.basename(path).removesuffix(shipped.ENDING)

@@ -9,11 +9,10 @@ import numpy as np
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
-from shefex_nav.scenario import aboard, params, params_filter, params_shaken
+from shefex_nav.scenario import aboard, params_filter
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.lens import distortion_of, pinhole_of
 from shefex_nav.scenario.of_settings import settings
-from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation, at least
@@ -97,9 +96,9 @@ def nav_params(scenario):
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     vibration = scenario.imu.vibration
-    shaken = params_shaken.at_rest(vibration, 1.0 / IMU_HZ)
+    shaken = params_filter.at_rest(vibration, 1.0 / IMU_HZ)
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, False, shaken)
-    white, walk = params.clock(scenario).densities
+    white, walk = settings(scenario.gps.clock).densities
     told, period_s = beforehand(scenario), 1.0 / vibration.lowest_frequency
     late_s = max(scenario.gps.latency, aboard.longest_latency(scenario))
     return NavParams(
@@ -110,12 +109,12 @@ def nav_params(scenario):
         ),
         sigma_blocks=known_sigmas(navigation.states, told),
         l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
-        C_bc=mounting(scenario),
+        C_bc=settings(scenario.star_camera.mounting).C_bc,
         **params_filter.common(scenario, integrity),
         history_s=params_filter.memory_s(navigation.history, late_s, period_s),
         motors=_motors(scenario),
         vibration_period_s=period_s,
-        swing_at_rest=params_shaken.swings(vibration, vibration.coast),
+        swing_at_rest=params_filter.swings(vibration, vibration.coast),
         clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
@@ -164,7 +163,7 @@ def beforehand(scenario):
         accelerometer=imu.accelerometer,
         gyro_roll=_given(sensors.gyro_scale_factor_roll, imu.gyro.scale_factor_roll),
         gyro_misalignment=_given(sensors.gyro_misalignment, imu.gyro.misalignment),
-        rectified=imu.accelerometer.vibration_rectification * params_shaken.strongest(imu.vibration) ** 2,
+        rectified=imu.accelerometer.vibration_rectification * params_filter.strongest(imu.vibration) ** 2,
         gravity=scenario.navigation.gravity_error,
         mounting=camera_turn(scenario),
         lever_arm=sensors.lever_arm_error,
@@ -177,7 +176,7 @@ def beforehand(scenario):
 def _clock_known(scenario):
     """Sigmas of bias, m, and drift, m/s, of the receiver's clock at the start: those of a clock that nobody
     has set, or of the receiver's where that is worse."""
-    sensors, (bias, drift) = scenario.navigation.sensors, params.clock(scenario).sigmas
+    sensors, (bias, drift) = scenario.navigation.sensors, settings(scenario.gps.clock).sigmas
     return (
         _given(sensors.clock_bias, max(UNSET_CLOCK[0], bias)),
         _given(sensors.clock_drift, max(UNSET_CLOCK[1], drift)),
@@ -230,7 +229,7 @@ def _motors(scenario):
     That is known on board: a stage burns once the one below it is gone, so the instant of the ignition does
     not matter.
     """
-    boost, strongest = scenario.imu.vibration.boost, params_shaken.strongest(scenario.imu.vibration)
+    boost, strongest = scenario.imu.vibration.boost, params_filter.strongest(scenario.imu.vibration)
     if scenario.trajectory is not None:
         begins = [-np.inf, *scenario.trajectory.separations]
     else:
@@ -266,7 +265,7 @@ def _imu_model(scenario, told):
     Vibration is that of the strongest motor; `NavParams.motors` has what the others do of it.
     """
     sensors, imu = scenario.navigation.sensors, scenario.imu
-    others = params_shaken.imu_fields(imu, 1.0 / IMU_HZ) | {
+    others = params_filter.imu_fields(imu, 1.0 / IMU_HZ) | {
         "gyro_random_walk": _given(sensors.gyro_random_walk, imu.gyro.random_walk),
         "accel_random_walk": _given(sensors.accelerometer_random_walk, imu.accelerometer.random_walk),
     }

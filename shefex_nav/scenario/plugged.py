@@ -13,7 +13,6 @@ from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.onboard.startracker.methods import Method
 from shefex_nav.scenario import document
 from shefex_nav.scenario.block import Block, tagged
-from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.quantity import QuantitySpec
 from shefex_nav.settings import declared
@@ -112,7 +111,7 @@ def loaded(tree, places, trust=False):
         try:
             plugin, more = plugins.load(name, pinned, trust)
         except plugins.PluginError as error:
-            found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: {error}"))
+            found.append(places.wrong((KEY, k), error))
             continue
         taken = {name for other in provided for name in _names(other)}
         problem = ""
@@ -120,7 +119,7 @@ def loaded(tree, places, trust=False):
             problem = problem or _problem(each, taken)
             taken |= _names(each)
         if problem:
-            found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: '{name}': {problem}"))
+            found.append(places.wrong((KEY, k), f"'{name}': {problem}"))
             continue
         provided += more
         path = plugin.path if plugins.is_file(name) else name

@@ -53,19 +53,16 @@ def _own_units():
     names = {}
     prefixes = [(["m"], ["milli"], 1e-3), (["u", "µ"], ["micro"], 1e-6)]
     u.def_unit(["gee"], STANDARD_GRAVITY * u.m / u.s**2, prefixes=prefixes, namespace=names)
-    u.def_unit(["ppm"], 1e-6 * u.dimensionless_unscaled, namespace=names)
-    u.def_unit(["rev"], 2 * math.pi * u.rad, namespace=names)
-    u.def_unit(["rpm"], 2 * math.pi * u.rad / u.min, namespace=names)
-    u.def_unit(["sec"], u.s, namespace=names)
-    u.def_unit(["px"], u.pix, namespace=names)
-    u.def_unit(["e-"], u.electron, namespace=names)
-    u.def_unit(["ft"], 0.3048 * u.m, namespace=names)
-    u.def_unit(["inch"], 0.0254 * u.m, namespace=names)
-    u.def_unit(["mi"], 1609.344 * u.m, namespace=names)
-    u.def_unit(["kn"], 1852.0 / 3600.0 * u.m / u.s, namespace=names)
-    u.def_unit(["lb"], 0.45359237 * u.kg, namespace=names)
-    u.def_unit(["lbf"], 0.45359237 * STANDARD_GRAVITY * u.N, namespace=names)
-    u.def_unit(["psi"], 0.45359237 * STANDARD_GRAVITY / 0.0254**2 * u.Pa, namespace=names)
+    more = {
+        "ppm": 1e-6 * u.dimensionless_unscaled, "rev": 2 * math.pi * u.rad,
+        "rpm": 2 * math.pi * u.rad / u.min, "sec": u.s, "px": u.pix, "e-": u.electron,
+        "ft": 0.3048 * u.m, "inch": 0.0254 * u.m,
+        "mi": 1609.344 * u.m, "kn": 1852.0 / 3600.0 * u.m / u.s, "lb": 0.45359237 * u.kg,
+        "lbf": 0.45359237 * STANDARD_GRAVITY * u.N,
+        "psi": 0.45359237 * STANDARD_GRAVITY / 0.0254**2 * u.Pa,
+    }  # fmt: skip
+    for name, unit in more.items():
+        u.def_unit([name], unit, namespace=names)
     return list(names.values())
 
 
@@ -163,8 +160,36 @@ def _similar_unit(error):
     return f"; did you mean {found[1]}?" if found else ""
 
 
+class Reader:
+    """How a field reads what is written: by its method `read`."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+
+class _Bounded(Reader):
+    """Of a number, which may have bounds: positive, non_negative, at_least, at_most."""
+
+    def _broken_limit(self, si):
+        """Words about the bound that a value in `self.unit` does not keep; empty if it keeps all."""
+        if self.positive and not si > 0.0:
+            return "be greater than zero"
+        if self.non_negative and si < 0.0:
+            return "not be negative"
+        if self.at_least is not None and si < self.convert(self.at_least):
+            return f"be at least {self.at_least}"
+        if self.at_most is not None and si > self.convert(self.at_most):
+            return f"be at most {self.at_most}"
+        return ""
+
+    def _check_limits(self, si, value):
+        """Refuse a value, which is si, that does not keep a bound."""
+        if limit := self._broken_limit(si):
+            raise refuse(f"must {limit}, got {quoted(value)}")
+
+
 @dataclass(frozen=True)
-class QuantitySpec:
+class QuantitySpec(_Bounded):
     """How one field reads its text; the bounds are inclusive unless `positive`."""
 
     unit: str  # SI unit of the float that comes out, as astropy writes it
@@ -176,9 +201,6 @@ class QuantitySpec:
     at_most: str | None = None
     turns: bool = False  # also take Hz for turns per second
     words: tuple[tuple[str, float], ...] = ()  # words allowed in place of a quantity, with their values
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
         texts = [self.description] if self.description else []
@@ -193,9 +215,7 @@ class QuantitySpec:
             if value == word:
                 return meaning
         si = self.convert(value)
-        limit = self._broken_limit(si)
-        if limit:
-            raise refuse(f"must {limit}, got {quoted(value)}")
+        self._check_limits(si, value)
         check_size(si, value, self.unit)
         return si
 
@@ -209,18 +229,6 @@ class QuantitySpec:
             return f"{si:.6g}"
         taken = self._measured_in(_unit(unit))
         return f"{float(_unit(self.unit).to(taken, si)):.6g} {unit}"
-
-    def _broken_limit(self, si):
-        """Words about the bound that a value in `self.unit` does not keep; empty if it keeps all."""
-        if self.positive and not si > 0.0:
-            return "be greater than zero"
-        if self.non_negative and si < 0.0:
-            return "not be negative"
-        if self.at_least is not None and si < self.convert(self.at_least):
-            return f"be at least {self.at_least}"
-        if self.at_most is not None and si > self.convert(self.at_most):
-            return f"be at most {self.at_most}"
-        return ""
 
     def _with_units(self, number):
         """The user's own number with the units that may be meant: list of texts that the field takes.
@@ -324,7 +332,7 @@ def describe(value):
 
 
 @dataclass(frozen=True)
-class NumberSpec:
+class NumberSpec(_Bounded):
     """A plain number: a count, a ratio written as 0.35, a coefficient."""
 
     example: str
@@ -335,9 +343,6 @@ class NumberSpec:
     at_least: float | None = None
     at_most: float | None = None
     power: int = 1  # 2: a product of two numbers, as in a covariance
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
         entry = {"type": "integer" if self.whole else "number", "examples": [float(self.example)]}
@@ -363,14 +368,7 @@ class NumberSpec:
             bound = f"be at most {MOST_COUNT}" if value > 0 else f"not be below {-MOST_COUNT}"
             raise refuse(f"must {bound}, got {quoted(value)}")
         check_size(value, value, power=self.power)
-        if self.positive and not value > 0:
-            raise refuse(f"must be greater than zero, got {quoted(value)}")
-        if self.non_negative and value < 0:
-            raise refuse(f"must not be negative, got {quoted(value)}")
-        if self.at_least is not None and value < self.at_least:
-            raise refuse(f"must be at least {self.at_least}, got {quoted(value)}")
-        if self.at_most is not None and value > self.at_most:
-            raise refuse(f"must be at most {self.at_most}, got {quoted(value)}")
+        self._check_limits(value, value)
         return int(value) if self.whole else float(value)
 
 

@@ -12,14 +12,11 @@ from pydantic_core import PydanticKnownError
 from shefex_nav.environment.models import BUILT_IN
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
-from shefex_nav.scenario.faults import Faults
-from shefex_nav.scenario.gps import Gps
-from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
+from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Programme, Wind
 from shefex_nav.scenario.onboard import Computer, Log, Navigation, StarTracker
 from shefex_nav.scenario.plugged import PLUGINS, Plugins
-from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
-from shefex_nav.scenario.sensors import Imu, PadAlignment, StarCamera
+from shefex_nav.scenario.sensors import Faults, Gps, Imu, PadAlignment, StarCamera
 from shefex_nav.scenario.trajectory import Trajectory
 from shefex_nav.scenario.vehicle import Vehicle
 from shefex_nav.world import absent
@@ -131,7 +128,7 @@ class Sections(Block):
 
     @property
     def dropped(self):
-        """replaced.Gone of what the file puts on top of instruments that others took the place of."""
+        """overriding.Gone of what the file puts on top of instruments that others took the place of."""
         return self._dropped
 
     @property

@@ -22,7 +22,6 @@ from pydantic import AfterValidator, Field
 from shefex_nav import plugins
 from shefex_nav.errors import UserError
 from shefex_nav.scenario.block import Block, tagged
-from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import Quantity, quoted, refuse
 
 BUILT_IN = "built_in"
@@ -163,7 +162,7 @@ def pin(tree, places, trust=False):
         try:
             block[path[-1]] = given | _pinned(given, trust)
         except plugins.PluginError as error:
-            found.append((places.value(path), f"{dotted(path)}: {error}"))
+            found.append(places.wrong(path, error))
     return found
 
 

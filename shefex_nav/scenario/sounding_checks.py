@@ -52,10 +52,12 @@ def fault(level):
         return f"{speed:g} m/s from {whence:g} deg is no wind; expected 0 m/s or more from 0 to 360 deg"
     if speed > fastest(height):
         return f"{speed:g} m/s is no wind of the Earth; expected at most {fastest(height):g} m/s"
-    if not math.isnan(pressure) and not PRESSURES[0] <= pressure <= PRESSURES[1]:
-        return f"a pressure of {pressure:g} hPa; expected {PRESSURES[0]:g} to {PRESSURES[1]:g} hPa"
-    if not math.isnan(temperature) and not TEMPERATURES[0] <= temperature <= TEMPERATURES[1]:
-        return f"a temperature of {temperature:g} C; expected {TEMPERATURES[0]:g} to {TEMPERATURES[1]:g} C"
+    for what, value, (least, most), unit in (
+        ("pressure", pressure, PRESSURES, "hPa"),
+        ("temperature", temperature, TEMPERATURES, "C"),
+    ):
+        if not math.isnan(value) and not least <= value <= most:
+            return f"a {what} of {value:g} {unit}; expected {least:g} to {most:g} {unit}"
     usual = standard_height(pressure)
     if abs(height - usual) > OFF + OFF_SHARE * abs(usual):
         words = f"{pressure:g} hPa at {height:g} m do not belong together"

@@ -20,6 +20,7 @@ NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result tr
 # of the star camera: what the flux says all of, and where the world puts the stars, which is not fitted
 NOT_FITTED = {**OF_LENS, "optics": {*OF_LENS["optics"], "principal_point", "distortion"}}
 MOST = 8  # settings with which a model does not go that are told one by one
+MODEL = "star_tracker", "model"
 SAME = 1e-9  # relative; rounding of a number that was written and read
 
 
@@ -142,14 +143,14 @@ def contradictions(scenario):
         return
     if not isinstance(tracker.model, StarStatistics):
         words = "frames: statistical needs the file that `shefex-nav characterise` writes"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
         return
     yield from fitness(scenario)
     yield from _miscalibrated(scenario)
     found, wanted = settings(scenario), tracker.model.settings
     for path in [path for path in wanted if path not in found]:
         words = f"the model is made for a setting {path} that there is not; characterise again"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
     others = [path for path, value in wanted.items() if path in found and not _holds(value, found[path])]
     for path in others[:MOST]:
         place = tuple(int(part) if part.isascii() and part.isdigit() else part for part in path.split("."))
@@ -162,10 +163,10 @@ def contradictions(scenario):
         yield place, words
     if others[MOST:]:
         words = f"the model does not go with {len(others) - MOST} more settings: {', '.join(others[MOST:])}"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
     if missing := sorted(set(found) - set(wanted)):
         words = f"the model does not say for which {missing[0]} it was made; characterise again"
-        yield ("star_tracker", "model"), words
+        yield MODEL, words
 
 
 def fitness(scenario):

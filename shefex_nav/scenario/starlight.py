@@ -193,5 +193,4 @@ def _specs(field):
 
 def _line(places, path, words):
     """(Mark, text) about a value of the camera."""
-    where = (CAMERA, *path)
-    return places.value(where), f"{dotted(where)}: {words}"
+    return places.wrong((CAMERA, *path), words)

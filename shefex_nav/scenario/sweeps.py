@@ -8,7 +8,7 @@ from shefex_nav.errors import UserError
 from shefex_nav.scenario import instruments
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.overriding import Option
-from shefex_nav.scenario.use import USE
+from shefex_nav.scenario.sensors import USE
 
 
 class SweepError(UserError):

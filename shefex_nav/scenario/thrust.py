@@ -4,7 +4,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
-from shefex_nav.scenario.motor import ShapedMotor
+from shefex_nav.scenario.vehicle import ShapedMotor
 
 SEA_LEVEL = 101325.0  # Pa, US Standard Atmosphere 1976
 

@@ -11,10 +11,9 @@ from pydantic import Field, create_model
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.document import dotted, placed
-from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.messages import bare, field_at, is_model
 from shefex_nav.scenario.quantity import QuantitySpec
-from shefex_nav.scenario.sensors import Imu, StarCamera
+from shefex_nav.scenario.sensors import Gps, Imu, StarCamera
 
 # What the computer takes from the section of the receiver and of the camera; the rest is the world's alone.
 OF_GPS = {

@@ -14,7 +14,6 @@ from pydantic import Field, model_validator
 from shefex_nav.files import opened
 from shefex_nav.scenario.block import Block, forms, kinds
 from shefex_nav.scenario.columns import SIDES, Axis, Names, Unit, check_right_handed, named_twice
-from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import Quantity, Time
 
 SECTION, FILE, HASH = "trajectory", "file", "sha256"
@@ -184,7 +183,7 @@ def pin(tree, places):
             section[key] = os.path.abspath(section[key])
         except OSError as error:
             words = "there is no such file" if isinstance(error, FileNotFoundError) else error.strerror
-            found.append((places.value(path), f"{dotted(path)}: '{section[key]}' {words}"))
+            found.append(places.wrong(path, f"'{section[key]}' {words}"))
     return found
 
 

@@ -11,9 +11,13 @@ and rms over the elements and the inertial axes. Against it stands what noise ma
 gyros the angular random walk, sigma sqrt(WINDOW_S); of the change of velocity what a line through the N
 velocities of that time leaves open, sigma sqrt(12/N), or a parabola through the positions, sigma
 sqrt(720/N)/WINDOW_S. A block whose error is `SWAMPS` times that is estimated; so is one whose error weight
-makes a bias, for minutes (`weight`). Beside `gyro_scale` the misalignment of the gyros is estimated where its
+makes a bias, for minutes. Beside `gyro_scale` the misalignment of the gyros is estimated where its
 error exceeds the noise at all: spin makes it an error that is fixed to the body, as large as the misalignment
 itself, and no noise of the filter stands for that.
+
+Errors in proportion to specific force are noise to the filter unless their block is on, noise that keeps its
+sign for `navigation.thrust_memory`: thrust ends soon. Weight does not. On the ground, on the launch pad and
+under a parachute these errors are biases.
 """
 
 import math
@@ -25,8 +29,11 @@ import numpy as np
 
 from shefex_nav.clock import sample_s
 from shefex_nav.onboard.navigation.blocks import ANGLE, DURATION, SPEED, STATES
-from shefex_nav.scenario import aboard, params_onboard, weight
+from shefex_nav.scenario import aboard, params_onboard
 
+# Memories that weight may last. After a time t an error s that stays has grown to s^2 t^2, noise with the
+# memory tau to 2 s^2 tau t: as much at 2 tau, the burn for which tau is chosen, two thirds of it at 3 tau.
+MEMORIES = 3.0
 WINDOW_S = 60.0  # [E] three times the filter's memory of thrust: an error that lasts longer is no noise
 SWAMPS = 3.0  # [E] times the noise
 STEP_HZ = 100.0  # of the samples that are summed up, if they are not too many
@@ -121,9 +128,9 @@ def effects(scenario, moved, events, end_s):
     else:
         on -= {"gyro_scale", "gyro_misalignment"}
     why = {name: _words(name, sizes[name], noises[name], on) for name in sizes}
-    lasts_s, where = weight.longest(scenario, events, end_s)
-    for name, sigma in weight.errors(scenario.imu).items():
-        if sigma and name not in on and weight.is_bias(scenario, lasts_s):
+    lasts_s, where = longest_weight(scenario, events, end_s)
+    for name, sigma in weight_errors(scenario.imu).items():
+        if sigma and name not in on and is_bias(scenario, lasts_s):
             on.add(name)
             why[name] = f"{where} for {lasts_s:.0f} s: a bias"
     found = [Effect(name, name in on, sizes[name], noises[name], _unit(name), why[name]) for name in sizes]
@@ -221,3 +228,33 @@ def _of_others(scenario):
         words = f"navigation.{state.name} is given" if known else f"there is no navigation.{state.name}"
         found.append(Effect(state.name, known is not None, np.nan, np.nan, state.unit, words))
     return found
+
+
+def weight_errors(imu):
+    """Blocks of the errors that go with specific force, and how large these are in the IMU of a scenario."""
+    return {
+        "gyro_g_sensitivity": imu.gyro.g_sensitivity,
+        "accel_scale": imu.accelerometer.scale_factor,
+        "accel_misalignment": imu.accelerometer.misalignment,
+    }
+
+
+def longest_weight(scenario, events, end_s):
+    """For how long weight lasts, as far as the flight was seen, and where: (s, text)."""
+    return max(_times(scenario, {event.name: event.t_s for event in events}, end_s), default=(0.0, ""))
+
+
+def is_bias(scenario, lasts_s):
+    """Whether weight that lasts so long makes biases of the errors."""
+    return lasts_s > MEMORIES * scenario.navigation.thrust_memory
+
+
+def _times(scenario, at, end_s):
+    """Each time that weight acts: (s, where). at : {event: s}"""
+    start_s = scenario.mission.start
+    if scenario.ground is not None:
+        yield end_s - start_s, "the vehicle stands on the ground"
+    if scenario.launch is not None or (scenario.trajectory is not None and "lift_off" in at):
+        yield at.get("lift_off", min(end_s, 0.0)) - start_s, "the vehicle stands on the pad"
+    if "parachute" in at:
+        yield at.get("impact", end_s) - at["parachute"], "the vehicle hangs on its parachute"

@@ -41,6 +41,12 @@ class Camera:
             object.__setattr__(self, "distortion", tuple(float(v) for v in values))
 
 
+def of_pinhole(hole, k):
+    """Camera of a Pinhole and its distortion, array (5,) or None."""
+    k = None if k is None else tuple(k.tolist())
+    return Camera(hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), k)
+
+
 def pinhole_of(camera):
     """Pinhole of a Camera, without its distortion."""
     return Pinhole(
@@ -67,12 +73,17 @@ def undistorted(camera, xy_px):
     return undistort(pinhole_of(camera), np.array(camera.distortion), xy_px)
 
 
-def numbers(name, value, shape):
-    """Finite float array of a shape, where None is any length; or a ValueError that says what is wrong."""
+def floats(name, value, shape):
+    """A copy as an array: one layout, one compilation. shape : in words, for the ValueError if it is none"""
     try:
-        array = np.array(value, dtype=np.float64, order="C")  # a copy: one layout, one compilation
+        return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected numbers of shape {shape}, got {value!r}") from None
+
+
+def numbers(name, value, shape):
+    """Finite float array of a shape, where None is any length; or a ValueError that says what is wrong."""
+    array = floats(name, value, shape)
     fits = array.ndim == len(shape) and all(
         wanted in (None, has) for wanted, has in zip(shape, array.shape, strict=True)
     )

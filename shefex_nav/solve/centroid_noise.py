@@ -1,7 +1,7 @@
 """How large errors of centroids are, by their residuals: a multiple of what is said, and a floor. Compiled.
 
 In: residuals of stars and the covariances that their centroids are said to have. Out: the multiple of these
-and the variance that all have besides, of largest likelihood (`adjust` says what makes them).
+and the variance that all have besides, of largest likelihood (`lens` says what makes them).
 """
 
 import numpy as np

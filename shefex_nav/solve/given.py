@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.geometry.rotation import quat_conjugate
-from shefex_nav.solve.camera import numbers
+from shefex_nav.solve.camera import floats, numbers
 
 FLOAT = np.dtype(np.float64)
 COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
@@ -14,10 +14,7 @@ def places(xy_px):
     if is_ours(xy_px) and xy_px.ndim == 2 and xy_px.shape[1] == 2:
         return xy_px
     real("xy_px", xy_px)
-    try:
-        array = np.array(xy_px, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise ValueError(f"xy_px: expected numbers of shape (n, 2), got {xy_px!r}") from None
+    array = floats("xy_px", xy_px, "(n, 2)")
     if array.size == 0 and array.ndim <= 2:
         return np.zeros((0, 2))
     if array.ndim != 2 or array.shape[1] != 2:
@@ -30,10 +27,7 @@ def fluxes(flux, n):
     if is_ours(flux) and flux.shape == (n,):
         return flux
     real("flux", flux)
-    try:
-        array = np.array(flux, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise ValueError(f"flux: expected numbers of shape ({n},), got {flux!r}") from None
+    array = floats("flux", flux, (n,))
     if array.shape != (n,):
         raise ValueError(f"flux: expected shape ({n},), got {array.shape}")
     return array

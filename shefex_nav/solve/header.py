@@ -2,6 +2,11 @@
 
 DATE-OBS (UTC, middle of the exposure), EXPTIME (s) and VELX, VELY, VELZ (m/s, of the camera relative to the
 centre of the Earth, axes of the ICRS) are read; what else a file says, such as its true attitude, is not.
+
+How a picture is turned between its file and a screen is the orientation of EXIF 2.32, 4.6.4 (tag 274). A
+camera that is held upright stores the rows of its detector as ever and says so by this number; viewers turn
+the picture. 1 is as stored, 3 upside down, 6 and 8 a quarter to the right and to the left; 2, 4, 5 and 7 are
+mirrored besides. Other numbers mean nothing and are taken for 1, as viewers do.
 """
 
 from datetime import UTC, datetime, timedelta
@@ -12,6 +17,9 @@ import numpy as np
 
 from shefex_nav import numerals
 
+AS_STORED = 1
+ON_ITS_SIDE = 5, 6, 7, 8  # width and height change places
+_BACK = {6: 8, 8: 6}  # the others undo themselves
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of pictures and of the sky
 DATE, EXPOSURE, VELOCITY = "DATE-OBS", "EXPTIME", ("VELX", "VELY", "VELZ")
 MINUTE = 1.0 / (365.25 * 1440.0)  # year
@@ -108,3 +116,22 @@ def _number(header, key):
     except (TypeError, ValueError) as error:
         raise ValueError(f"{key}: {error}") from None
     return found
+
+
+def displayed(values, orientation):
+    """A stored picture (rows, columns[, channels]) as it is displayed: a view of the same numbers."""
+    turn = {
+        2: lambda v: v[:, ::-1],
+        3: lambda v: v[::-1, ::-1],
+        4: lambda v: v[::-1],
+        5: lambda v: np.swapaxes(v, 0, 1),
+        6: lambda v: np.rot90(v, -1),
+        7: lambda v: np.swapaxes(v[::-1, ::-1], 0, 1),
+        8: lambda v: np.rot90(v),
+    }.get(orientation)
+    return values if turn is None else turn(values)
+
+
+def as_stored(values, orientation):
+    """A displayed picture as it is stored: the inverse of `displayed`."""
+    return displayed(values, _BACK.get(orientation, orientation))

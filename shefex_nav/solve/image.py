@@ -2,7 +2,7 @@
 
 The route: `picture` reads the file, `field` finds point-like objects with the detection and the fit that
 fly, `patterns` and `triangles` propose attitudes and focal lengths by the shape of triangles, `lens` adjusts
-them, `proof` decides with the identification that flies, and `naming` and `adjust` make the attitude of all
+them, `proof` decides with the identification that flies, and `naming` and `lens` make the attitude of all
 stars that are named. Nothing is given out that chance would make more often than once in 10^7 pictures.
 """
 
@@ -18,8 +18,7 @@ from shefex_nav import warmup
 from shefex_nav.solve import field, given, lens, naming, patterns, picture, proof, told, triangles
 from shefex_nav.solve import search as searching
 from shefex_nav.solve.camera import Camera, check_lens
-from shefex_nav.solve.header import Taken, of_header, says_day, this_year
-from shefex_nav.solve.orientation import AS_STORED, ON_ITS_SIDE
+from shefex_nav.solve.header import AS_STORED, ON_ITS_SIDE, Taken, of_header, says_day, this_year
 from shefex_nav.solve.solution import failed
 
 FOV_DEG = (5.0, 70.0)  # horizontal, when nothing is said about it

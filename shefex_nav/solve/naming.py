@@ -12,10 +12,10 @@ from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve import adjust, lens, pointing, steps
+from shefex_nav.solve import lens, steps
 from shefex_nav.solve.camera import undistorted
 from shefex_nav.solve.search import sky_of
-from shefex_nav.solve.solution import ImageSolution, Match
+from shefex_nav.solve.solution import ImageSolution, Match, angles, marks
 
 BRIGHTNESS = 1.2  # mag, between a detection and its star: band, noise
 SATURATED = 5.0  # mag, that a saturated star may look fainter
@@ -43,7 +43,7 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
     seen_i = u_i if velocity_i is None else aberrate(u_i, velocity_i)
     if velocity_i is not None:
         first = first._replace(C_ci=against(first.C_ci, velocity_i))
-    best = adjust.adjust(first, fit.prior, seen_i, xy_px[known], found.P_px[known], size_px)
+    best = lens.adjust(first, fit.prior, seen_i, xy_px[known], found.P_px[known], size_px)
     if camera is not None:
         best, camera, xy_px = _straightened(best, fit.prior, (camera, xy_px), found, known, seen_i)
     if record is not None:
@@ -58,7 +58,7 @@ def described(solved, found, xy_px, size_px, sky_of_day, camera, clock, record=N
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px, best.covariance[:3, :3], None, best.residual_px,
         fov_sigma_deg=_fov_sigma(best, size_px, told), aberration_removed=velocity_i is not None,
         julian_year=year,
-        camera_q_ci=quat_from_dcm(best.lens.axis_C_ci), camera_covariance=adjust.of_axis(best.covariance),
+        camera_q_ci=quat_from_dcm(best.lens.axis_C_ci), camera_covariance=lens.of_axis(best.covariance),
     )  # fmt: skip
 
 
@@ -68,7 +68,7 @@ def _straightened(best, prior, of_told, found, known, seen_i):
     Its distortion is in shares of the focal length: taken out with another one, two per cent off, the places
     at the edge of a wide field are off by half a pixel. Each round leaves of that a tenth or less.
 
-    prior, seen_i : as of `adjust.adjust`;  of_told : Camera as it was told, and its `xy_px` of `described`
+    prior, seen_i : as of `lens.adjust`;  of_told : Camera as it was told, and its `xy_px` of `described`
     known : (k,) rows of the named detections of the Field `found`
     """
     camera, xy_px = of_told
@@ -76,7 +76,7 @@ def _straightened(best, prior, of_told, found, known, seen_i):
     for _ in range(ROUNDS if camera.distortion is not None else 0):
         camera = replace(camera, focal_length_px=best.lens.focal_px)
         xy_px = centred(camera, found.xy_px)
-        best = adjust.adjust(best.lens, prior, seen_i, xy_px[known], found.P_px[known], size_px)
+        best = lens.adjust(best.lens, prior, seen_i, xy_px[known], found.P_px[known], size_px)
     return best, replace(camera, focal_length_px=best.lens.focal_px), xy_px
 
 
@@ -143,7 +143,7 @@ def matched(seen_px, xy_px, gate_px):
 
 def _pointing(at, size_px, camera):
     """RA and Dec of the middle of the picture, position angle of up, fields of view: degrees."""
-    marks = pointing.marks(size_px)
+    xy_px = marks(size_px)
     if camera is not None:
-        marks = centred(camera, marks)
-    return pointing.angles(lens.rays(at, size_px, marks) @ at.axis_C_ci)
+        xy_px = centred(camera, xy_px)
+    return angles(lens.rays(at, size_px, xy_px) @ at.axis_C_ci)

@@ -11,8 +11,8 @@ import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.files import irregular
-from shefex_nav.solve import deep, fits_head, orientation
-from shefex_nav.solve.header import julian_year, velocity_of, year_of
+from shefex_nav.solve import deep, fits_head
+from shefex_nav.solve.header import AS_STORED, as_stored, displayed, julian_year, velocity_of, year_of
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
@@ -34,7 +34,7 @@ class Picture(NamedTuple):
 
     grey: np.ndarray  # (rows, columns) float32, row 0 at the top
     julian_year: float | None  # when it was taken, if the file says so
-    orientation: int = orientation.AS_STORED  # of EXIF, by which the rows of the file were turned
+    orientation: int = AS_STORED  # of EXIF, by which the rows of the file were turned
     velocity_i: np.ndarray | None = None  # (3,) m/s, of the camera relative to the Earth, likewise
     full: float | None = None  # largest grey value of a pixel of 8 or 16 bits; None of others
 
@@ -45,13 +45,13 @@ class Stored(NamedTuple):
     values: np.ndarray  # (rows, columns[, channels]), first row of the file first; of FITS the top one
     header: dict  # keyword -> text or number
     julian_year: float | None  # as of Picture
-    orientation: int = orientation.AS_STORED  # of EXIF, 1 to 8; `values` are not turned
+    orientation: int = AS_STORED  # of EXIF, 1 to 8; `values` are not turned
 
 
 def read(path):
     """Picture of a file."""
     found = stored(path)
-    turned = orientation.displayed(found.values, found.orientation)
+    turned = displayed(found.values, found.orientation)
     try:
         velocity_i = velocity_of(found.header)
     except ValueError as error:
@@ -179,7 +179,7 @@ def _decoded(path, image):
         image.load()
         values = np.asarray(_without_palette(image))
         if _orientation(image) != turn:  # Pillow turns a TIFF when it loads it, and forgets the number then
-            values = orientation.stored(values, turn)
+            values = as_stored(values, turn)
     header = {key: text for key, text in image.info.items() if isinstance(text, str)}
     return Stored(values, header, _year(header) or _julian_year(image), turn)
 
@@ -187,7 +187,7 @@ def _decoded(path, image):
 def _orientation(image):
     """Orientation of an opened file, 1 to 8."""
     number = image.getexif().get(EXIF_ORIENTATION)
-    return number if number in range(1, 9) else orientation.AS_STORED
+    return number if number in range(1, 9) else AS_STORED
 
 
 def _check_size(name, width, height):

@@ -10,11 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.solve import pointing
-from shefex_nav.solve.header import date_of
+from shefex_nav.solve.header import AS_STORED, date_of
 from shefex_nav.solve.image import FOV_DEG
 from shefex_nav.solve.names import PROPER_NAMES, designation_of, name_of
-from shefex_nav.solve.orientation import AS_STORED
+from shefex_nav.solve.solution import direction
 
 ARCSEC = np.degrees(1.0) * 3600.0
 WHY = {
@@ -104,7 +103,7 @@ def as_numbers(solution):
 
 def axis_of(solution):
     """Right ascension and declination of the axis of the lens of an ImageSolution: 2 floats [deg]."""
-    return pointing.direction(dcm_from_quat(solution.q_ci)[2])
+    return direction(dcm_from_quat(solution.q_ci)[2])
 
 
 def sigmas(P):

@@ -27,12 +27,11 @@ from shefex_nav.onboard.startracker.objects import ideal
 from shefex_nav.onboard.startracker.shape import streak_px
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Reason
-from shefex_nav.solve import pointing
-from shefex_nav.solve.camera import Camera, undistorted
+from shefex_nav.solve.camera import of_pinhole, undistorted
 from shefex_nav.solve.field import Field
 from shefex_nav.solve.header import Taken, says_day
 from shefex_nav.solve.picture import PictureError
-from shefex_nav.solve.solution import ImageSolution, Match, failed
+from shefex_nav.solve.solution import ImageSolution, Match, angles, failed, marks
 
 SHORT_PX = 3.0  # a shorter streak does no harm, and may be a wrong width of the spots
 FOCAL_SIGMA = 5.0  # by so much the stars may contradict the focal length that is told
@@ -136,9 +135,9 @@ def _solve(image_dn, camera, tracker, velocity_i, exposure_s, record=None):
     hole = model.pinhole
     told = lens_of(camera)
     size_px = told.width_px, told.height_px
-    marks_i = unit_vectors(hole, undistorted(told, pointing.marks(size_px))) @ dcm_from_quat(q_ci)
+    marks_i = unit_vectors(hole, undistorted(told, marks(size_px))) @ dcm_from_quat(q_ci)
     return ImageSolution(
-        "ok", "", *pointing.angles(marks_i), matched, float(np.exp(-found.log_odds)),
+        "ok", "", *angles(marks_i), matched, float(np.exp(-found.log_odds)),
         1e3 * (perf_counter() - began), q_ci, told, seen.xy_px, noise + constant, noise, residual_px,
         aberration_removed=bool(np.any(velocity_i)), camera_q_ci=q_ci, camera_covariance=noise + constant,
     )  # fmt: skip
@@ -155,9 +154,7 @@ def _field_of(seen, statistics):
 
 def lens_of(camera):
     """Camera of a StarCamera: its lens."""
-    hole, k = camera.params.camera.pinhole, camera.params.camera.distortion
-    k = None if k is None else tuple(k.tolist())
-    return Camera(hole.width_px, hole.height_px, hole.focal_length_px, (hole.cx_px, hole.cy_px), k)
+    return of_pinhole(camera.params.camera.pinhole, camera.params.camera.distortion)
 
 
 def checked(image, camera):

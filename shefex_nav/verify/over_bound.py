@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
-from shefex_nav.scenario import aboard, params, surroundings
+from shefex_nav.scenario import aboard, surroundings
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_instruments, bound_model
 from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
@@ -91,7 +91,7 @@ def flight_of(scenario, world, fixes):
         gps.stamped(world.gps_fixes, -scenario.gps.clock_offset),  # by the instants that they measure
         fixes,
         settings(scenario.imu),
-        params.star_camera(scenario),
+        settings(scenario.star_camera),
         np.array(scenario.gps.antenna.lever_arm),
         tuple(heard),
     )

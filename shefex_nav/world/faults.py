@@ -13,7 +13,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK, sample_s
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Event, GpsRanges, Reason
-from shefex_nav.world import gps_channels
+from shefex_nav.world import gps_receiver
 from shefex_nav.world.fault_settings import (
     AccelerometerBias,
     AccelerometerScale,
@@ -178,7 +178,7 @@ def _ranges_fault(fault, heard, last):
     rho, rho_rate = (
         now - before
         for now, before in zip(
-            *(gps_channels.between(message.r_es_e, message.v_es_e, one.r_ea_e, one.v_ea_e)
+            *(gps_receiver.between(message.r_es_e, message.v_es_e, one.r_ea_e, one.v_ea_e)
               for one in (there, heard)),
             strict=True,
         )
@@ -218,11 +218,7 @@ def _gps_fault(fault, fix, last):
             return fix
         return _repeated(fault, fix, last)
     if isinstance(fault, Outage):
-        nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
-        return fix._replace(
-            valid=False, r_ea_e=nothing, v_ea_e=nothing, R_r_e=unknown, R_v_e=unknown, n_satellites=0,
-            pdop=np.nan, reason="outage",
-        )  # fmt: skip
+        return gps_receiver.unsolved(fix, "outage", n_satellites=0, pdop=np.nan)
     if isinstance(fault, Delay):
         return _delayed(fault, fix)
     if not fix.valid:

@@ -12,7 +12,7 @@ scatter has the covariance which the receiver reports::
 Sigma is the covariance of the errors that last (`gps_errors`), those that all satellites share included: in
 the layer of the ionosphere they go into the receiver's clock, above it into the height as well. Unless errors
 that last are asked for, ionosphere, troposphere and orbits are in range_noise, which is white in time. The
-pseudoranges and range rates (`gps_channels`) have the very same errors.
+pseudoranges and range rates (`gps_receiver`) have the very same errors.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from shefex_nav.environment import gnss
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.records import GpsFix, GpsRanges
-from shefex_nav.world import gps_channels, gps_errors, gps_receiver
+from shefex_nav.world import gps_errors, gps_receiver
 from shefex_nav.world.absent import GPS_LASTING, GPS_NOISE
 
 MIN_SATELLITES = 4  # position and receiver clock
@@ -48,7 +48,7 @@ class Sky(NamedTuple):
     antenna: Antenna
     prn: np.ndarray  # (n,) int
     u_e: np.ndarray  # (m, n, 3) lines of sight
-    geometry: tuple | None  # of gps_channels.geometry; None: no ranges are wanted
+    geometry: tuple | None  # of gps_receiver.geometry; None: no ranges are wanted
 
 
 class GpsData(NamedTuple):
@@ -84,7 +84,7 @@ def sky(settings, trajectory, earth, constellation, with_ranges=True):
     u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, antenna.t_s))
     geometry = None
     if with_ranges:
-        geometry = gps_channels.geometry(constellation, antenna.t_s, antenna.r_ea_e, antenna.v_ea_e)
+        geometry = gps_receiver.geometry(constellation, antenna.t_s, antenna.r_ea_e, antenna.v_ea_e)
     arm = tuple(settings.antenna.lever_arm)
     return Sky(arm, settings.rate, antenna, gnss.numbers(constellation), u_e, geometry)
 
@@ -135,9 +135,9 @@ def received(settings, seen, events, gps_start_s, rng, rng_errors, absent=()):
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
     ranges = []
     if seen.geometry is not None:
-        reception = gps_channels.Reception(t_s, prn, tracked & told, reasons)
+        reception = gps_receiver.Reception(t_s, prn, tracked & told, reasons)
         given = seen.geometry, clock, errors, sigmas, reception, settings.latency
-        ranges = gps_channels.ranges(*given, lasting and lasting.sigmas)
+        ranges = gps_receiver.ranges(*given, lasting and lasting.sigmas)
     return GpsData(fixes, ranges, antenna)
 
 
@@ -305,9 +305,4 @@ def _sent(settings, fix):
         reason = f"{fix.n_satellites} satellites tracked"
     elif fix.pdop > settings.max_pdop:
         reason = f"pdop {fix.pdop:.0f}"
-    if not reason:
-        return fix
-    nowhere, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
-    return fix._replace(
-        valid=False, r_ea_e=nowhere, v_ea_e=nowhere, R_r_e=unknown, R_v_e=unknown, reason=reason
-    )
+    return gps_receiver.unsolved(fix, reason) if reason else fix

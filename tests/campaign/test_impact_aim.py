@@ -9,7 +9,7 @@ import pytest
 from shefex_nav.campaign.impact import aim, landing
 from shefex_nav.geometry import wgs84
 from shefex_nav.scenario import load
-from shefex_nav.world.flight.refused import FlightError
+from shefex_nav.world.flight.timeline import FlightError
 
 FAR = 200e3  # m a radian of tilt
 SITE = math.radians(67.9), math.radians(21.1)

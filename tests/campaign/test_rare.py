@@ -14,7 +14,7 @@ from shefex_nav.campaign.impact import landing
 from shefex_nav.commands.app import main
 from shefex_nav.report import geodesic
 from shefex_nav.scenario import load
-from shefex_nav.world.flight.refused import FlightError
+from shefex_nav.world.flight.timeline import FlightError
 
 ROCKET = """
 extends: rexus_like

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from shefex_nav.scenario import load
-from shefex_nav.scenario.choices import choices
+from shefex_nav.scenario.block import choices
 
 ROTATION = "shefex_nav.geometry.rotation"
 CALL = f"import numpy as np; from {ROTATION} import quat_conjugate as f; f(np.ones(4)); f(np.ones(8)[::2])"

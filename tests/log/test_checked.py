@@ -10,7 +10,7 @@ import synthetic_run
 from shefex_nav.fields import Column
 from shefex_nav.instruments import TABLE
 from shefex_nav.instruments.instrument import Instrument
-from shefex_nav.log import checked, described
+from shefex_nav.log import checked
 from shefex_nav.log.run_data import RunDataBuilder, stack
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import GateResult, GpsRanges, Reason, row
@@ -256,7 +256,7 @@ WRONG_TEXTS = (
 
 def described_mission(metadata, attachments):
     raw = SimpleNamespace(metadata=metadata, attachments=attachments)
-    return described.mission("a.mcap", synthetic_run.mission(), raw)
+    return checked.mission("a.mcap", synthetic_run.mission(), raw)
 
 
 def test_texts_of_the_metadata_are_those_of_the_mission():

@@ -7,7 +7,7 @@ from test_plausible import RATE, REST_S, folder_of
 from turntable import Turntable, increments
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import accelerometer_unit, dataset, load
+from shefex_nav.replay import dataset, imu_units, load
 from shefex_nav.scenario.data_table import DataError
 
 UNIT = "data.imu.accelerometer_unit"
@@ -27,7 +27,7 @@ def scaled(data, factor):
 
 def refused(scenario, data):
     with pytest.raises(DataError) as info:
-        accelerometer_unit.check(scenario, data)
+        imu_units.accelerometers(scenario, data)
     said = str(info.value)
     assert said.startswith(f"{UNIT}: at rest, ") and "\n" not in said
     return said
@@ -44,7 +44,7 @@ def alone(tmp_path_factory):
     return folder_of(tmp_path_factory.mktemp("alone"), truth=False)
 
 
-SIZES = [*accelerometer_unit.ACCELERATIONS.items()]
+SIZES = [*imu_units.ACCELERATIONS.items()]
 
 
 @pytest.mark.parametrize(("meant", "size"), SIZES)
@@ -54,7 +54,7 @@ def test_every_unit_taken_for_every_other(rocket, told, size_told, meant, size):
     scenario, data = loaded(rocket, f"{UNIT}={told}")
     data = scaled(data, 1.0 / size)  # the file has m/s2
     if abs(size / size_told - 1.0) < 0.05:
-        assert accelerometer_unit.check(scenario, data) == []
+        assert imu_units.accelerometers(scenario, data) == []
         return
     said = refused(scenario, data)
     names = said.split("they fit as ")[1].split(" or ")
@@ -104,13 +104,13 @@ def test_the_alignment_says_that_it_stands_still(tmp_path):
     path = folder_of(tmp_path, truth=False)
     path.write_text(path.read_text().replace(", velocity: [vn, ve, vd]}", "}"))
     scenario, data = loaded(path)
-    assert accelerometer_unit.check(scenario, data) == []
+    assert imu_units.accelerometers(scenario, data) == []
     assert "by alignment.duration" in refused(scenario, scaled(data, 9.80665))
 
 
 def test_what_no_unit_explains_is_warned_of(rocket):
     scenario, data = loaded(rocket)
-    ((field, text),) = accelerometer_unit.check(scenario, scaled(data, 2.0))
+    ((field, text),) = imu_units.accelerometers(scenario, scaled(data, 2.0))
     assert field == UNIT and "sense 19.6" in text and "no other unit explains that" in text
 
 
@@ -118,9 +118,9 @@ def test_what_no_unit_explains_is_warned_of(rocket):
 def test_the_margin(rocket, factor, odd):
     """A scale factor of some percent is no unit; sensors that are told to be that bad may have it."""
     scenario, data = loaded(rocket)
-    assert len(accelerometer_unit.check(scenario, scaled(data, factor))) == odd
+    assert len(imu_units.accelerometers(scenario, scaled(data, factor))) == odd
     loose, data = loaded(rocket, *LOOSE)
-    assert accelerometer_unit.check(loose, scaled(data, factor)) == []
+    assert imu_units.accelerometers(loose, scaled(data, factor)) == []
 
 
 @pytest.mark.parametrize("truth", [True, False])
@@ -128,13 +128,13 @@ def test_what_does_not_rest_is_not_looked_at(tmp_path, truth):
     """Free fall from the first row on, and a rest of 2 s; no force at all would be told otherwise."""
     path = folder_of(tmp_path, truth=truth)
     scenario, data = loaded(path)
-    assert accelerometer_unit.at_rest(scenario, data) is not None
+    assert imu_units.at_rest(scenario, data) is not None
     for begin_s in (REST_S + 1.0, REST_S - 2.0):
         later = data.imu.t_s >= begin_s
         imu = data.imu._replace(**{name: getattr(data.imu, name)[later] for name in data.imu._fields})
         fixes = [fix for fix in data.fixes if fix.t_valid_s >= begin_s]
         cut = scaled(data._replace(imu=imu, fixes=fixes), 0.0)
-        assert accelerometer_unit.check(scenario, cut) == []
+        assert imu_units.accelerometers(scenario, cut) == []
 
 
 def test_a_receiver_that_is_found_again_on_the_ground(alone):
@@ -142,14 +142,14 @@ def test_a_receiver_that_is_found_again_on_the_ground(alone):
     scenario, data = loaded(alone)
     still = [fix for fix in data.fixes if fix.t_valid_s < REST_S - 1.0]
     back = [fix._replace(t_valid_s=fix.t_valid_s + 30.0) for fix in still]
-    rest = accelerometer_unit.at_rest(scenario, data._replace(fixes=still + back))
+    rest = imu_units.at_rest(scenario, data._replace(fixes=still + back))
     assert rest.end_s <= REST_S
 
 
 def test_velocities_that_are_zero_because_they_are_unknown(tmp_path):
     """The places say that the vehicle moves."""
     scenario, data = loaded(folder_of(tmp_path, speed=0.0, truth=False))
-    assert accelerometer_unit.at_rest(scenario, data).end_s < REST_S + 3.0
+    assert imu_units.at_rest(scenario, data).end_s < REST_S + 3.0
 
 
 def test_what_hangs_over_one_place_without_weight():
@@ -158,8 +158,8 @@ def test_what_hangs_over_one_place_without_weight():
     r_e = np.array([42164.17e3, 0.0, 0.0])
     fixes = [fix._replace(r_ea_e=r_e, v_ea_e=np.zeros(3)) for fix in data.fixes]
     weightless = scaled(data._replace(fixes=fixes, truth=None), 0.0)
-    assert accelerometer_unit.at_rest(scenario, weightless) is not None
-    assert accelerometer_unit.check(scenario, weightless) == []
+    assert imu_units.at_rest(scenario, weightless) is not None
+    assert imu_units.accelerometers(scenario, weightless) == []
 
 
 @pytest.mark.parametrize("rate", [0.0, 12.0, 90.0])
@@ -169,15 +169,15 @@ def test_a_turntable_at_any_rate(tmp_path, rate):
     path = turntable_folder(tmp_path, table, increments, 100.0, 10.0)
     scenario, data = loaded(path)
     assert wgs84.geodetic_from_ecef(data.truth.r_e[0])[2] == pytest.approx(520.0)
-    assert accelerometer_unit.check(scenario, data) == []
+    assert imu_units.accelerometers(scenario, data) == []
     if rate < 30.0:
         assert "they fit as gee" in refused(scenario, scaled(data, 1.0 / 9.80665))
 
 
 def test_the_shipped_half_minute_passes():
     scenario, data = loaded("csv_example")
-    assert accelerometer_unit.at_rest(scenario, data) is not None
-    assert accelerometer_unit.check(scenario, data) == []
+    assert imu_units.at_rest(scenario, data) is not None
+    assert imu_units.accelerometers(scenario, data) == []
 
 
 def test_the_command_refuses(command, alone):

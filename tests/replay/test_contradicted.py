@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shefex_nav.replay import contradicted, dataset, load, replayed
+from shefex_nav.replay import dataset, load, replayed, said
 from shefex_nav.replay.series import ImuSeries
 from shefex_nav.scenario.data_table import DataError
 
@@ -86,10 +86,10 @@ def test_without_covariance_and_without_truth_nothing_is_judged(tmp_path):
     class Nothing:
         truth = nav = covariance = None
 
-    assert list(contradicted.oddities(Nothing)) == []
+    assert list(said.contradiction(Nothing)) == []
     empty = type("Table", (), {"t_s": np.zeros(0)})
     other = type("Data", (), {"truth": empty, "nav": empty, "covariance": empty})
-    assert list(contradicted.oddities(other)) == []
+    assert list(said.contradiction(other)) == []
 
 
 def imu(gyro, n=100):

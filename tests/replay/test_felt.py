@@ -7,7 +7,7 @@ import replay_files
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import euler, rotation
-from shefex_nav.replay import dataset, felt, reference
+from shefex_nav.replay import dataset, reference
 from shefex_nav.replay.series import TruthSeries
 
 EARTH = ephemeris.earth_rotation(replay_files.EPOCH, 0.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ def test_a_motion_between_rows_is_that_of_the_imu(driven, biases):
     truth = told(driven)
     imu = sensed(driven, *biases)
     lines = errors(driven, reference.at(truth, EARTH, driven.t_s))
-    found = errors(driven, felt.at(truth, EARTH, imu, driven.t_s))
+    found = errors(driven, reference.as_felt(truth, EARTH, imu, driven.t_s))
     assert np.max(lines[1]) > 0.3 and np.degrees(np.max(lines[2])) > 1.0  # the family is no trivial one
     for line, one, share in zip(lines, found, (0.2, 0.02, 0.02), strict=True):
         assert np.max(one) < share * np.max(line)
@@ -60,14 +60,14 @@ def test_rows_between_samples_are_met_as_well(driven):
     imu = sensed(driven)
     sums = [np.vstack([one[:1], one[1:].reshape(-1, 4, 3).sum(axis=1)]) for one in (imu.dtheta_b, imu.dv_b)]
     coarse = dataset.Increments(imu.t_s[::4], *sums, imu.bridged[::4])
-    found = errors(driven, felt.at(shifted, EARTH, coarse, coarse.t_s))
+    found = errors(driven, reference.as_felt(shifted, EARTH, coarse, coarse.t_s))
     lines = errors(driven, reference.at(shifted, EARTH, coarse.t_s))
     assert np.max(found[1]) < 0.1 * np.max(lines[1])
 
 
 def test_the_rows_themselves_stay(driven):
     truth = told(driven)
-    found = errors(driven, felt.at(truth, EARTH, sensed(driven), truth.t_s))
+    found = errors(driven, reference.as_felt(truth, EARTH, sensed(driven), truth.t_s))
     assert np.max(found[0]) < 1e-6 and np.max(found[1]) < 1e-9 and np.max(found[2]) < 1e-9
 
 
@@ -81,7 +81,7 @@ def test_what_is_no_motion_is_not_taken(driven, fault):
         imu.dtheta_b[at] += [0.0, 0.3, 0.0]
     else:
         imu.bridged[at] = True
-    plain, found = reference.at(truth, EARTH, driven.t_s), felt.at(truth, EARTH, imu, driven.t_s)
+    plain, found = reference.at(truth, EARTH, driven.t_s), reference.as_felt(truth, EARTH, imu, driven.t_s)
     there = (driven.t_s > 12.0) & (driven.t_s < 13.0)
     for one, other in zip(plain, found, strict=True):
         np.testing.assert_array_equal(one[there], other[there])
@@ -90,6 +90,9 @@ def test_what_is_no_motion_is_not_taken(driven, fault):
 
 def test_truth_at_every_sample_is_left_as_it_is(driven):
     truth = told(driven, 1)
-    plain, found = reference.at(truth, EARTH, driven.t_s), felt.at(truth, EARTH, sensed(driven), driven.t_s)
+    plain, found = (
+        reference.at(truth, EARTH, driven.t_s),
+        reference.as_felt(truth, EARTH, sensed(driven), driven.t_s),
+    )
     for one, other in zip(plain, found, strict=True):
         np.testing.assert_array_equal(one, other)

@@ -12,7 +12,7 @@ import pytest
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.records import GpsFix
-from shefex_nav.replay import dataset, repeats, replayed
+from shefex_nav.replay import dataset, plausible, replayed
 
 HEDY = Path(os.environ.get("SHEFEX_NAV_HEDY", Path(__file__).parents[3] / "shared/data/rockets/hedy"))
 needs_data = pytest.mark.skipif(not HEDY.is_dir(), reason=f"needs the flight log of Hedy in {HEDY}")
@@ -39,14 +39,14 @@ def increments(shaken, length_s=30.0):
 def test_the_longest_repetition_in_motion():
     times_s = np.arange(0.0, 30.0, 1.0)
     places = [*range(5), *([5] * 12), 6, 7, *([8] * 7), *range(9, 13)]
-    first_s, last_s, count = repeats.longest(increments(5.0), fixes(times_s, places))
+    first_s, last_s, count = plausible.longest_repeat(increments(5.0), fixes(times_s, places))
     assert (first_s, last_s, count) == (5.0, 16.0, 12)
-    assert repeats.longest(increments(0.01), fixes(times_s, places)) is None  # it stands still
-    assert repeats.longest(increments(5.0), fixes(times_s, range(30))) is None
+    assert plausible.longest_repeat(increments(0.01), fixes(times_s, places)) is None  # it stands still
+    assert plausible.longest_repeat(increments(5.0), fixes(times_s, range(30))) is None
 
 
 def test_what_is_strange_is_told():
-    said = dict(repeats.oddities(increments(5.0), fixes(range(20), [3] * 20, dataset.NONSENSE)))
+    said = dict(plausible.repeats(increments(5.0), fixes(range(20), [3] * 20, dataset.NONSENSE)))
     assert "for 19.0 s, from T+0.0 s to T+19.0 s (20 fixes)" in said["data.gnss"]
     assert said["data.gnss.satellites"].startswith(
         "the number of satellites of 20 fixes is none that there can be"

@@ -6,7 +6,7 @@ import pytest
 from test_clocks import lift_off
 
 from shefex_nav.environment import ephemeris
-from shefex_nav.replay import dataset, gyro_unit, load
+from shefex_nav.replay import dataset, imu_units, load
 from shefex_nav.scenario.data_table import DataError
 
 EARTH = ephemeris.earth_rotation("2020-06-01T12:00:00", 0.0, 0.0, 0.0)
@@ -17,9 +17,9 @@ def turned(data, factor):
     return data._replace(imu=data.imu._replace(dtheta_b=factor * data.imu.dtheta_b))
 
 
-def found(data, told, units=gyro_unit.RATES, arm=drive.LEVER):
+def found(data, told, units=imu_units.RATES, arm=drive.LEVER):
     """Name of the unit that fits, of gyros that are told to be in another."""
-    fit = gyro_unit.find(data.imu, data.fixes, arm, {k: v / units[told] for k, v in units.items()})
+    fit = imu_units.find_gyro_unit(data.imu, data.fixes, arm, {k: v / units[told] for k, v in units.items()})
     return fit and fit.name
 
 
@@ -35,12 +35,12 @@ def rocket():
     return dataset.read(scenario, files), np.array(scenario.gnss.lever_arm)
 
 
-@pytest.mark.parametrize("told", gyro_unit.RATES)
-@pytest.mark.parametrize("meant", gyro_unit.RATES)
+@pytest.mark.parametrize("told", imu_units.RATES)
+@pytest.mark.parametrize("meant", imu_units.RATES)
 def test_every_unit_taken_for_every_other(told, meant, driven, rocket):
     """Each pair is named; those that are the same, or too near to tell from a bias, are not."""
-    ratio = gyro_unit.RATES[told] / gyro_unit.RATES[meant]
-    expected = meant if not 1.0 / gyro_unit.APART < ratio < gyro_unit.APART else None
+    ratio = imu_units.RATES[told] / imu_units.RATES[meant]
+    expected = meant if not 1.0 / imu_units.APART < ratio < imu_units.APART else None
     assert found(turned(driven, ratio), told) == expected
     data, arm = rocket
     assert found(turned(data, ratio), told, arm=arm) == expected
@@ -65,8 +65,8 @@ def test_what_does_not_turn_shows_nothing():
 def test_the_field_is_named():
     scenario, files = load.load("csv_example")
     data = dataset.read(scenario, files)
-    gyro_unit.check(scenario, data)
+    imu_units.gyros(scenario, data)
     with pytest.raises(
         DataError, match=r"data\.imu\.gyro_unit: the gyros, taken as deg/s, .* as rad/s they do"
     ):
-        gyro_unit.check(scenario, turned(data, np.pi / 180.0))
+        imu_units.gyros(scenario, turned(data, np.pi / 180.0))

@@ -5,7 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import dataset, matlab_file, navego
+from shefex_nav.replay import dataset, navego
 from shefex_nav.scenario.data_table import DataError
 
 
@@ -77,7 +77,7 @@ def test_navego_with_a_field_of_other_columns(tmp_path, name, shape, words):
 def test_a_text_is_no_matlab_file(tmp_path):
     (tmp_path / "imu.mat").write_text("t,wx\n")
     with pytest.raises(DataError, match=r"imu\.mat: cannot be read as a Matlab file"):
-        matlab_file.read(str(tmp_path / "imu.mat"), ("t",))
+        navego.read_structure(str(tmp_path / "imu.mat"), ("t",))
 
 
 @pytest.mark.parametrize("seed", [46, 80, 246, 384, 1000, 1001])  # the first four crash scipy 1.17
@@ -89,7 +89,7 @@ def test_a_damaged_matlab_file_is_refused_or_read(tmp_path, seed):
         content[rng.integers(124, len(content))] = rng.integers(256)
     path.write_bytes(content)
     try:
-        table, _ = matlab_file.read(str(path), ("t", "wb", "fb"), vectors=("wb", "fb"))
+        table, _ = navego.read_structure(str(path), ("t", "wb", "fb"), vectors=("wb", "fb"))
     except DataError as error:
         assert str(path) in str(error)
     else:
@@ -104,18 +104,18 @@ def test_a_field_that_is_no_column_is_refused(tmp_path, value, got):
     path = tmp_path / "imu.mat"
     savemat(path, {"imu": {"t": value, "wb": np.ones((5, 3))}})
     with pytest.raises(DataError, match=rf"imu\.mat: field t: expected a column of numbers, got {got}"):
-        matlab_file.read(str(path), ("t", "wb"))
+        navego.read_structure(str(path), ("t", "wb"))
 
 
 def test_no_other_file_is_read_than_the_one_that_is_named(tmp_path):
     savemat(tmp_path / "imu.mat", {"imu": {"t": np.arange(5.0)}})
     with pytest.raises(DataError, match="imu: cannot be read as a Matlab file"):
-        matlab_file.read(str(tmp_path / "imu"), ("t",))
+        navego.read_structure(str(tmp_path / "imu"), ("t",))
 
 
 def test_a_crash_of_the_reader_is_a_message(tmp_path, monkeypatch):
     child = tmp_path / "child.py"
     child.write_text("import os\nos.abort()\n")
-    monkeypatch.setattr(matlab_file, "CHILD", child)
+    monkeypatch.setattr(navego, "CHILD", child)
     with pytest.raises(DataError, match=r"imu\.mat: is damaged, or no Matlab file: .* crashed"):
-        matlab_file.read(str(tmp_path / "imu.mat"), ("t",))
+        navego.read_structure(str(tmp_path / "imu.mat"), ("t",))

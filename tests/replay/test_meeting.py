@@ -3,7 +3,7 @@
 import pytest
 from test_plausible import folder_of
 
-from shefex_nav.replay import dataset, load, meeting
+from shefex_nav.replay import dataset, load, plausible
 from shefex_nav.scenario.data_table import DataError
 
 
@@ -22,7 +22,7 @@ def timed(data, of_time, every=1):
 
 
 def test_the_right_times_pass(given):
-    assert meeting.check(*given) == []
+    assert plausible.meeting(*given) == []
 
 
 @pytest.mark.parametrize(("name", "factor"), [("ms", 1e3), ("us", 1e6), ("min", 1.0 / 60.0)])
@@ -33,12 +33,12 @@ def test_another_unit_is_named(given, name, factor):
     with pytest.raises(
         DataError, match=rf"data\.gnss\.time_unit: 0 of \d+ valid fixes .* they fit as {name}"
     ):
-        meeting.check(scenario, moved)
+        plausible.meeting(scenario, moved)
 
 
 def test_what_no_unit_explains_is_warned_of(given):
     scenario, data = given
-    ((field, words),) = meeting.check(scenario, timed(data, lambda t_s: t_s - 5000.0))
+    ((field, words),) = plausible.meeting(scenario, timed(data, lambda t_s: t_s - 5000.0))
     assert field == "data.gnss" and "The others are not used" in words
 
 
@@ -48,4 +48,4 @@ def test_an_imu_that_ran_for_a_part_of_the_time_alone(given):
     t_s = [fix.t_valid_s for fix in data.fixes if fix.valid]
     some = (data.imu.t_s >= t_s[3]) & (data.imu.t_s <= t_s[4])
     short = data._replace(imu=data.imu._replace(t_s=data.imu.t_s[some]))
-    assert meeting.check(scenario, short) == []
+    assert plausible.meeting(scenario, short) == []

@@ -7,7 +7,7 @@ from flown_log import write
 from shefex_nav.log import checked, reader
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import Alignment
-from shefex_nav.replay import runnable
+from shefex_nav.replay import rerun
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def data(tmp_path_factory):
 
 def refused(data, words):
     with pytest.raises(LogError, match=rf"^a\.mcap: {words}"):
-        runnable.check("a.mcap", data)
+        rerun.check_runnable("a.mcap", data)
 
 
 def changed(values, k, value):
@@ -27,7 +27,7 @@ def changed(values, k, value):
 
 
 def test_what_was_flown_can_be_run_again(data):
-    runnable.check("a.mcap", data)
+    rerun.check_runnable("a.mcap", data)
 
 
 def test_a_block_that_does_not_follow_on_the_one_before_it(data):
@@ -38,7 +38,7 @@ def test_a_block_that_does_not_follow_on_the_one_before_it(data):
     late = imu._replace(t_valid_s=changed(imu.t_valid_s, 77, imu.t_valid_s[77] + 2e-6))
     refused(data._replace(imu=late), r"/imu: message 78: t_valid_s: got 0\.780002, expected 0\.78:")
     rounded = imu._replace(t_valid_s=changed(imu.t_valid_s, 77, imu.t_valid_s[77] + 0.5e-6))
-    runnable.check("a.mcap", data._replace(imu=rounded))
+    rerun.check_runnable("a.mcap", data._replace(imu=rounded))
 
 
 def test_an_alignment_where_no_block_begins(data):
@@ -62,14 +62,14 @@ def test_readings_of_no_sensor(data, name, most, unit):
     """Told as rates: 1e6 m/s within 2.5 ms."""
     values = getattr(data.imu, name)
     good = data.imu._replace(**{name: changed(values, (9, 2, 1), -0.99 * most * 0.0025)})
-    runnable.check("a.mcap", data._replace(imu=good))
+    rerun.check_runnable("a.mcap", data._replace(imu=good))
     bad = data.imu._replace(**{name: changed(values, (9, 2, 1), -2.0 * most * 0.0025)})
     words = rf"/imu: message 10: {name}: got {2.0 * most:.4g} {unit} over 0\.0025 s, expected {most:g} {unit}"
     refused(data._replace(imu=bad), words.replace("+", r"\+"))
     silent = bad._replace(
         valid=changed(bad.valid, 9, False), **{name: changed(getattr(bad, name), 9, np.nan)}
     )
-    runnable.check("a.mcap", data._replace(imu=silent))
+    rerun.check_runnable("a.mcap", data._replace(imu=silent))
 
 
 def test_an_alignment_far_from_the_truth(data):
@@ -77,11 +77,11 @@ def test_an_alignment_far_from_the_truth(data):
     moon = told._replace(r_i=np.array([4e8, 0.0, 0.0]))
     refused(data._replace(alignment=moon), r"/nav/alignment: r_i: is 3\.\d+e\+08 m from the truth at T\+0\.0")
     vague = told._replace(r_i=told.r_i + np.array([2e6, 0.0, 0.0]), sigma_r=1e6)
-    runnable.check("a.mcap", data._replace(alignment=vague))
+    rerun.check_runnable("a.mcap", data._replace(alignment=vague))
     fast = told._replace(v_i=told.v_i + 2e3)
     refused(data._replace(alignment=fast), r"/nav/alignment: v_i: is 3464 m/s from the truth")
     nothing = data.truth._replace(**{name: getattr(data.truth, name)[:0] for name in data.truth._fields})
-    runnable.check("a.mcap", data._replace(alignment=fast, truth=nothing))
+    rerun.check_runnable("a.mcap", data._replace(alignment=fast, truth=nothing))
     refused(
         data._replace(alignment=moon._replace(r_i=5.0 * moon.r_i), truth=nothing),
         "/nav/alignment: r_i: got 2e",
@@ -115,5 +115,5 @@ def test_fixes_with_and_without_a_height(data):
     fixes[3] = fixes[3]._replace(horizontal=True)
     refused(data._replace(gps=fixes), r"/gps/fix: message 4: horizontal: got True, expected False")
     fixes[3] = fixes[3]._replace(valid=False)
-    runnable.check("a.mcap", data._replace(gps=fixes))
-    runnable.check("a.mcap", data._replace(gps=[fix._replace(horizontal=True) for fix in data.gps]))
+    rerun.check_runnable("a.mcap", data._replace(gps=fixes))
+    rerun.check_runnable("a.mcap", data._replace(gps=[fix._replace(horizontal=True) for fix in data.gps]))

@@ -17,7 +17,7 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_drift import Followed
 from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
 from shefex_nav.records import Phase
-from shefex_nav.replay import final_pass, relinear, rerun, smooth, smoothed_table, smoother
+from shefex_nav.replay import final_pass, relinear, rerun, smooth, smoothed, smoother
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
 from shefex_nav.scenario import load, params_onboard
 
@@ -259,7 +259,7 @@ def flights(result, tmp_path_factory):
 @pytest.mark.slow
 def test_errors_are_smaller_and_as_large_as_said(flights):
     """8 flights: RMS ratios (the covariances say 0.35, 0.84, 0.76), and NEES at four instants."""
-    rows = [{row["part"]: row for row in smoothed_table.compare(*flight)} for flight in flights]
+    rows = [{row["part"]: row for row in smoothed.compare(*flight)} for flight in flights]
     for part, quantity, limit in (
         ("boost", "attitude_deg", 0.5),
         ("middle of the stars", "position_m", 0.9),
@@ -291,7 +291,7 @@ def test_a_reset_does_not_leak_into_what_was_before(tmp_path):
 
 
 def test_parts_of_the_flight(result):
-    rows = smoothed_table.compare(result.filtered, result.filtered)
+    rows = smoothed.compare(result.filtered, result.filtered)
     assert [row["part"] for row in rows] == [
         "boost",
         "before stars",
@@ -313,7 +313,7 @@ def test_a_log_that_ends_before_the_motor_does_is_of_the_boost(result):
     early = [event for event in data.events if not event.name.startswith("burn_out")]
     phase = np.where(data.truth.t_s >= 0.0, Phase.BOOST, Phase.PAD)
     cut = data._replace(events=early, gates=[], truth=data.truth._replace(phase=phase))
-    assert [part.name for part in smoothed_table.parts(cut) if part.from_s < part.to_s] == ["boost"]
+    assert [part.name for part in smoothed.parts(cut) if part.from_s < part.to_s] == ["boost"]
 
 
 def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_not():

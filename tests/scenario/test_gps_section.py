@@ -6,8 +6,9 @@ from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
 from shefex_nav import prepare
 from shefex_nav.environment import gnss, yuma
-from shefex_nav.scenario import params, params_onboard
+from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.load import load
+from shefex_nav.scenario.of_settings import settings
 
 YUMA = """******** Week {week} almanac for PRN-{prn:02d} ********
 ID:                         {prn:02d}
@@ -40,7 +41,7 @@ def scenario(folder, gps):
 
 def test_default_has_nominal_satellites_and_errors_that_do_not_last():
     default = load(DEFAULT)
-    receiver = params.receiver(default)
+    receiver = settings(default.gps)
     assert (bool(receiver.errors), receiver.only, receiver.reacquisition) == (False, (), None)
     nominal = gnss.nominal_24("2012-06-22T19:18:00Z")
     np.testing.assert_array_equal(prepare.constellation(default).node, nominal.node)

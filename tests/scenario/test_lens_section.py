@@ -9,7 +9,7 @@ from shefex_nav.frames import camera_file
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.prepare import settled
 from shefex_nav.report import programme
-from shefex_nav.scenario import field_of_view, lens, params_onboard
+from shefex_nav.scenario import lens, params_onboard
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.load import load
 from shefex_nav.scenario.told import as_told, lines
@@ -114,8 +114,8 @@ def test_displacement_is_the_largest_over_the_detector():
 
 
 def test_field_of_view_is_that_of_the_lens():
-    wide, tall, diagonal = field_of_view.degrees(load(NAME, [TRUE]).star_camera)
-    plain = field_of_view.degrees(load(NAME).star_camera)
+    wide, tall, diagonal = lens.field_of_view_deg(load(NAME, [TRUE]).star_camera)
+    plain = lens.field_of_view_deg(load(NAME).star_camera)
     for seen, behind, half_px in zip((wide, tall, diagonal), plain, (329.5, 246.5, 411.49), strict=True):
         x = half_px / FOCAL_PX
         ideal = x
@@ -123,7 +123,7 @@ def test_field_of_view_is_that_of_the_lens():
             ideal = x / (1.0 - 0.376 * ideal**2)
         assert seen == pytest.approx(np.degrees(2.0 * np.arctan(ideal)), abs=1e-3)
         assert seen > behind
-    moved = field_of_view.degrees(
+    moved = lens.field_of_view_deg(
         load(NAME, ["star_camera.optics.principal_point=[0 pix, 246 pix]"]).star_camera
     )
     assert moved[0] == pytest.approx(

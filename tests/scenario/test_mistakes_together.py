@@ -72,13 +72,12 @@ def test_every_pair_of_a_wrong_value_and_a_contradiction_is_told(tmp_path):
 
 
 def test_what_is_left_of_a_good_scenario_is_the_scenario():
-    from shefex_nav.scenario import saturation
     from shefex_nav.scenario.checks import check_what_is_known
-    from shefex_nav.scenario.load import Scenario
+    from shefex_nav.scenario.load import Scenario, with_saturation
     from shefex_nav.scenario.partial import validated
 
     scenario = load(DEFAULT)
-    tree = saturation.filled(document.parse(scenario.source, "source").tree)
+    tree = with_saturation(document.parse(scenario.source, "source").tree)
     tree["mission"]["epoch"] = "2012-06-22T19:18:00Z"
     whole = validated(Scenario, tree, [])
     part = validated(Scenario, tree, [("gps", "latency")])

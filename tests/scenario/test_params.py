@@ -81,11 +81,11 @@ def assert_plain(record):
 def test_every_stage_gets_plain_parameters(scenario, bodies):
     for convert in (
         params.flight_params,
-        params.receiver,
-        params.star_camera,
         params_onboard.nav_params,
     ):
         assert_plain(convert(scenario))
+    assert_plain(settings(scenario.gps))
+    assert_plain(settings(scenario.star_camera))
     assert_plain(params_onboard.computer_params(scenario, bodies, NO_BAD_PIXELS))
 
 
@@ -120,7 +120,7 @@ def test_units_of_the_imu(scenario):
 
 
 def test_gps_outages(scenario):
-    outages = params.receiver(scenario).outages
+    outages = settings(scenario.gps).outages
     assert [outage.event for outage in outages] == [
         "lift_off",
         "burn_out_1",
@@ -136,12 +136,12 @@ def test_filter_knows_the_data_sheets(scenario):
     assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro.bias, imu.gyro.in_run_bias))
     np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [30e-6, 5e-5, 5e-5])
     assert nav.imu.gyro_random_walk == imu.gyro.random_walk
-    camera = params.star_camera(scenario)
+    camera = settings(scenario.star_camera)
     offset = math.atan(
         camera.optics.principal_point_error * camera.detector.pixel_size / camera.optics.focal_length
     )
     assert nav.sigma_blocks["mounting"][0] == pytest.approx(math.hypot(camera.mounting.error, offset))
-    np.testing.assert_array_equal(nav.l_ba_b, params.receiver(scenario).antenna.lever_arm)
+    np.testing.assert_array_equal(nav.l_ba_b, settings(scenario.gps).antenna.lever_arm)
     np.testing.assert_array_equal(nav.C_bc, params.flight_params(scenario).C_bc)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from shefex_nav.environment import ephemeris, gravity
 from shefex_nav.scenario import params, surroundings
-from shefex_nav.scenario.events import possible
+from shefex_nav.scenario.checks_flight import possible_events
 from shefex_nav.scenario.load import load
 from shefex_nav.world.flight import params as flight
 from shefex_nav.world.flight import tasks
@@ -217,8 +217,8 @@ def test_start_in_orbit_and_on_the_ground():
     start = params.flight_params(ground).start
     assert isinstance(start, flight.Ground)
     assert (start.height, start.roll) == (600.0, pytest.approx(9.0 * DEG))
-    assert possible(ground) == []
-    assert possible(orbit) == ["apogee", "entry", "altitude_60km", "altitude_20km", "impact"]
+    assert possible_events(ground) == []
+    assert possible_events(orbit) == ["apogee", "entry", "altitude_60km", "altitude_20km", "impact"]
 
 
 def test_gravity_and_air():
@@ -267,4 +267,4 @@ def test_events_of_the_flight_are_among_the_possible_ones(scenario, default):
     )
     coarse = default._replace(sample_rate_hz=100.0, gravity=gravity.load("j2"))
     names = {event.name for event in fly(coarse, rotation, None).events}
-    assert names == set(possible(scenario)) - {"cold_gas_empty"}
+    assert names == set(possible_events(scenario)) - {"cold_gas_empty"}

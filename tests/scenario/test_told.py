@@ -12,6 +12,7 @@ from shefex_nav.onboard.navigation.state import NOTHING_TOLD, GpsTold
 from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.scenario import params, params_onboard
 from shefex_nav.scenario.load import Pattern, load
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told, differences, lines
 
 NAME = "shefex2_andoya"
@@ -45,9 +46,9 @@ def same(one, two):
 
 
 def of_world(scenario):
-    makers = (params.receiver, params.star_camera, params.flight_params)
+    world = settings(scenario.gps), settings(scenario.star_camera), params.flight_params(scenario)
     true = scenario.imu.model_dump(), scenario.pad_alignment.model_dump(), scenario.gps.clock_offset
-    return (*(make(scenario) for make in makers), *true)
+    return (*world, *true)
 
 
 def of_computer(scenario):

@@ -16,7 +16,6 @@ from shefex_nav.onboard.navigation.state import X_BG
 from shefex_nav.records import Event
 from shefex_nav.replay import external, params, replayed, rerun
 from shefex_nav.replay import load as replay_load
-from shefex_nav.replay import own as external_own
 from shefex_nav.scenario.load import load
 from shefex_nav.templates.filter import MyFilter
 
@@ -139,7 +138,7 @@ def test_the_template_begins_as_sure_as_the_filter():
         ready = external.prepare(scenario, files)
         nav = fusion.start(params.nav_params(scenario, 0.0025), ready.alignment, ready.earth)
         mine = MyFilter()
-        mine.start(ready.alignment, external_own.mission_data(scenario, ready.alignment, ready.earth, {}))
+        mine.start(ready.alignment, params.mission_data(scenario, ready.alignment, ready.earth, {}))
         turn = np.eye(15)
         turn[6:9, 6:9] = rotation.dcm_from_quat(ready.alignment.q_ib)
         expected = turn @ nav.history.P[:15, :15] @ turn.T

@@ -13,7 +13,7 @@ from shefex_nav.geometry.rotation import (
     quat_from_dcm,
     rotvec_from_quat,
 )
-from shefex_nav.solve import adjust, lens, naming
+from shefex_nav.solve import lens, naming
 from shefex_nav.solve.camera import Camera, pinhole_of
 from shefex_nav.solve.image import solve_image
 
@@ -95,9 +95,9 @@ def test_errors_of_the_axis_are_what_its_covariance_says(fov_deg):
     rng, values = np.random.default_rng(34), []
     for _ in range(400):
         truth, prior, u_i, xy_px, P_px = seen(rng, fov_deg, 60)
-        best = adjust.adjust(truth, prior, u_i, xy_px, P_px, SIZE_PX)
+        best = lens.adjust(truth, prior, u_i, xy_px, P_px, SIZE_PX)
         found, P_c = best.lens.axis_C_ci, best.covariance
-        values.append([squares(found, truth.axis_C_ci, P) for P in (adjust.of_axis(P_c), P_c[:3, :3])])
+        values.append([squares(found, truth.axis_C_ci, P) for P in (lens.of_axis(P_c), P_c[:3, :3])])
     nees, by_middle = np.mean(values, axis=0)
     assert chi2.ppf(0.0005, 1200) / 400 < nees < chi2.ppf(0.9995, 1200) / 400
     assert by_middle > 100.0
@@ -170,7 +170,7 @@ def test_the_field_of_view_of_a_told_camera_is_as_well_known_as_its_focal_length
 
     covariance = np.zeros((11, 11))
     covariance[3, 3] = sigma**2
-    best = adjust.Adjusted(lens.Lens(np.eye(3), focal_px), covariance, np.ones(1, dtype=bool), 0.0, 0.0, 1.0)
+    best = lens.Adjusted(lens.Lens(np.eye(3), focal_px), covariance, np.ones(1, dtype=bool), 0.0, 0.0, 1.0)
     camera = Camera(1024, 768, focal_px, None, (k1, 0.0, 0.0, 0.0, 0.0))
     expected = abs(across(focal_px * (1.0 + sigma)) - across(focal_px * (1.0 - sigma))) / 2.0
     assert naming._fov_sigma(best, SIZE_PX, camera) == pytest.approx(expected, rel=1e-3)

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
-from shefex_nav.solve.calibration import calibrate, lens_fit, one_lens, pictures, table
+from shefex_nav.solve.calibration import calibrate, lens_fit, pictures, table
 from shefex_nav.solve.header import Taken
 
 TOLD = pictures.Told(15.0, YEAR)
@@ -44,7 +44,7 @@ def zoomed(seen, larger, which):
 
 
 def told(seen):
-    return one_lens.focal_lengths([one.sights for one in seen], [one.lens for one in seen], SIZE_PX)
+    return lens_fit.focal_lengths([one.sights for one in seen], [one.lens for one in seen], SIZE_PX)
 
 
 def misfit(found):
@@ -59,7 +59,7 @@ def test_focal_lengths_of_one_lens_scatter_as_their_covariance_says(sets):
     for camera, seen in sets:
         found = told(seen)
         assert (np.abs(found.values - camera.values[0]) < 5.0 * np.sqrt(np.diag(found.covariance))).all()
-        assert len(one_lens.groups(found, untouched=0.0)) == 1
+        assert len(lens_fit.groups(found, untouched=0.0)) == 1
         assert calibrate.check_one_lens(seen) == {}
         squares += misfit(found)
     low, high = chi2.ppf([0.0005, 0.9995], (N - 1) * len(sets))
@@ -78,7 +78,7 @@ def test_few_stars_a_picture_are_not_refused(sets):
             few.append(one._replace(sights=sights))
         found = told(few)
         assert found.dof < 70.0
-        alarms += len(one_lens.groups(found, untouched=0.0)) > 1
+        alarms += len(lens_fit.groups(found, untouched=0.0)) > 1
     assert alarms == 0
 
 
@@ -87,7 +87,7 @@ def test_few_stars_a_picture_are_not_refused(sets):
 def test_pictures_of_another_zoom_are_named(sets, which, larger):
     for camera, seen in sets:
         found = told(zoomed(seen, larger, which))
-        groups = one_lens.groups(found)
+        groups = lens_fit.groups(found)
         parts = [set(one.members.tolist()) for one in groups]
         expected = [set(range(N)) - which, which]
         assert parts == (expected if larger > 0.0 else expected[::-1])

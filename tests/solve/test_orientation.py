@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
 from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.solve import orientation, picture
+from shefex_nav.solve import header, picture
 from shefex_nav.solve.image import solve_image
 
 ALL = range(1, 9)
@@ -39,9 +39,9 @@ def colours():
 
 @pytest.mark.parametrize("number", ALL)
 def test_is_what_viewers_show(colours, number):
-    shown = orientation.displayed(colours, number)
+    shown = header.displayed(colours, number)
     np.testing.assert_array_equal(shown, as_pillow_shows(colours, number))
-    np.testing.assert_array_equal(orientation.stored(shown, number), colours)
+    np.testing.assert_array_equal(header.as_stored(shown, number), colours)
 
 
 @pytest.mark.parametrize("number", [0, 9, 300])

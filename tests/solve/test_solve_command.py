@@ -14,9 +14,8 @@ from typer.testing import CliRunner
 from shefex_nav import Camera, solve_image
 from shefex_nav.commands.app import app
 from shefex_nav.commands.solve import julian_year
-from shefex_nav.solve.overlay import describe, free_place
 from shefex_nav.solve.solution import failed
-from shefex_nav.solve.stages import contrast
+from shefex_nav.solve.stages import contrast, describe, free_place
 
 
 def solve(*arguments):

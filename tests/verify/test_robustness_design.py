@@ -10,8 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from shefex_nav.scenario import faults as fault_section
-from shefex_nav.scenario import load
+from shefex_nav.scenario import load, sensors
 from shefex_nav.scenario.told import as_told
 from shefex_nav.verify.robustness import design, factors, flight, happenings, random_faults
 
@@ -106,7 +105,7 @@ def test_a_scale_of_what_is_told_is_that_of_the_truth():
 def test_random_faults_are_of_every_kind_that_a_scenario_takes():
     kinds = set()
     for section in ("imu", "gps", "star_tracker"):
-        union = fault_section.Faults.model_fields[section].annotation
+        union = sensors.Faults.model_fields[section].annotation
         for model in _models(union):
             kinds |= set(get_args(model.model_fields["fault"].annotation))
     assert kinds == set(random_faults.KINDS)

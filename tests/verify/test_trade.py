@@ -14,7 +14,7 @@ from shefex_nav.clock import sample_s
 from shefex_nav.commands.app import app
 from shefex_nav.records import Phase
 from shefex_nav.report import imu_range
-from shefex_nav.scenario import load, star_model, sweeps
+from shefex_nav.scenario import load, sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.verify import bound, bound_model, over_bound
@@ -288,8 +288,8 @@ def test_what_the_linear_model_does_not_know_is_refused():
     with pytest.raises(predict.NoPredictionError, match="names no statistics"):
         predicted("shefex2_andoya", [])
     with pytest.raises(ScenarioError, match=r"nothing\.json"):
-        star_model.named_by("shefex2_andoya", ["star_tracker.model=nothing.json"])
-    assert star_model.named_by("shefex2_andoya").format == 3
+        load.star_statistics_of("shefex2_andoya", ["star_tracker.model=nothing.json"])
+    assert load.star_statistics_of("shefex2_andoya").format == 3
 
 
 def test_the_command_ranks_and_is_refused(tmp_path):
@@ -364,7 +364,7 @@ def test_the_largest_error_between_star_fixes():
     quiet = [f"imu.gyro.{name}=0 deg/h" for name in ("bias", "in_run_bias")]
     quiet += ["star_camera.mounting.error=0 deg", "imu.gyro.random_walk=1 deg/sqrt(h)"]
     sets = [*NIGHT, *quiet, "gps.max_pdop=0.001"]
-    shared = predict.Shared(star_model.named_by("night_sky", sets), 1)
+    shared = predict.Shared(load.star_statistics_of("night_sky", sets), 1)
     found = predicted("night_sky", sets, shared, star_s=20.0)
     assert found.star_fixes > 0
     largest = found.at(predict.STARS)
@@ -416,7 +416,7 @@ def test_errors_while_pointing_are_larger_than_those_of_the_worst_instant():
     wanted = {name: {"while_pointing": True} for name in ("position", "attitude")}
     sets = [f"requirements.{name}.while_pointing=true" for name in wanted]
     scenario = load.load("shefex2_andoya", [*sets, "requirements.probability=50 %"])
-    shared = predict.Shared(star_model.named_by("shefex2_andoya", sets), 1)
+    shared = predict.Shared(load.star_statistics_of("shefex2_andoya", sets), 1)
     found = predict.predict(scenario, shared)
     judged = {one.name: one for one in judge.judge(scenario.requirements, found)}
     position, attitude = (judged[f"{name}_while_pointing"] for name in wanted)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav import prepare
-from shefex_nav.scenario import load, star_model
+from shefex_nav.scenario import load
 from shefex_nav.verify import over_bound
 from shefex_nav.verify.trade import predict
 
@@ -19,7 +19,7 @@ NAME = "shefex2_andoya"
     ],
 )
 def test_a_combination_is_predicted_as_by_itself(override):
-    model = star_model.named_by(NAME)
+    model = load.star_statistics_of(NAME)
     base, other = load.load(NAME), load.load(NAME, [override])
     shared = predict.Shared(model, 1)
     before = predict.predict(base, shared)

@@ -15,8 +15,8 @@ from shefex_nav.environment import gravity
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.settings import declared
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight import parts, tasks
 from shefex_nav.world.flight import settings as s
+from shefex_nav.world.flight import tasks
 from shefex_nav.world.flight.fly import fly
 
 DEG = np.pi / 180.0
@@ -90,11 +90,11 @@ def grain(mass_kg, station_m, length_m, outer_m, inner_m):
 
 
 def part(mass, station, inertia_roll, inertia_pitch):
-    return parts.RigidPart(mass=mass, station=station, inertia_roll=inertia_roll, inertia_pitch=inertia_pitch)
+    return s.RigidPart(mass=mass, station=station, inertia_roll=inertia_roll, inertia_pitch=inertia_pitch)
 
 
 def payload(mass, station, inertia_roll, inertia_pitch, offset=(0.0, 0.0), tilt=(0.0, 0.0)):
-    return parts.Payload(
+    return s.Payload(
         mass=mass,
         station=station,
         inertia_roll=inertia_roll,
@@ -105,9 +105,7 @@ def payload(mass, station, inertia_roll, inertia_pitch, offset=(0.0, 0.0), tilt=
 
 
 def nozzle(exit_area, exit_station, misalignment=(0.0, 0.0), offset=(0.0, 0.0)):
-    return parts.Nozzle(
-        exit_area=exit_area, exit_station=exit_station, misalignment=misalignment, offset=offset
-    )
+    return s.Nozzle(exit_area=exit_area, exit_station=exit_station, misalignment=misalignment, offset=offset)
 
 
 def motor(mass_kg, isp_s, burn_s, exit_area_m2, exit_station_m):
@@ -124,7 +122,7 @@ S40 = p.Stage(
     propellant=grain(4240.0, 9.2, 4.4, 0.49, 0.18),
     motor=motor(4240.0, 272.0, 56.0, 0.45, 12.6),
     t_ignition_s=0.0,
-    separation=parts.Separation(at=65.0, impulse=0.0, tip_off=(0.0, 0.0)),
+    separation=s.Separation(at=65.0, impulse=0.0, tip_off=(0.0, 0.0)),
     aerodynamics=STACK,
 )
 S44 = p.Stage(

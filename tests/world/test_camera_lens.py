@@ -12,8 +12,7 @@ from shefex_nav.geometry.shutter import duration_s, row_times
 from shefex_nav.records import CameraCommand
 from shefex_nav.settings import changed
 from shefex_nav.world import camera
-from shefex_nav.world.camera import lens as lenses
-from shefex_nav.world.camera import moon, motion, render, undrawn
+from shefex_nav.world.camera import moon, motion, optics, render, undrawn
 
 K = (-0.7, 2.0, 1.5e-3, -0.8e-3, 0.0)  # up to 8 px
 COMMAND = CameraCommand(T_S, 0.05, 24.0)
@@ -93,14 +92,14 @@ def test_light_is_where_the_truth_says():
 @pytest.mark.parametrize("line_s", [0.0, 60e-6])
 def test_streaks_are_sums_of_spots_where_the_lens_puts_them(line_s):
     """A star near a corner, the camera turns: against 4000 spots, each on the rows that are open then."""
-    lens, times = lenses.lens_of(HOLE, K), row_times(0.02, line_s, HOLE.height_px)
+    lens, times = optics.lens_of(HOLE, K), row_times(0.02, line_s, HOLE.height_px)
     psf, C_ic, omega_c = render.gaussian_psf(0.8), np.eye(3), np.array([0.05, -0.03, 0.4])
-    step_px = lenses.step_px(HOLE, lens, psf.step_px)
+    step_px = optics.step_px(HOLE, lens, psf.step_px)
     path = motion.turning(HOLE, C_ic, omega_c, times, step_px)
     u_i = np.array([[0.10, -0.075, 1.0]])
     u_i /= np.linalg.norm(u_i)
     light = render.darkness(HOLE.width_px * HOLE.height_px)
-    tracks = lenses.tracks(HOLE, lens, path, u_i)
+    tracks = optics.tracks(HOLE, lens, path, u_i)
     assert np.hypot(*np.diff(tracks[0], axis=0).T).max() <= psf.step_px
     render.add_tracks(light, HOLE, psf, path, tracks, np.array([1e4]), 1e-3)
     drawn = light.electrons.reshape(HOLE.height_px, HOLE.width_px)
@@ -122,7 +121,7 @@ def test_streaks_are_sums_of_spots_where_the_lens_puts_them(line_s):
 
 
 def test_the_moon_is_moved_and_keeps_its_light():
-    lens, u_i = lenses.lens_of(HOLE, K), np.array([0.09, 0.06, 1.0])
+    lens, u_i = optics.lens_of(HOLE, K), np.array([0.09, 0.06, 1.0])
     u_i /= np.linalg.norm(u_i)
     path, sun_i = motion.at_rest(np.eye(3)), np.array([0.0, 0.0, -1.0])
     pictures = []
@@ -194,8 +193,8 @@ def test_a_principal_point_moves_the_sky_and_the_cone():
 def test_nothing_is_imaged_beyond_a_fold():
     """r (1 + k1 r^2) has its largest value at r = 1 / sqrt(-3 k1): what lies beyond would come back."""
     k1 = -5.0
-    lens = lenses.lens_of(HOLE, (k1, 0.0, 0.0, 0.0, 0.0))
+    lens = optics.lens_of(HOLE, (k1, 0.0, 0.0, 0.0, 0.0))
     turn = 1.0 / np.sqrt(-3.0 * k1)
     assert 0.98 * turn < lens.reach <= turn
     beyond = np.array([[HOLE.cx_px + 1.6 * turn * HOLE.focal_length_px, HOLE.cy_px]])
-    assert np.isnan(lenses.places(HOLE, lens, beyond)).all()
+    assert np.isnan(optics.places(HOLE, lens, beyond)).all()

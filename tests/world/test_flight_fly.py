@@ -13,8 +13,7 @@ from shefex_nav.records import Phase
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight import tasks
 from shefex_nav.world.flight.fly import FlightError, fly
-from shefex_nav.world.flight.parts import Separation
-from shefex_nav.world.flight.settings import YoYo
+from shefex_nav.world.flight.settings import Separation, YoYo
 
 
 def dropped(stage, at):

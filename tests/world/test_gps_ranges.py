@@ -12,7 +12,7 @@ from shefex_nav.environment import gnss
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.settings import changed
-from shefex_nav.world import gps, gps_channels, gps_errors, gps_receiver, gps_settings, noise
+from shefex_nav.world import gps, gps_errors, gps_receiver, gps_settings, noise
 
 GPS_START_S = 500_000.0
 CONSTELLATION = gnss.nominal_24("2012-06-22T19:18:00Z")
@@ -81,7 +81,7 @@ def test_light_time_in_inertial_axes():
     """The published form: both places in axes that do not turn, and the Earth turned by hand, to 0.1 mm."""
     earth = synthetic.EARTH._replace(C_re=np.eye(3), rate=wgs84.OMEGA)
     r_e = wgs84.ecef_from_geodetic(1.2, 0.3, 100e3)
-    rho, _, r_es_e, _ = gps_channels.geometry(CONSTELLATION, np.array([50.0]), r_e[None], np.zeros((1, 3)))
+    rho, _, r_es_e, _ = gps_receiver.geometry(CONSTELLATION, np.array([50.0]), r_e[None], np.zeros((1, 3)))
     for k in range(24):
         tau = rho[0, k] / SPEED_OF_LIGHT
         sent = gnss.positions_e(CONSTELLATION, np.array([50.0 - tau]))[0, k]
@@ -102,7 +102,7 @@ def test_range_rate_is_the_derivative_of_the_range():
     h = 0.01
     t_s = 20.0 + np.array([-h, 0.0, h])
     r_e = r_0 + (t_s - 20.0)[:, None] * v_e
-    rho, rate, r_s, v_s = gps_channels.geometry(CONSTELLATION, t_s, r_e, np.tile(v_e, (3, 1)))
+    rho, rate, r_s, v_s = gps_receiver.geometry(CONSTELLATION, t_s, r_e, np.tile(v_e, (3, 1)))
     np.testing.assert_allclose(rate[1], (rho[2] - rho[0]) / (2.0 * h), atol=1e-4)
     u = (r_s[1] - r_e[1]) / rho[1][:, None]
     earth_rate = np.array([0.0, 0.0, wgs84.OMEGA])

@@ -48,7 +48,7 @@ class _Range:
 
     def miss(self, tilt):
         """(2,) m, where a flight with a tilt (2,) lands, north and east of the place. TrialError"""
-        from shefex_nav.world.flight.refused import FlightError
+        from shefex_nav.world.flight.timeline import FlightError
 
         self.flights += 1
         azimuth, elevation = _setting(tilt)

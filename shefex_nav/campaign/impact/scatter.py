@@ -72,7 +72,7 @@ def fly_some(plans, runs, ground):
     """Fly some runs: list of (run, reason why it did not land or '', [(body, latitude, longitude)])."""
     from shefex_nav.campaign.draws import Sampler
     from shefex_nav.scenario import load
-    from shefex_nav.world.flight.refused import FlightError
+    from shefex_nav.world.flight.timeline import FlightError
 
     patterns = [load.Pattern(plan.source, plan.name) for plan in plans]
     samplers = [Sampler(plan, one.dispersed) for plan, one in zip(plans, patterns, strict=True)]

@@ -124,7 +124,7 @@ def _flown(calls, workers):
 
 def launch(scenario, overrides, seed, ground, place, body, speed, whence):
     """Launch in one wind. -> Down, ''; None and the reason why it cannot be"""
-    from shefex_nav.world.flight.refused import FlightError
+    from shefex_nav.world.flight.timeline import FlightError
 
     degrees = 45.0 * DIRECTIONS.index(whence)
     wind = soundings.Winds((0.0,), (speed,), (degrees,), "").override()

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.errors import UserError
-from shefex_nav.solve.calibration import hot_pixels, lens_fit, noise, one_lens, pictures, spots
+from shefex_nav.solve.calibration import hot_pixels, lens_fit, noise, pictures, spots
 from shefex_nav.solve.calibration.pictures import Unsolved
 
 FEWEST_STARS = 40  # named, in all pictures: fewer leave a lens of eight parameters to its prior
@@ -109,8 +109,8 @@ def check_one_lens(seen):
     """
     if len(seen) < 2:
         return {}
-    found = one_lens.focal_lengths([one.sights for one in seen], [one.lens for one in seen], seen[0].size_px)
-    groups = one_lens.groups(found)
+    found = lens_fit.focal_lengths([one.sights for one in seen], [one.lens for one in seen], seen[0].size_px)
+    groups = lens_fit.groups(found)
     if len(groups) > 1:
         said = [
             f"{', '.join(seen[n].name for n in one.members)}: {one.focal_px:.1f} +- {one.sigma_px:.1f} px"
@@ -120,7 +120,7 @@ def check_one_lens(seen):
             f"the pictures have {len(groups)} focal lengths; {'; '.join(said)}; they are not of one camera, "
             "its zoom or focus was touched, or it turned under a rolling shutter: calibrate each by itself"
         )
-    if len(one_lens.groups(found, untouched=0.0)) == 1:
+    if len(lens_fit.groups(found, untouched=0.0)) == 1:
         return {}
     scatter = 100.0 * float(np.std(found.values) / found.values.mean())
     words = (

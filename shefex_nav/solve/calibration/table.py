@@ -50,9 +50,7 @@ def as_numbers(found):
 
 def lens(found):
     """rich Table of the lens of a Calibration."""
-    table = Table(title=f"lens, from {found.n_stars} stars in {len(found.pictures)} pictures")
-    for title in ("", "value", "1 sigma", "unit", ""):
-        table.add_column(title, justify="right" if title in ("value", "1 sigma") else "left")
+    table = _empty(f"lens, from {found.n_stars} stars in {len(found.pictures)} pictures")
     fit = found.lens
     for name, value, sigma, told in zip(NAMES, fit.values, fit.sigma, fit.is_told, strict=True):
         words = found.notes.get(name, "") if told else UNTOLD
@@ -60,11 +58,17 @@ def lens(found):
     return table
 
 
+def _empty(title):
+    """rich Table of values, without rows."""
+    table = Table(title=title)
+    for head in ("", "value", "1 sigma", "unit", ""):
+        table.add_column(head, justify="right" if head in ("value", "1 sigma") else "left")
+    return table
+
+
 def detector(found):
     """rich Table of what else a Calibration found."""
-    noise, table = found.noise, Table(title="spots and detector")
-    for title in ("", "value", "1 sigma", "unit", ""):
-        table.add_column(title, justify="right" if title in ("value", "1 sigma") else "left")
+    noise, table = found.noise, _empty("spots and detector")
     rows = (
         ("width of a spot", "psf_sigma", found.psf_sigma, "px"),
         ("noise of the sky", "noise", None if noise is None else noise.background, "DN"),

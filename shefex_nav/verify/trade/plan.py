@@ -7,7 +7,7 @@ from typing import NamedTuple
 from shefex_nav import workers as machine
 from shefex_nav.compiled.target import ONE_THREAD
 from shefex_nav.errors import UserError
-from shefex_nav.scenario import load, software, star_model, sweeps
+from shefex_nav.scenario import load, software, sweeps
 from shefex_nav.verify.trade import judge, predict
 
 MOST = 2000  # combinations
@@ -83,7 +83,7 @@ def checked(asked):
 
 def study(asked, base, chosen):
     """Study of what is asked, with what `checked` gave; TradeError where nothing can be predicted."""
-    model, cost = star_model.named_by(asked.scenario, asked.overrides), asked.costs
+    model, cost = load.star_statistics_of(asked.scenario, asked.overrides), asked.costs
     found = [one for each in _predicted(asked, chosen, model) for one in each]
     whole = [
         Combination(chosen[k], *result, sum(cost[key][chosen[k][key]] for key in cost) if cost else None)

@@ -14,7 +14,7 @@ from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
 from shefex_nav.records import QUANTITIES
 from shefex_nav.report import imu_range, metrics, programme, track
-from shefex_nav.scenario import params, star_statistics, surroundings, wanted_states
+from shefex_nav.scenario import star_statistics, surroundings, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.dispersions import OF_FLIGHT
 from shefex_nav.scenario.document import dotted
@@ -22,7 +22,7 @@ from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model, over_bound
 from shefex_nav.verify.trade import pointing, stars
 from shefex_nav.verify.trade.growth import Growth
-from shefex_nav.world.columns import truth_of
+from shefex_nav.world.flight.record import truth_of
 
 GPS_S = 1.0  # fixes that come more often are taken together
 ENTRY, END, STARS, POINTING = "entry", "end", "stars", "pointing"
@@ -115,7 +115,7 @@ def predict(scenario, shared, *, star_s=stars.EVERY_S, gps_s=GPS_S):
         given = key, _of_stars(scenario)
         seen = shared.of("stars", given, lambda: _stars(scenario, shared.seed, flight, star_s))
     along = heard._replace(
-        imu=settings(scenario.imu), camera=params.star_camera(scenario), star_fixes=list(seen.fixes)
+        imu=settings(scenario.imu), camera=settings(scenario.star_camera), star_fixes=list(seen.fixes)
     )
     field = surroundings.gravity(scenario)
     process = shared.of("gravity", key, lambda: bound.gravity_process(field, flight.trajectory, along.earth))

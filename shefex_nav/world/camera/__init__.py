@@ -4,7 +4,7 @@ shutter             takes pictures on command
 camera              one picture: `expose`
 sky, motion         stars in the field, how they move during the exposure
 movers, moon, hits  satellites and debris; the Moon; particles
-optics, lens        mounting, focal length, stray light; distortion
+optics              mounting, focal length, stray light; distortion
 render              electrons on the detector
 detector, artefacts grey values; bad pixels, false objects
 undrawn, sightings  what would be seen where no picture is drawn

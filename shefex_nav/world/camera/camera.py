@@ -23,7 +23,6 @@ from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.records import Frame, FrameTruth
 from shefex_nav.world.camera import artefacts, detector, hits, moon, motion, movers, optics, render, sky
-from shefex_nav.world.camera import lens as lenses
 from shefex_nav.world.camera_settings import StarCamera
 
 TRUTH_VMAG = 5.5  # FrameTruth lists stars down to here: the depth of an on-board catalogue
@@ -49,7 +48,7 @@ class Camera(NamedTuple):
     light: render.Light  # work memory of `expose`
     corner: float  # rad, from the axis to what the farthest corner sees
     step_px: float  # of the path in a frame, of a pinhole: then no star moves by more than psf.step_px
-    lens: lenses.Lens | None = None  # None: a pinhole
+    lens: optics.Lens | None = None  # None: a pinhole
 
 
 def init(settings, catalogue, bodies, earth, rng):
@@ -102,12 +101,12 @@ def init(settings, catalogue, bodies, earth, rng):
     )
 
 
-def _projection(optics, hole):
+def _projection(design, hole):
     """corner, step_px and lens of a Camera. camera_settings.Optics, true Pinhole"""
-    lens, step_px = lenses.lens_of(hole, optics.distortion), render.gaussian_psf(optics.psf_sigma).step_px
-    if lens is None and optics.principal_point is None:  # its error of some pixels is within the margins
+    lens, step_px = optics.lens_of(hole, design.distortion), render.gaussian_psf(design.psf_sigma).step_px
+    if lens is None and design.principal_point is None:  # its error of some pixels is within the margins
         return {"corner": _corner_angle(hole), "step_px": step_px}
-    corner, step_px = lenses.corner_angle(hole, lens), lenses.step_px(hole, lens, step_px)
+    corner, step_px = optics.corner_angle(hole, lens), optics.step_px(hole, lens, step_px)
     return {"corner": corner, "step_px": step_px, "lens": lens}
 
 
@@ -244,7 +243,7 @@ def _add_sky(camera, move, C_ei, least):
             sun_u_i = camera.bodies.sun_u_i
             moon.add_moon(camera.light, hole, move.path, moon_i, radius, sun_u_i, full_moon, camera.lens)
 
-    xy_px = lenses.places(hole, camera.lens, pixels(hole, u_i @ move.C_ci.T))
+    xy_px = optics.places(hole, camera.lens, pixels(hole, u_i @ move.C_ci.T))
     x, y = xy_px.T  # NaN behind the camera is inside of nothing
     inside = (x >= -0.5) & (x <= hole.width_px - 0.5) & (y >= -0.5) & (y <= hole.height_px - 0.5)
     listed = inside & (hip > 0)
@@ -258,7 +257,7 @@ def _add_points(camera, path, u_i, electrons, least):
         render.add_points(light, hole, psf, path, u_i, electrons, least)
         return
     lit = electrons > 0.0
-    xy_px = lenses.tracks(hole, lens, path, np.ascontiguousarray(u_i[lit]))
+    xy_px = optics.tracks(hole, lens, path, np.ascontiguousarray(u_i[lit]))
     render.add_tracks(light, hole, psf, path, xy_px, electrons[lit], least)
 
 
@@ -285,7 +284,7 @@ def _add_movers(camera, move, C_ei, t_valid_s, least):
     some = movers.Movers(*(column[visible] for column in some))
     if len(some.rate):
         path = motion.refined(move.path, float(some.rate.max()) * hole.focal_length_px, camera.step_px)
-        xy_px = lenses.places(hole, camera.lens, movers.tracks(some, hole, path, t_valid_s))
+        xy_px = optics.places(hole, camera.lens, movers.tracks(some, hole, path, t_valid_s))
         electrons = some.flux * path.times.exposure_s
         render.add_tracks(camera.light, hole, camera.psf, path, xy_px, electrons, least)
 

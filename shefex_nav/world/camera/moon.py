@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry.elementary import power
-from shefex_nav.world.camera.lens import as_pinhole
+from shefex_nav.world.camera.optics import as_pinhole
 from shefex_nav.world.camera.render import add, open_for
 
 RADIUS = 1737.4e3  # m

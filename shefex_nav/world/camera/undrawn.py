@@ -13,8 +13,7 @@ from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.geometry.streak import velocity
-from shefex_nav.world.camera import lens as lenses
-from shefex_nav.world.camera import motion, sky
+from shefex_nav.world.camera import motion, optics, sky
 from shefex_nav.world.camera.camera import aimed, frame_of, stray_rate, truth_of
 
 EDGE_PX = 0.5  # from the centre of the outermost pixel to the border of the detector
@@ -116,7 +115,7 @@ def look(camera, command, trajectory, number, t_start_s):
     heaven = camera.sky, camera.planets, camera.bodies.earth_v_i, camera.bodies.sun_u_i
     shot = t_valid_s, exposure_s, line_s == 0.0, camera.psf.width_px
     is_plain = camera.lens is None and settings.optics.principal_point is None
-    hole, shift_px = (camera.pinhole, 0.0) if is_plain else lenses.around(camera.pinhole, camera.lens)
+    hole, shift_px = (camera.pinhole, 0.0) if is_plain else optics.around(camera.pinhole, camera.lens)
     (q_ic, rate, omega_c), aim, listed, scene = _look(
         hole, motion.states(trajectory), camera.q_bc,
         motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, heaven, shot,
@@ -133,7 +132,7 @@ def look(camera, command, trajectory, number, t_start_s):
 def _through(camera, shift_px, hip, xy_px, *more):
     """Of what a larger pinhole sees (`lens.around`), what the lens puts on the detector, and where."""
     hole = camera.pinhole
-    seen_px = lenses.places(hole, camera.lens, xy_px - shift_px)
+    seen_px = optics.places(hole, camera.lens, xy_px - shift_px)
     size_px = np.array([hole.width_px, hole.height_px])
     on = ((seen_px >= -EDGE_PX) & (seen_px <= size_px - EDGE_PX)).all(axis=1)
     return tuple(column[on] for column in (hip, seen_px, *more))

@@ -1,7 +1,7 @@
 """Six degrees of freedom from the pad to the ground.
 
 params              what is flown: vehicle, start, air
-parts, tasks, settings   masses; the attitude programme; start and devices
+settings, tasks     masses, start and devices; the attitude programme
 timeline            its moments, in order
 start               on the rail, in orbit, on the ground
 fly                 flies section after section
@@ -10,6 +10,6 @@ vehicle, aerodynamics, devices   mass and inertia; forces; spin motors, yo-yo, c
 surroundings        Earth, air, wind
 control             cold gas along the path of `attitude_program`
 events, record      what happened; the record of the flight
-scene, lookup       values of the flight for the kernels
+scene               values of the flight for the kernels
 track, given        a flight along a trajectory of others: curves through its rows, and the truth along them
 """

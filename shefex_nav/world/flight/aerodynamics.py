@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner
-from shefex_nav.world.flight.lookup import mixed, place
+from shefex_nav.world.flight.scene import mixed, place
 
 FROM_TAIL = np.radians(5.0)  # rad, between angles that are added to a table: cos^2 to 0.002
 

@@ -20,7 +20,6 @@ from shefex_nav.world.flight import (
     devices,
     dynamics,
     events,
-    refused,
     settings,
     start,
     surroundings,
@@ -31,8 +30,7 @@ from shefex_nav.world.flight import (
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, MotionError, Vehicle, integrate
 from shefex_nav.world.flight.record import MEMORY, Record
-from shefex_nav.world.flight.refused import FlightError
-from shefex_nav.world.flight.timeline import Kind
+from shefex_nav.world.flight.timeline import FlightError, Kind
 
 REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the other way round
 STOPPED = 0.01  # rad/s; slower than that a yo-yo does not unwind
@@ -204,14 +202,14 @@ class _Run:
             if event == T_END:
                 if self.mode == dynamics.ON_RAIL:
                     words = f"the vehicle is still on the rail at T+{t_end:.1f} s"
-                    raise FlightError(words, refused.field(self.params, waiting))
+                    raise FlightError(words, timeline.key_of(self.params, waiting))
             elif event == STOP:
                 self._open_parachute()
             elif self.mode == dynamics.ON_RAIL:
                 self.instants["rail_exit"], self.mode = self.t_s, dynamics.FREE
             elif waiting is not None:
                 words = f"the vehicle hits the ground at T+{self.t_s:.1f} s, before {waiting.name}"
-                raise FlightError(words, refused.field(self.params, waiting))
+                raise FlightError(words, timeline.key_of(self.params, waiting))
             else:
                 self.instants["impact"], self.landed = self.t_s, True
 
@@ -250,7 +248,7 @@ class _Run:
         self.instants[moment.name] = moment.t_s
         if moment.kind == Kind.BEGIN and self.mode == dynamics.ON_RAIL:
             words = f"{moment.name} is due at T+{moment.t_s:.1f} s, on the launch rail"
-            raise FlightError(words, refused.field(self.params, moment))
+            raise FlightError(words, timeline.key_of(self.params, moment))
         match moment.kind:
             case Kind.END:
                 self._end(moment, later)

@@ -8,13 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.world.flight.parts import Nozzle, Payload, RigidPart, Separation
 from shefex_nav.world.flight.settings import (
     ColdGas,
     Ground,
     Launch,
+    Nozzle,
     Orbit,
     Parachute,
+    Payload,
+    RigidPart,
+    Separation,
     SpinMotors,
     YoYo,
 )

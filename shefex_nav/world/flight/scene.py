@@ -1,4 +1,5 @@
-"""A section of the flight made ready for the kernels: one record of numbers, one flat array of tables.
+"""A section of the flight made ready for the kernels: one record of numbers, one flat array of tables, and
+where a value lies in an ascending column of one of these.
 
 In: `vehicle.Configuration`, `surroundings.World`. Out: `Scene`.
 
@@ -11,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import rows
+from shefex_nav.compiled import inner, kernel, rows
 
 _SCALARS = (
     "angle_0", "rate",  # of the Earth, rad at t = 0, rad/s
@@ -69,3 +70,30 @@ def prepare(configuration, world):
         parts.append(table.ravel())
         at += table.size
     return Scene(record, np.concatenate(parts))
+
+
+@kernel(error_model="numpy", forceinline=True)
+def place(tables, at, n, step, x):
+    """(k, part): x lies part of the way from value k to value k + 1; 0 or 1 beyond the ends.
+
+    The n >= 2 ascending values are tables[at], tables[at + step] and so on.
+    """
+    low, high = 0, n - 1
+    if x <= tables[at]:
+        return 0, 0.0
+    if x >= tables[at + step * high]:
+        return high - 1, 1.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x < tables[at + step * middle]:
+            high = middle
+        else:
+            low = middle
+    below = tables[at + step * low]
+    return low, (x - below) / (tables[at + step * high] - below)
+
+
+@inner(error_model="numpy", forceinline=True)
+def mixed(tables, at, step, part):
+    """Value part of the way from tables[at] to tables[at + step]."""
+    return tables[at] + part * (tables[at + step] - tables[at])

@@ -18,7 +18,7 @@ from shefex_nav.environment.gravity import GravityModel, gravity_e
 from shefex_nav.geometry import wgs84
 from shefex_nav.geometry.frames import EarthRotation, dcm_ie, inertial_from_ecef
 from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
-from shefex_nav.world.flight.lookup import mixed, place
+from shefex_nav.world.flight.scene import mixed, place
 
 
 class Rail(NamedTuple):

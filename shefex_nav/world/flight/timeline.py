@@ -1,6 +1,7 @@
 """What happens when: stages, tasks and devices put in order of time, and checked against each other.
 
-In: `FlightParams`. Out: the moments at which a section of the flight ends, and which stage burns when.
+In: `FlightParams`. Out: the moments at which a section of the flight ends, and which stage burns when. A
+FlightError is of what the vehicle cannot do, with the key of the scenario that asks for it.
 """
 
 from enum import IntEnum
@@ -9,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_EVENT_S
+from shefex_nav.errors import UserError
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight import settings, tasks
 
@@ -175,3 +177,30 @@ def _check_fades(name, task):
     """The ramp fits twice into a task."""
     if 2.0 * task.ramp > task.end - task.start:
         raise ValueError(f"{name}: ramp ({task.ramp} s) does not fit twice into the task")
+
+
+_DEVICES = {Kind.YO_YO: "yo_yo", Kind.SPIN_MOTORS: "spin_motors", Kind.PARACHUTE: "parachute"}
+
+
+class FlightError(UserError):
+    """The vehicle cannot do what its programme asks; the message says what happened."""
+
+    def __init__(self, words, field=()):
+        """field : path in the scenario of what asks for it; (): no single key"""
+        self.field = key_of
+        super().__init__(words)
+
+
+def key_of(params, moment):
+    """Path in the scenario of the time of a timeline.Moment, () of None. params : FlightParams"""
+    if moment is None:
+        return ()
+    match moment.kind:
+        case Kind.BEGIN | Kind.END:
+            name, _ = params.programme[moment.number]
+            return "programme", name, "from" if moment.kind == Kind.BEGIN else "until"
+        case Kind.IGNITION:
+            return "vehicle", "stages", params.stages[moment.number - 1].name, "ignition"
+        case Kind.SEPARATION:
+            return "vehicle", "stages", params.stages[moment.number - 1].name, "separation", "at"
+    return "vehicle", _DEVICES[moment.kind], "at"

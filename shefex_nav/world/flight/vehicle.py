@@ -15,8 +15,8 @@ from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.world.flight import devices
 from shefex_nav.world.flight.aerodynamics import AeroTables, tables
-from shefex_nav.world.flight.lookup import mixed, place
-from shefex_nav.world.flight.parts import RigidPart
+from shefex_nav.world.flight.scene import mixed, place
+from shefex_nav.world.flight.settings import RigidPart
 
 
 class Configuration(NamedTuple):
@@ -44,7 +44,7 @@ class Configuration(NamedTuple):
 
 
 def combine(parts):
-    """Rigid union of `parts.RigidPart`s on one axis, by the parallel-axis theorem."""
+    """Rigid union of `settings.RigidPart`s on one axis, by the parallel-axis theorem."""
     mass = sum(part.mass for part in parts)
     station = sum(part.mass * part.station for part in parts) / mass
     roll = sum(part.inertia_roll for part in parts)

@@ -1,16 +1,23 @@
-"""What smoothing a flight has changed: as an object for other programs, as a table for people."""
+"""What a smoothed flight leaves: a log for `report` and `view`, and what it has changed."""
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import __version__
 from shefex_nav.clock import SAME_S
+from shefex_nav.log.drawings import FramePolicy
+from shefex_nav.log.topics import SMOOTHED, RunSummary
+from shefex_nav.log.writer import LogWriter
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.records import Phase
+from shefex_nav.replay.rerun import Recording, not_seen_on_board, timed
 from shefex_nav.report import columns, metrics
 from shefex_nav.report.navigation_errors import NEES_DOF, navigation_errors, normalised_errors
 from shefex_nav.report.track import earth_fixed
 
+NO_PICTURES = FramePolicy(0, "none", 4.0)
 DOF = 9  # of the NEES of position, velocity and attitude
 TOO_SURE = 2.0  # [E] times as much as is expected: a remark
 
@@ -36,7 +43,7 @@ def summarise(log, path, result, wall_s):
 
 def too_sure(parts):
     """What to say of parts whose smoothed errors are far larger than their covariance says; '' if of none."""
-    names = [row["part"] for row in parts if (row["nees"]["smoothed"] or 0.0) > TOO_SURE * DOF]
+    names = [part["part"] for part in parts if (part["nees"]["smoothed"] or 0.0) > TOO_SURE * DOF]
     if not names:
         return ""
     limit = f"NEES over {TOO_SURE * DOF:.0f}"
@@ -53,14 +60,14 @@ def table(summary, title):
     found = columns.table(title, heads)
     for column in found.columns[:2]:
         column.no_wrap = True
-    for row in summary["parts"]:
-        cells = [f"{row['from_s']:+.1f}"]
+    for part in summary["parts"]:
+        cells = [f"{part['from_s']:+.1f}"]
         for name, digits in (("position_m", 2), ("velocity_m_s", 3), ("attitude_deg", 4)):
-            before, after = row["filtered"][name], row["smoothed"][name]
+            before, after = part["filtered"][name], part["smoothed"][name]
             cells.append(f"{before:.{digits}f} -> {after:.{digits}f}")
-        values = [row["nees"][which] for which in ("filtered", "smoothed")]
+        values = [part["nees"][which] for which in ("filtered", "smoothed")]
         cells.append("-" if None in values else f"{values[0]:.1f} -> {values[1]:.1f}")
-        found.add_row(row["part"], *cells)
+        found.add_row(part["part"], *cells)
     return found
 
 
@@ -120,14 +127,14 @@ def compare(filtered, smoothed):
     errors = [_norms(data) for data in (filtered, smoothed)]
     result = []
     for part in parts(filtered):
-        row = {"part": part.name, "from_s": part.from_s, "to_s": part.to_s}
+        said = {"part": part.name, "from_s": part.from_s, "to_s": part.to_s}
         rms, nees = zip(*(_in(part, *error) for error in errors), strict=True)
         for name, values in zip(("filtered", "smoothed"), rms, strict=True):
-            row[name] = dict(zip(QUANTITIES, values, strict=True))
-        row["ratio"] = dict(zip(QUANTITIES, map(_ratio, *rms), strict=True))
-        row["nees"] = {"filtered": nees[0], "smoothed": nees[1], "dof": NEES_DOF}
+            said[name] = dict(zip(QUANTITIES, values, strict=True))
+        said["ratio"] = dict(zip(QUANTITIES, map(_ratio, *rms), strict=True))
+        said["nees"] = {"filtered": nees[0], "smoothed": nees[1], "dof": NEES_DOF}
         if rms[0][0] is not None:
-            result.append(row)
+            result.append(said)
     return result
 
 
@@ -153,3 +160,42 @@ def _in(part, t_s, norms, nees_t_s, nees):
 
 def _ratio(before, after):
     return after / before if before and after is not None else None
+
+
+def write(path, recording: Recording, smoothed, wall_s, *, overwrite=False):
+    """Write the log.
+
+    Parameters
+    ----------
+    path : file
+    recording : Recording that was smoothed
+    smoothed : RunData
+    wall_s : how long it took
+    overwrite : a file that exists is lost
+    """
+    mission = smoothed.mission._replace(
+        scenario=SMOOTHED.format(smoothed.mission.scenario),
+        scenario_text=recording.scenario_text,
+        version=__version__,
+    )
+    end_s = float(smoothed.nav.t_s[-1])
+    with LogWriter(path, mission, NO_PICTURES, overwrite=overwrite) as log:
+        for record in records(smoothed):
+            log.write(record)
+        log.write(RunSummary(end_s, wall_s, 0.0, smoothed.cut_s))
+
+
+def records(data):
+    """Records of a RunData in order of time, without the pixels and the IMU: a generator."""
+    if data.alignment is not None:
+        yield data.alignment
+    pairs = not_seen_on_board(data)
+    lists = [data.gps, data.gps_ranges, data.star_fixes, data.gates]
+    pairs += [(record.t_valid_s, record) for record in chain(*lists)]
+    for arrays in data.readings.values():
+        pairs += timed(arrays, "t_valid_s")
+    pairs += [(record.t_s, record) for record in data.health]
+    for arrays in (data.nav, data.covariance, data.compute_times):
+        pairs += timed(arrays)
+    for _, record in sorted(pairs, key=lambda pair: pair[0]):
+        yield record

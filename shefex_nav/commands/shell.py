@@ -1,7 +1,8 @@
-"""Environment variables that libraries read when they are imported, looked at before a command runs.
+"""What a shell gives the process of a command, looked at before one runs: environment variables and memory.
 
 What a library cannot read ends in a traceback of its own, somewhere in a flight; here it is one message. A
-library is imported for that only where the user has set a variable of it.
+library is imported for that only where the user has set a variable of it. Where they get too little memory,
+libraries end in a crash or wait for ever; that is one message too.
 """
 
 import os
@@ -9,6 +10,7 @@ import warnings
 
 from shefex_nav.errors import UserError
 
+LEAST = 4 << 30  # bytes of addresses, most of which are never filled: libraries reserve them
 LATEST_S = 253_402_300_799  # the last second of the year 9999
 OF_PROGRAM = {"NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_DISABLE_INTEL_SVML"}  # by `compiled.target`
 WITHOUT_SCREEN = {"agg", "cairo", "pdf", "pgf", "ps", "svg", "template"}
@@ -62,3 +64,21 @@ def _of_matplotlib(backend):
         if "backend" not in str(error):
             raise
         raise _refused("MPLBACKEND", backend, "a backend that matplotlib knows, such as agg") from None
+
+
+class MemoryLimitError(UserError):
+    """Less memory than a command needs."""
+
+
+def check_memory():
+    """MemoryLimitError where a limit of the shell leaves less than LEAST."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limits
+        return
+    most, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if most != resource.RLIM_INFINITY and most < LEAST:
+        raise MemoryLimitError(
+            f"memory is limited to {most >> 10} kB; expected at least {LEAST >> 10} kB: "
+            f"ulimit -v {LEAST >> 10}, or ulimit -v unlimited"
+        )
