@@ -14,7 +14,7 @@ import numpy as np
 from shefex_nav.campaign.plan import BLOCKS
 from shefex_nav.report import intervals
 from shefex_nav.report.innovations import errors_last
-from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report.navigation_errors import chi2_bounds
 
 CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
 FRAME = {"attitude": "b", "velocity": "i", "position": "i"}

@@ -7,7 +7,7 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.errors import UserError
-from shefex_nav.report import geodesic, requirements, vehicle
+from shefex_nav.report import requirements, track, vehicle
 
 
 class RareError(UserError):
@@ -59,12 +59,12 @@ def _range(problem, scenario, landed):
     site, one = scenario.launch, landing_of(problem, landed)
     if one is None:
         return None
-    return geodesic.distance(site.latitude, site.longitude, one.latitude, one.longitude)
+    return track.ground_distance(site.latitude, site.longitude, one.latitude, one.longitude)
 
 
 def _off(problem, scenario, landed):
     one = landing_of(problem, landed)
-    return None if one is None else geodesic.distance(*problem.place, one.latitude, one.longitude)
+    return None if one is None else track.ground_distance(*problem.place, one.latitude, one.longitude)
 
 
 def _impact_speed(problem, scenario, landed):

@@ -101,9 +101,9 @@ def _print(scenario, found):
     part = "" if until is None else f"; flown until T{until:+g} s of {whole_s:g} s"
     say_result(f"{scenario}: good{count}{part}")
     if found.effects:
-        from shefex_nav.report import states
+        from shefex_nav.report import lasting
 
-        stdout(130).print(states.table(found.effects))
+        stdout(130).print(lasting.states_table(found.effects))
     for line in found.differences:
         say_result(line)
 

@@ -20,7 +20,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames
 from shefex_nav.geometry.rotation import dcms_from_quats, rotvec_between
-from shefex_nav.report import beyond_sigma
+from shefex_nav.report import error_figures
 from shefex_nav.report.lever_arm import of_gps
 from shefex_nav.report.pairing import same_times, stretches
 
@@ -87,7 +87,7 @@ def _looked(data, errors):
     step = max(1, round(STEP_S / max(float(np.median(np.diff(errors.t_s))), SAME_S)))
     i, j, t_s = i[::step], j[::step], errors.t_s[::step]
     vectors = errors.position_i, errors.velocity_i, errors.attitude_b
-    known_s, ratio = beyond_sigma.ratios(data, errors)
+    known_s, ratio = error_figures.ratios(data, errors)
     nearest = np.searchsorted(known_s, t_s).clip(0, max(len(known_s) - 1, 0))
     ratios = {}
     for name, one in ratio.items():
@@ -96,7 +96,7 @@ def _looked(data, errors):
     width_s = float(np.clip((t_s[-1] - t_s[0]) / FEWEST, LEAST_S, WINDOW_S))
     edges = np.searchsorted(t_s, np.arange(t_s[0], t_s[-1], width_s))
     windows = [(a, b) for a, b in zip(edges, [*edges[1:], len(t_s)], strict=True) if b - a >= FEWEST]
-    quantities = dict(zip(beyond_sigma.BLOCKS, (one[::step] for one in vectors), strict=True))
+    quantities = dict(zip(error_figures.BLOCKS, (one[::step] for one in vectors), strict=True))
     return _Looked(t_s, quantities, _at(data.truth, i), _at(data.nav, j), ratios, windows)
 
 

@@ -14,9 +14,7 @@ from shefex_nav import event_words
 from shefex_nav.files import opened, put
 from shefex_nav.records import QUANTITIES, Reason, protected
 from shefex_nav.report import (
-    beyond_sigma,
-    consistency_rows,
-    doubts,
+    error_figures,
     figures,
     html,
     likely_mistakes,
@@ -26,6 +24,7 @@ from shefex_nav.report import (
     sensor_use,
     star_metrics,
     table,
+    table_rows,
     trust,
 )
 from shefex_nav.report.configured import configured
@@ -162,8 +161,8 @@ def incidents(data):
 def _errors(data):
     """Errors far beyond their sigmas, and what those of a user's own software look like."""
     errors = navigation_errors(data)
-    for one in beyond_sigma.stretches_of(data, errors):
-        yield Incident(one.from_s, one.until_s, consistency_rows.beyond_words(one))
+    for one in error_figures.beyond_sigma(data, errors):
+        yield Incident(one.from_s, one.until_s, table_rows.beyond_words(one))
     if sensor_use.is_own(data):
         for one in likely_mistakes.found(data, errors, configured(data).scenario):
             yield Incident(one.from_s, one.until_s, f"errors fit {one.what}")
@@ -206,8 +205,8 @@ def _doubts(data):
     for quantity in QUANTITIES:
         said = protected(nav, quantity)
         limit, by_default = limits[quantity].values()
-        for doubt in doubts.WORDS:
-            text = doubts.words(doubt, quantity, limit, by_default)
+        for doubt in trust.DOUBTS:
+            text = trust.doubt_words(doubt, quantity, limit, by_default)
             for start, end in _joined(_runs(nav.t_s, said.do_not_use & (said.doubt == doubt))):
                 yield Incident(start, end, f"{quantity} not to be used: {text}")
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from shefex_nav import event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, local_level, requirements, sensor_use, table, trust, vouched
+from shefex_nav.report import html, local_level, requirements, sensor_use, table, trust
 from shefex_nav.report.html import element
 from shefex_nav.report.sizes import percent
-from shefex_nav.report.star_rows import rates
+from shefex_nav.report.table_rows import rates
 
 _MOST_INCIDENTS = 40
 _DASH = "–"
@@ -67,7 +67,7 @@ def summary(run, found):
         parts.append(html.table(f"Requirements {source}", ("requirement", "required", "this run", ""), rows))
         parts += [
             element("p", f"{quantity.capitalize()}, met and not usable: {words}.")
-            for quantity, words in vouched.sentences(run.summary, judged)
+            for quantity, words in trust.vouched(run.summary, judged)
         ]
     parts.append(element("h3", "What went wrong, and when"))
     parts += [_incidents(found, bool(run.summary["navigation"].get("unknown"))), *_of_sensors(run)]

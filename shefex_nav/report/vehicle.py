@@ -17,7 +17,7 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.errors import UserError
-from shefex_nav.report import imu_range, odd_parts
+from shefex_nav.report import odd_parts, sensor_limits
 from shefex_nav.report.pairing import stretches
 from shefex_nav.report.programme import Warned, of_parts
 from shefex_nav.report.track import earth_fixed
@@ -312,8 +312,8 @@ def warnings(looked):
         words += f", and stays within {100 * NEAR:.0f} % of it for {stays:.1f} s; angles of attack grow there"
         found.append(Warned(_spinning(looked, t), words))
     trajectory = looked.flight.trajectory
-    moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
-    for limits in (imu_range.beyond, imu_range.coarse):
+    moved = sensor_limits.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
+    for limits in (sensor_limits.beyond, sensor_limits.coarse):
         found += [Warned(path, text) for path, text in limits(scenario.imu, moved)]
     return tuple(found)
 

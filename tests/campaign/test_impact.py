@@ -12,7 +12,7 @@ from shefex_nav.campaign import running
 from shefex_nav.campaign.impact import aim, ellipses, instantaneous, landing, outputs, scatter, studying
 from shefex_nav.commands.app import main
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import geodesic
+from shefex_nav.report import track
 from shefex_nav.scenario import load
 
 ROCKET = """
@@ -45,7 +45,7 @@ def result(rocket):
 
 def apart(one, other):
     """Metres between two places, rad."""
-    return geodesic.distance(*one, *other)
+    return track.ground_distance(*one, *other)
 
 
 def place(one):

@@ -7,7 +7,7 @@ import pytest
 
 from shefex_nav.campaign.impact import landing, winds, winds_shown
 from shefex_nav.commands.app import main
-from shefex_nav.report import geodesic
+from shefex_nav.report import track
 
 ROCKET = """
 extends: rexus_like
@@ -69,10 +69,10 @@ def test_a_stage_drifts_as_far_as_the_wind_is_strong(rocket):
     north, twice, south = (place(*wind) for wind in ((1.0, "N"), (2.0, "N"), (1.0, "S")))
     east = place(1.0, "E")
     assert north[0] > calm[0] > south[0] and east[1] > calm[1]  # it turns into the wind, and its burn is long
-    drift = geodesic.distance(*calm, *north)
+    drift = track.ground_distance(*calm, *north)
     assert drift > 500.0
-    assert geodesic.distance(*calm, *twice) == pytest.approx(2.0 * drift, rel=0.1)
-    assert geodesic.distance(*north, *south) == pytest.approx(2.0 * drift, rel=0.1)
+    assert track.ground_distance(*calm, *twice) == pytest.approx(2.0 * drift, rel=0.1)
+    assert track.ground_distance(*north, *south) == pytest.approx(2.0 * drift, rel=0.1)
 
 
 def test_the_command(rocket, tmp_path, capsys, monkeypatch):

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.report.geodesic import distance
+from shefex_nav.report.track import ground_distance as distance
 
 
 def degrees(d, m, s):

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from shefex_nav.report import imu_range, programme
+from shefex_nav.report import programme, sensor_limits
 from shefex_nav.scenario import load
 
 
 def test_the_largest_of_each_second_is_kept():
     t_s = np.arange(0.0, 5.0, 0.0025)
     omega_b = np.column_stack([3.0 * np.sin(t_s), np.zeros_like(t_s), -t_s])
-    moved = imu_range.motion(t_s, omega_b, np.zeros((len(t_s), 3)))
+    moved = sensor_limits.motion(t_s, omega_b, np.zeros((len(t_s), 3)))
     assert np.array_equal(moved.t_s, np.arange(5.0))
     assert moved.rate[:, 2] == pytest.approx(np.arange(1.0, 6.0) - 0.0025)
     assert moved.rate[1, 0] == pytest.approx(3.0, abs=1e-5)
@@ -42,15 +42,17 @@ def test_counts_stay_for_a_turn_where_noise_needs_longer_to_walk_through_one(def
     gyro, turn_s = load.load(default_scenario).imu.gyro, 2.0 * np.pi / 6.0
     rate = np.zeros((20, 3))
     rate[:, 0] = 6.0
-    moved = imu_range.Motion(np.arange(20.0), rate, rate)
+    moved = sensor_limits.Motion(np.arange(20.0), rate, rate)
     walked = gyro.random_walk * np.sqrt(turn_s) * np.random.default_rng(3).standard_normal(4000)
     for share, told in ((0.9, False), (1.1, True)):
         quantum = share * gyro.random_walk * np.sqrt(4.0 * np.pi**3 / 6.0)
         imu = load.load(default_scenario, [f"imu.gyro.quantum={np.degrees(quantum) * 3600.0} arcsec"]).imu
-        assert bool(list(imu_range.coarse(imu, moved))) == told
+        assert bool(list(sensor_limits.coarse(imu, moved))) == told
         kept = np.mean(np.cos(2.0 * np.pi * walked / quantum))
         assert kept == pytest.approx(np.exp(-1.0 / share**2), abs=0.04)
-    assert not list(imu_range.coarse(imu, moved._replace(t_s=moved.t_s[:4], rate=rate[:4], force=rate[:4])))
+    assert not list(
+        sensor_limits.coarse(imu, moved._replace(t_s=moved.t_s[:4], rate=rate[:4], force=rate[:4]))
+    )
 
 
 def test_the_default_mission_stays_within_its_ranges(default_scenario):
@@ -61,7 +63,7 @@ def test_seconds_of_which_a_part_exceeds_a_range_are_not_said_to_exceed_it_throu
     """Four short peaks of 10 ms each: not 4 s beyond the range."""
     t_s = np.arange(0.0, 9.0, 0.0025)
     omega_b = np.where((t_s % 2.0 < 0.01)[:, None] & (t_s[:, None] > 1.0), [2.0, 0.0, 0.0], 0.0)
-    flown = imu_range.motion(t_s, omega_b, np.zeros_like(omega_b))
+    flown = sensor_limits.motion(t_s, omega_b, np.zeros_like(omega_b))
     imu = load.load(default_scenario, ["imu.gyro.range=100 deg/s"]).imu
-    ((_, text),) = imu_range.beyond(imu, flown)
+    ((_, text),) = sensor_limits.beyond(imu, flown)
     assert text.startswith("100 deg/s is exceeded at instants of 4 seconds, first at T+2 s")

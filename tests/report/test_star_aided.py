@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.records import Reason
-from shefex_nav.report import star_aided
+from shefex_nav.report import error_figures
 from shefex_nav.report.navigation_errors import NavErrors
 from shefex_nav.report.table import _navigation_rows
 
@@ -20,7 +20,7 @@ def made(fixes):
     size = np.radians([10.0, 8.0, 0.3, 0.4])
     ones = np.ones((4, 3))
     found = NavErrors(np.arange(4.0), ones, 2.0 * ones, np.outer(size, [0.6, 0.0, 0.8]))
-    return star_aided.errors(SimpleNamespace(star_fixes=fixes), found)
+    return error_figures.star_aided(SimpleNamespace(star_fixes=fixes), found)
 
 
 def test_from_the_second_fix_on():

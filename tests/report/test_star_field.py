@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment import stars
-from shefex_nav.report import programme, star_field, star_sight
+from shefex_nav.report import programme, star_sight
 from shefex_nav.scenario import load, params
 
 # near the south galactic pole: a field that holds 4.5 stars of the catalogue on average has 3 there
@@ -55,7 +55,7 @@ def test_stars_are_counted_to_the_edge_of_the_field(edge):
     u_c = np.array([*inside, *outside])
     u_i = (u_c / np.linalg.norm(u_c, axis=1, keepdims=True)) @ params.mounting(scenario).T
     seen = star_sight.Sight(np.zeros(1), np.array([[1.0, 0.0, 0.0, 0.0]]), np.array([[7e6, 0.0, 0.0]]))
-    assert star_field.counts(scenario, seen, u_i).tolist() == [2]
+    assert star_sight.counts(scenario, seen, u_i).tolist() == [2]
 
 
 def test_the_shipped_missions_look_at_stars():

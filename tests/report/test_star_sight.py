@@ -5,7 +5,7 @@ import pytest
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.report import imu_range, programme, star_sight
+from shefex_nav.report import programme, sensor_limits, star_sight
 from shefex_nav.scenario import load
 
 
@@ -94,7 +94,7 @@ def test_a_star_tracker_that_is_on_while_the_vehicle_spins():
         t_s = np.arange(0.0, 300.0)
         rate = np.zeros((300, 3))
         rate[t_s < until_s, 0] = np.radians(540.0)
-        moved = imu_range.Motion(t_s, rate, rate)
+        moved = sensor_limits.Motion(t_s, rate, rate)
         found = list(star_sight.turning(load.load("shefex2_andoya", times), moved))
         assert bool(found) is told
         assert not list(star_sight.turning(load.load("shefex2_andoya", [*times, off]), moved))

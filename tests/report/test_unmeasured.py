@@ -3,7 +3,7 @@
 import pytest
 
 from shefex_nav.records import Event
-from shefex_nav.report import programme, requirements, unmeasured
+from shefex_nav.report import programme, requirements, unseen
 from shefex_nav.scenario import load
 
 LOW = (Event(0.0, "lift_off", 0.0, ""), Event(140.0, "apogee", 90.3e3, ""), Event(495.0, "impact", 0.0, ""))
@@ -13,7 +13,7 @@ HIGH = (*LOW[:2], Event(300.0, "entry", 100e3, ""), LOW[2])
 def told(name, *overrides, events=HIGH):
     """{field: text} of what is said of a flight with these events."""
     flown = programme.Flown(events, 0.0, 495.0)
-    found = unmeasured.found(load.load(name, overrides), flown)
+    found = unseen.never_met(load.load(name, overrides), flown)
     return {".".join(map(str, path)): text for path, text in found}
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from shefex_nav.report import vouched
+from shefex_nav.report import trust
 from shefex_nav.report.requirements import Judged
 
 MET = Judged("attitude_at_entry", 0.1, 0.032, "deg", True)
@@ -23,7 +23,7 @@ def integrity(share, *, usable=False, doubt="level"):
 
 def said(judged, trusted):
     errors = {"attitude_sigma_deg": [0.0202, 0.0201, 0.0198]}
-    return dict(vouched.sentences({"navigation": {"integrity": trusted, "at_entry": errors}}, judged))
+    return dict(trust.vouched({"navigation": {"integrity": trusted, "at_entry": errors}}, judged))
 
 
 def test_it_says_that_the_level_is_above_the_limit_and_what_makes_it_large():

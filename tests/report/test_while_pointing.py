@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.records import Phase
-from shefex_nav.report import requirements, while_pointing
+from shefex_nav.report import error_figures, requirements
 from shefex_nav.report.navigation_errors import NavErrors
 from shefex_nav.scenario.requirements import Requirements
 
@@ -20,7 +20,7 @@ def made(phases):
     n = len(phases)
     attitude_b = np.radians(np.outer(np.arange(n), [0.01, -0.02, 0.0]))
     position_i, velocity_i = np.outer(np.arange(n), [3.0, 4.0, 0.0]), np.outer(np.ones(n), [0.0, 0.0, 0.5])
-    return while_pointing.errors(
+    return error_figures.while_pointing(
         Truth(phases), NavErrors(np.arange(float(n)), position_i, velocity_i, attitude_b)
     )
 
@@ -43,7 +43,7 @@ def test_the_time_is_that_of_the_largest_error_about_one_axis():
     attitude_b = np.radians([[0.3, 0.4, 0.0], [0.0, -0.45, 0.0], [0.1, 0.0, 0.0]])
     truth = Truth([Phase.POINTING] * 3)
     nothing = np.zeros((3, 3))
-    found = while_pointing.errors(truth, NavErrors(truth.t_s, nothing, nothing, attitude_b))
+    found = error_figures.while_pointing(truth, NavErrors(truth.t_s, nothing, nothing, attitude_b))
     assert found["attitude_deg"]["max"] == pytest.approx(0.45) and found["attitude_deg"]["max_at_s"] == 1.0
 
 
@@ -73,7 +73,7 @@ def test_a_requirement_says_when_its_largest_error_was(stars_s, words):
 
 def test_a_solution_for_a_part_of_it_measures_nothing():
     phases = [Phase.POINTING] * 4
-    found = while_pointing.errors(
+    found = error_figures.while_pointing(
         Truth(phases), NavErrors(np.arange(2.0), *(np.zeros((2, 3)) for _ in range(3)))
     )
     assert found["solution_share"] == 0.5

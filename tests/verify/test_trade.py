@@ -13,7 +13,7 @@ from shefex_nav import prepare
 from shefex_nav.clock import sample_s
 from shefex_nav.commands.app import app
 from shefex_nav.records import Phase
-from shefex_nav.report import imu_range
+from shefex_nav.report import sensor_limits
 from shefex_nav.scenario import load, star_model, sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.requirements import Requirements
@@ -159,7 +159,7 @@ def test_a_range_that_is_exceeded_before_is_a_doubt():
     imu = load.load("rexus_like", ["imu.gyro.range=100 deg/s"]).imu
     rate = np.zeros((10, 3))
     rate[6] = 2.0
-    motion = imu_range.Motion(np.arange(10.0), rate, np.zeros((10, 3)))
+    motion = sensor_limits.Motion(np.arange(10.0), rate, np.zeros((10, 3)))
     assert predict.at_range(imu, motion, 7.0) and not predict.at_range(imu, motion, 5.0)
 
 

@@ -10,7 +10,7 @@ from shefex_nav.campaign import normality
 from shefex_nav.campaign.impact import ellipses as ellipsing
 from shefex_nav.campaign.impact import scatter
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import columns, geodesic, geography
+from shefex_nav.report import columns, geography, track
 from shefex_nav.report.table import number
 
 NO_STATISTICS = "flown once; --runs draws the dispersions of the scenario"
@@ -78,7 +78,7 @@ def _case(result, k):
         "landings": [
             {
                 "body": one.body, "t_s": one.t_s, **_place(one.latitude, one.longitude),
-                "range_m": geodesic.distance(*result.site, one.latitude, one.longitude),
+                "range_m": track.ground_distance(*result.site, one.latitude, one.longitude),
                 "bearing_deg": math.degrees(_bearing(result.site, one)),
                 "speed_m_s": one.speed, "below_horizon_deg": math.degrees(one.angle),
             }

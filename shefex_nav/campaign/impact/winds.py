@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign.impact import aim, landing
 from shefex_nav.prepare import earth_rotation
-from shefex_nav.report import geodesic, vehicle
+from shefex_nav.report import track, vehicle
 from shefex_nav.scenario import load, soundings
 from shefex_nav.workers import cores, each
 
@@ -150,7 +150,7 @@ def _cell(asked, calm, whence, speed, down, error):
     if asked.place is not None:
         places[asked.body or calm.landings[0].body] = asked.place
     landed = {one.body: (one.latitude, one.longitude) for one in down.landings}
-    off = {body: geodesic.distance(*places[body], *landed[body]) for body in places if body in landed}
+    off = {body: track.ground_distance(*places[body], *landed[body]) for body in places if body in landed}
     reasons = [
         Reason(f"{body} off", f"{far / 1e3:.1f} km") for body, far in off.items() if far > asked.within
     ]

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import event_words
-from shefex_nav.report import geodesic
 from shefex_nav.report.pairing import is_partly_true
-from shefex_nav.report.track import Track, earth_fixed
+from shefex_nav.report.track import Track, earth_fixed, ground_distance
 
 PATH_POINTS = 1500  # of a drawn path
 
@@ -52,7 +51,7 @@ def along_ground(track, still=None):
         moves = np.linalg.norm(track.v_e, axis=1) > still
     latitude, longitude = track.latitude.tolist(), track.longitude.tolist()
     for k in range(1, len(latitude)):
-        length = geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k])
+        length = ground_distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k])
         steps.append(length if moves[k - 1] or moves[k] else 0.0)
     return np.cumsum(steps)
 

@@ -8,7 +8,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import pairing
-from shefex_nav.report.nees import nees
+from shefex_nav.report.navigation_errors import nees
 
 
 class Quantity(NamedTuple):
