@@ -17,7 +17,7 @@ import numpy as np
 from shefex_nav import prepare
 from shefex_nav.campaign import draws, running, subset
 from shefex_nav.campaign.impact import aim, landing
-from shefex_nav.campaign.rare_events import QUANTITIES, Event, RareError, landing_of
+from shefex_nav.campaign.rare_events import QUANTITIES, Event, RareError
 from shefex_nav.scenario import dispersions, load
 from shefex_nav.scenario.laws import TableLaw
 from shefex_nav.workers import Pool, cores, undisturbed
@@ -204,7 +204,7 @@ def problem_of(scenario, event, asked, body=None, ground=None, place=None):
     problem = Problem(plan._replace(sampling="random"), event, body, ground, place, asked.of_failed)
     if event.name == "off" and place is None:
         landed = landing.land(scenario, asked.seed, ground, paths=False)
-        one = landing_of(problem, landed)
+        one = landing.of_body(landed.landings, problem.body)
         if one is None:
             raise RareError(f"{body} does not come off in the nominal flight")
         problem = problem._replace(place=(one.latitude, one.longitude))

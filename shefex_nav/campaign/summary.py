@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import integrity, statistics, verdicts
-from shefex_nav.report.requirements import in_words, severity, words
+from shefex_nav.report.requirements import in_words, name_of, severity, words
 
 MOST_WORST = 3  # runs to look at
 
@@ -87,11 +87,6 @@ def _why(judged, rms_deg):
         for one in missed or nearest
     )
     return f"misses {found}" if missed else f"meets all requirements; nearest to its limit: {found}"
-
-
-def name_of(name):
-    """A requirement in words."""
-    return name.replace("_", " ")
 
 
 def repeat(campaign, run):

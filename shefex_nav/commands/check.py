@@ -66,9 +66,9 @@ def checked(scenario, overrides, against):
     for section, error in software.changed(loaded):  # of what names its content, which `load` leaves alone
         raise type(error)(loaded.line_about((section, software.SOFTWARE), str(error)))
     if against is not None:
-        from shefex_nav.campaign import against as other
+        from shefex_nav.campaign import head
 
-        differences = other.lines(loaded, against)
+        differences = head.differing(loaded, against)
     from shefex_nav import prepare
     from shefex_nav.report import programme, star_light
 

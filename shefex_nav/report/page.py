@@ -92,7 +92,7 @@ def page(data, log=None, glance=None):
 
 def _at_a_glance(figure):
     caption = "A frame with its identified stars named; the dashed line is its instant."
-    return html.picture(style.svg(figure), "glance", caption, caption, figure.get_size_inches())
+    return style.picture(figure, "glance", caption)
 
 
 def _version():
@@ -116,8 +116,7 @@ def _figures(data):
         if figure is None:
             continue
         alt = f"{figure.texts[0].get_text()}. {entry.caption}" if figure.texts else entry.caption
-        piece = html.picture(style.svg(figure), entry.name, alt, entry.caption, figure.get_size_inches())
-        out.setdefault(entry.section, []).append(piece)
+        out.setdefault(entry.section, []).append(style.picture(figure, entry.name, entry.caption, alt))
     return out
 
 

@@ -75,7 +75,7 @@ def write(path, looked, summary):
         _write_png(path, drawn)
         return
     pictures = [
-        html.picture(style.svg(figure), f"vehicle-{k}", caption, caption, figure.get_size_inches())
+        style.picture(figure, f"vehicle-{k}", caption)
         for k, (figure, caption) in enumerate(zip(drawn, CAPTIONS, strict=True))
     ]
     lines, before = [], None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign.impact.landing import ImpactError, followed, land
+from shefex_nav.campaign.impact.landing import ImpactError, followed, land, of_body
 from shefex_nav.geometry import wgs84
 
 PROBE = math.radians(0.1)  # of the derivative
@@ -59,7 +59,7 @@ class _Range:
         except (FlightError, ImpactError) as error:
             words = f"in search of the launcher's setting, {_words(azimuth, elevation)}: {error}"
             raise TrialError(words) from None
-        one = next((one for one in landings if one.body == (self.body or landings[0].body)), None)
+        one = of_body(landings, self.body)
         if one is None:
             raise TrialError(f"{self.body} does not come off with {_words(azimuth, elevation)}")
         here = wgs84.ecef_from_geodetic(one.latitude, one.longitude, self.ground)

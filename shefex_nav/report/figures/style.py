@@ -15,6 +15,7 @@ import numpy as np
 
 from shefex_nav import files
 from shefex_nav.records import Phase
+from shefex_nav.report import html
 from shefex_nav.report.figures.series import MOST_POINTS, cut, envelope, gapped
 from shefex_nav.report.local_level import is_replay
 from shefex_nav.report.pairing import stretches, whole_time
@@ -109,6 +110,21 @@ def constrained(width, height):
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def small_multiples(n, columns, width, height, margin):
+    """(Figure, list of its n Axes) in rows of so many. Inches: width of all, height of a row, above them"""
+    rows = -(-n // columns)
+    drawn = constrained(width, margin + height * rows)
+    axes = drawn.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for unused in axes[n:]:
+        unused.remove()
+    return drawn, axes[:n]
+
+
+def heading(figure, text):
+    """The line above a `constrained` figure that says what is seen."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=14, fontweight="bold")
 
 
 def title(figure, text):
@@ -353,6 +369,11 @@ def svg(figure):
     out = BytesIO()
     figure.savefig(out, format="svg", dpi=_DPI, metadata={"Date": None})
     return re.sub(rb' d="[^"]*"', lambda found: _DIGITS.sub(rb"\1", found.group()), out.getvalue())
+
+
+def picture(figure, name, caption, alt=None):
+    """A figure within an HTML page, alt : instead of its caption where it is not seen. -> html.Safe"""
+    return html.picture(svg(figure), name, alt or caption, caption, figure.get_size_inches())
 
 
 @styled

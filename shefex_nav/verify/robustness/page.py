@@ -2,6 +2,7 @@
 
 from shefex_nav.files import put
 from shefex_nav.report import html
+from shefex_nav.report.figures import style
 from shefex_nav.report.html import element
 from shefex_nav.verify.robustness import cells, design, pictures, require, show
 
@@ -25,9 +26,10 @@ def page(head, records):
     """The page: str."""
     judged = require.judge(records)
     summary = f"{require.counted(len(records), 'flight')}; {require.in_short(judged)}"
+    drawn = pictures.draw(records)
     sections = [
         ("requirements", "Requirements", [element("p", summary), _requirements(judged)]),
-        ("pictures", "Pictures", [_picture(*one) for one in pictures.draw(records)]),
+        ("pictures", "Pictures", [style.picture(one, name, CAPTIONS[name]) for name, one in drawn]),
         ("levels", "Levels", [_level(records, name) for name in design.FACTORS]),
         ("worst", "Worst cells", [_cells(show.worst(records))]),
         ("undetectable", "Misled before, or without, being detectable", [_undetectable(records)]),
@@ -68,8 +70,3 @@ def _undetectable(records):
     if not rows:
         return element("p", "Nothing.")
     return html.table("", list(rows[0]), [tuple(one.values()) for one in rows], (6, 7))
-
-
-def _picture(name, figure):
-    caption = CAPTIONS[name]
-    return html.picture(pictures.svg(figure), name, caption, caption, figure.get_size_inches())

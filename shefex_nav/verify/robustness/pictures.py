@@ -6,8 +6,6 @@ from shefex_nav.report.figures import style
 from shefex_nav.report.trust import TIME_TO_ALERT_S
 from shefex_nav.verify.robustness import cells, design, require
 
-svg = style.svg
-
 
 def draw(records):
     """Yields (name, Figure)."""
