@@ -10,8 +10,10 @@ phase, with Holm's correction for the number of judgements. Innovations are judg
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from shefex_nav.campaign.plan import BLOCKS
+from shefex_nav.records import Phase
 from shefex_nav.report import intervals
 from shefex_nav.report.innovations import errors_last
 from shefex_nav.report.navigation_errors import chi2_bounds
@@ -150,15 +152,11 @@ def _of_runs(series, chosen):
 
 def inside_probability(sigmas=SIGMAS):
     """Probability that a normal error lies within some sigmas."""
-    from scipy import stats
-
     return float(stats.norm.cdf(sigmas) - stats.norm.cdf(-sigmas))
 
 
 def contained(series):
     """Contained of Series."""
-    from scipy import stats
-
     known = np.isfinite(series.errors) & np.isfinite(series.sigmas)
     inside = known & (np.abs(series.errors) <= SIGMAS * series.sigmas)
     n = known.sum(axis=0)
@@ -222,8 +220,6 @@ def judge_containment(series):
 
     One-sided: a covariance that is too large holds all of them, which the NEES shows.
     """
-    from scipy import stats
-
     expected, found = inside_probability(), []
     for phase, (runs, epochs) in last_epochs(series).items():
         with np.errstate(divide="ignore", invalid="ignore"):  # a sigma of 0 holds no error
@@ -286,8 +282,6 @@ def _above(one):
 
 def _student(what, values):
     """Verdict on the mean of n > 1 values, which should be 1."""
-    from scipy import stats
-
     mean, sigma = float(values.mean()), float(values.std(ddof=1)) / len(values) ** 0.5
     half = float(stats.t.ppf(0.5 + 0.5 * ANEES_CONFIDENCE, len(values) - 1)) * sigma
     p = 2.0 * float(stats.t.sf(abs(mean - 1.0) / sigma, len(values) - 1)) if sigma else float(mean == 1.0)
@@ -302,8 +296,6 @@ def _less_sure(one, other):
 
 def chi_square(what, total, dof, samples):
     """Verdict on a sum of squares."""
-    from scipy import stats
-
     low, high = chi_square_bounds(dof, ANEES_CONFIDENCE)
     p = 2.0 * min(float(stats.chi2.cdf(total, dof)), float(stats.chi2.sf(total, dof)))
     return Verdict(what, total / dof, float(low), float(high), samples, p, p)
@@ -344,6 +336,4 @@ def time_averages(series):
 
 def phase_name(phase):
     """Name of a phase in words."""
-    from shefex_nav.records import Phase
-
     return Phase(phase).name.lower()

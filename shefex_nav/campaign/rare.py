@@ -13,6 +13,7 @@ from concurrent.futures import BrokenExecutor, as_completed
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from shefex_nav import prepare
 from shefex_nav.campaign import draws, running, subset
@@ -71,8 +72,6 @@ class Flights:
 
     def first(self, run):
         """State of run number `run` of the campaign."""
-        from scipy.special import ndtri
-
         names = [one.name for one in self.dispersed]
         normal = ndtri([self._sampler.probability(run, name) for name in names])
         return subset.State(normal, (draws.sensor_seed(self.problem.plan.seed, run),))
@@ -91,8 +90,6 @@ class Flights:
 
     def draws(self, state):
         """{path as written: value in the unit of its dispersion} of a state."""
-        from scipy.special import ndtr
-
         probabilities = {
             one.name: draws.inside(float(ndtr(z)))
             for one, z in zip(self.dispersed, state.normal, strict=True)

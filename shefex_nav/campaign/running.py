@@ -15,6 +15,7 @@ from shefex_nav.campaign.over_time import MOST_SERIES
 from shefex_nav.campaign.results import SUCCEEDED
 from shefex_nav.campaign.store import Store
 from shefex_nav.errors import UserError
+from shefex_nav.report import requirements
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
@@ -273,7 +274,6 @@ def badness(scenario):
     How many requirements it misses and how near it comes to the others; among equals, and without any, its
     rms attitude error.
     """
-    from shefex_nav.report import requirements
 
     def bad(record):
         if record["status"] == "failed":

@@ -5,12 +5,14 @@ then sections in the order of the route from the flight to the solution, the sce
 """
 
 from collections import Counter
+from hashlib import file_digest
 from itertools import groupby
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav import event_words
+from shefex_nav import __version__, event_words
 from shefex_nav.files import opened, put
 from shefex_nav.records import QUANTITIES, Reason, protected
 from shefex_nav.report import (
@@ -55,8 +57,6 @@ class Run(NamedTuple):
 
 def write(path, data, log=None, glance=None):
     """Make the page of a RunData and write it in one piece. Arguments as of `page`."""
-    from pathlib import Path
-
     put(Path(path), page(data, log, glance))
 
 
@@ -86,7 +86,7 @@ def page(data, log=None, glance=None):
         f"{title}: report of a run",
         header=[element("h1", title), page_summary.lead(run), *([_at_a_glance(glance)] if glance else [])],
         sections=sections,
-        footer=f"Report of {run.log}, made by shefex_nav {_version()}.",
+        footer=f"Report of {run.log}, made by shefex_nav {__version__}.",
     )
 
 
@@ -95,15 +95,7 @@ def _at_a_glance(figure):
     return style.picture(figure, "glance", caption)
 
 
-def _version():
-    from shefex_nav import __version__
-
-    return __version__
-
-
 def _digest(log):
-    from hashlib import file_digest
-
     with opened(log) as file:
         return file_digest(file, "sha256").hexdigest()
 

@@ -4,7 +4,7 @@ import platform
 
 import numpy as np
 
-from shefex_nav import event_words
+from shefex_nav import __version__, event_words
 from shefex_nav.records import QUANTITIES
 from shefex_nav.report import html, local_level, requirements, sensor_use, table, trust
 from shefex_nav.report.html import element
@@ -314,15 +314,12 @@ def _entry_table(entry):
 def origin(run):
     """Where all this comes from: versions, machine-made figures, the scenario."""
     import matplotlib
-    from numpy import __version__ as numpy_version
-
-    from shefex_nav import __version__
 
     mission = run.data.mission
     versions = {
         "shefex_nav": __version__,
         "Python": platform.python_version(),
-        "NumPy": numpy_version,
+        "NumPy": np.__version__,
         "matplotlib": matplotlib.__version__,
     }
     rows = [

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.environment import ephemeris
 from shefex_nav.report import air_on_board, lasting, odd_parts, sensor_limits, star_light, star_sight, unseen
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
@@ -172,8 +173,6 @@ def _by_flight(scenario, flown):
 
 def _of_epoch(epoch_utc):
     """A day whose leap seconds are not known: list of Warned."""
-    from shefex_nav.environment import ephemeris
-
     if ephemeris.is_utc_known(epoch_utc):
         return []
     words = "leap seconds of that year are not known, and those of today are taken: sky and Earth are"

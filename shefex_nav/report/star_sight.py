@@ -22,6 +22,7 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.report import star_light
 from shefex_nav.scenario import field_of_view, params
 from shefex_nav.scenario.software import BUILT_IN
+from shefex_nav.world.camera.optics import SUN_RADIUS
 
 TURNS = "point", "point_inertial", "point_nadir"  # kinds of tasks that turn the star camera elsewhere
 STEP_S = 1.0
@@ -55,8 +56,6 @@ def pointed(scenario, seen, looks):
 
 def angles(seen, C_bc, sun_i, earth):
     """Angles of the boresight to the Sun and to the Earth's limb, (N,) rad each; to a hidden Sun pi."""
-    from shefex_nav.world.camera.optics import SUN_RADIUS
-
     found = []
     for t_s, q_ib, r_i in zip(*seen, strict=True):
         boresight_i, C_ei = rotation.dcm_from_quat(q_ib) @ C_bc[:, 2], frames.dcm_ie(earth, t_s).T
@@ -72,9 +71,7 @@ def excluded(scenario, seen, looks):
 
     seen : Sight;  looks : of (name, task) in which the star camera is pointed, slews included
     """
-    from shefex_nav.environment import ephemeris
     from shefex_nav.prepare import earth_rotation
-    from shefex_nav.scenario import params
 
     stray, during = scenario.star_camera.stray_light, pointed(scenario, seen, looks)
     if not (scenario.star_tracker.enabled and len(during.t_s)):

@@ -1,5 +1,9 @@
 """The vehicle of a scenario on one page, and as a table for people."""
 
+from io import BytesIO
+
+import numpy as np
+
 from shefex_nav.files import put
 from shefex_nav.report import columns, html, vehicle
 from shefex_nav.report.figures import style
@@ -97,9 +101,6 @@ def write(path, looked, summary):
 
 def _write_png(path, drawn):
     """Figures of one width, one below the other."""
-    from io import BytesIO
-
-    import numpy as np
     from matplotlib import image
 
     parts = []

@@ -6,8 +6,7 @@ In: a folder. Out: `Flown` per case, and the whole as plain numbers for JSON.
 from typing import NamedTuple
 
 from shefex_nav.verify import compare, data, daveml, flight
-from shefex_nav.verify.cases import CASES, NOTES
-from shefex_nav.verify.vehicles import MODELS
+from shefex_nav.verify.vehicles import CASES, MODELS, NOTES
 
 F16 = ("11", "12", "13", "14", "15", "16")
 

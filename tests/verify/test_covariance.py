@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shefex_nav.verify import covariance, linear
+from shefex_nav.verify import linear
 
 N, A = 17, 5
 
@@ -28,8 +28,8 @@ def test_steps_are_those_of_whole_matrices(seed):
     size = np.outer(scale, scale)
     assert step.Phi[A + 1, A + 1] == step.keeps[1] and not np.any(step.Phi[A:, :A])
     grown = step.Phi @ P @ step.Phi.T + step.Q
-    np.testing.assert_allclose(covariance.grown(P, *step[1:]) / size, grown / size, rtol=1e-11, atol=1e-10)
-    after, K = covariance.corrected(P, H, R)
+    np.testing.assert_allclose(linear.grown(P, *step[1:]) / size, grown / size, rtol=1e-11, atol=1e-10)
+    after, K = linear.corrected(P, H, R)
     gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
     left = np.eye(N) - gain @ H
     np.testing.assert_allclose(K / scale[:, None], gain / scale[:, None], rtol=1e-8, atol=1e-9)
@@ -44,7 +44,7 @@ def test_a_gain_that_is_wrong_at_rounding_level_keeps_a_covariance():
     root = rng.standard_normal((N, N))
     P = root @ root.T
     for _ in range(20):
-        P, _ = covariance.corrected(P, rng.standard_normal((3, N)), 1e-8 * np.eye(3))
+        P, _ = linear.corrected(P, rng.standard_normal((3, N)), 1e-8 * np.eye(3))
     values = np.linalg.eigvalsh(P)
     assert 0.0 < values[0] and values[-1] < 1e-5
 
@@ -52,7 +52,7 @@ def test_a_gain_that_is_wrong_at_rounding_level_keeps_a_covariance():
 def test_a_measurement_without_a_covariance_is_refused():
     P, _, H, R, _ = made(1)
     with pytest.raises(ValueError, match="not positive definite"):
-        covariance.corrected(P, H, R - 1e12 * np.eye(3))
+        linear.corrected(P, H, R - 1e12 * np.eye(3))
 
 
 def test_histories_of_driven_errors_have_their_covariance():

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import __version__
 from shefex_nav.campaign import page as campaign_page
 from shefex_nav.campaign.compare import paired, parts
 from shefex_nav.campaign.compare.given import LOG
@@ -169,14 +170,8 @@ def page(sides, found):
         f"Comparison of {title}",
         header=[element("h1", f"Comparison of {title}")],
         sections=[section for section in sections if section[2]],
-        footer=f"Runs of {', '.join(str(side.where) for side in sides)}, made by shefex_nav {_version()}.",
+        footer=f"Runs of {', '.join(str(side.where) for side in sides)}, made by shefex_nav {__version__}.",
     )
-
-
-def _version():
-    from shefex_nav import __version__
-
-    return __version__
 
 
 def _picture(name, figure, caption):

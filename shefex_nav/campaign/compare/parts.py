@@ -11,7 +11,7 @@ from shefex_nav.campaign.over_time import PRACTICAL
 from shefex_nav.campaign.tables import Bold, Command, Part
 from shefex_nav.report import innovations, sensor_use
 from shefex_nav.report.navigation_errors import NEES_DOF
-from shefex_nav.report.table import TOO_SURE
+from shefex_nav.report.table_rows import TOO_SURE
 from shefex_nav.scenario import differences
 
 MOST_DIFFERENCES = 10  # values, that are told

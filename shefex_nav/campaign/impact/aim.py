@@ -16,6 +16,7 @@ import numpy as np
 
 from shefex_nav.campaign.impact.landing import ImpactError, followed, land, of_body
 from shefex_nav.geometry import wgs84
+from shefex_nav.world.flight.refused import FlightError
 
 PROBE = math.radians(0.1)  # of the derivative
 LONGEST = math.radians(5.0)  # of one step
@@ -48,8 +49,6 @@ class _Range:
 
     def miss(self, tilt):
         """(2,) m, where a flight with a tilt (2,) lands, north and east of the place. TrialError"""
-        from shefex_nav.world.flight.refused import FlightError
-
         self.flights += 1
         azimuth, elevation = _setting(tilt)
         there = self.scenario.launch.model_copy(update={"azimuth": azimuth, "elevation": elevation})

@@ -23,6 +23,7 @@ from shefex_nav.report import columns, track, vehicle
 from shefex_nav.report.figures import style
 from shefex_nav.scenario import load, soundings
 from shefex_nav.workers import cores, each
+from shefex_nav.world.flight.refused import FlightError
 
 DIRECTIONS = "N", "NE", "E", "SE", "S", "SW", "W", "NW"  # where it blows from, 45 deg apart
 GO, NO = "go", "NO"
@@ -130,8 +131,6 @@ def _flown(calls, workers):
 
 def launch(scenario, overrides, seed, ground, place, body, speed, whence):
     """Launch in one wind. -> Down, ''; None and the reason why it cannot be"""
-    from shefex_nav.world.flight.refused import FlightError
-
     degrees = 45.0 * DIRECTIONS.index(whence)
     wind = soundings.Winds((0.0,), (speed,), (degrees,), "").override()
     own = load.load(scenario, (*overrides, wind))
