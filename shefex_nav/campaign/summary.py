@@ -21,12 +21,8 @@ class Worst(NamedTuple):
 def summary_object(campaign):
     """The object that `campaign --json` and `report DIR --json` print: plain dict, ready for JSON."""
     succeeded, verified = int(campaign.succeeded.sum()), verdicts.summary(campaign)
-    return {
-        "scenario": campaign.head["scenario"],
-        "seed": campaign.head["seed"],
+    return of_nothing(campaign.head, len(campaign.lost), campaign.digest) | {
         "runs": len(campaign),
-        "asked": campaign.head["runs"],
-        "lost": len(campaign.lost),
         "succeeded": succeeded,
         "failed": len(campaign) - succeeded,
         "requirements": [
@@ -34,7 +30,6 @@ def summary_object(campaign):
         ],
         "integrity": integrity.summary(campaign),
         "wall_s": campaign.wall_s,
-        "results_digest": campaign.digest,
     }
 
 

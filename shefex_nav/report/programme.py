@@ -58,28 +58,27 @@ class _Moments(NamedTuple):
 
 def of_flight(flight):
     """Flown of a world.flight.fly.Flight, before any sensor has seen it."""
-    trajectory = flight.trajectory
-    moved = sensor_limits.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
-    track = sensor_limits.track(trajectory.t_s, trajectory.r_i, trajectory.v_i)
-    astray = astray_deg(flight.control, trajectory)
-    sight = star_sight.sight(trajectory.t_s, trajectory.q_ib, trajectory.r_i)
-    pushed = lasting.pushed(trajectory)
-    end_s, turned = float(trajectory.t_s[-1]), lasting.turned(trajectory)
-    return Flown(flight.events, astray, end_s, moved, track, sight, pushed, turned)
+    truth = flight.trajectory
+    return Flown(flight.events, astray_deg(flight.control, truth), float(truth.t_s[-1]), *_of_truth(truth))
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved, track, sight, pushed, turned = data.truth, None, None, None, None, None
-    if len(truth.t_s):
-        moved = sensor_limits.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
-        track = sensor_limits.track(truth.t_s, truth.r_i, truth.v_i)
-        sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
-        pushed, turned = lasting.pushed(truth), lasting.turned(truth)
-    astray = astray_deg(data.control, truth)
-    is_part = data.ended_early or data.until_s is not None
-    end_s = float(data.last_t_s)
-    return Flown(tuple(data.events), astray, end_s, moved, track, sight, pushed, turned, is_part)
+    truth, is_part = data.truth, data.ended_early or data.until_s is not None
+    known = _of_truth(truth) if len(truth.t_s) else ()
+    astray, end_s = astray_deg(data.control, truth), float(data.last_t_s)
+    return Flown(tuple(data.events), astray, end_s, *known, is_part=is_part)
+
+
+def _of_truth(truth):
+    """`motion` to `turned` of Flown. Trajectory or TruthSample of arrays"""
+    return (
+        sensor_limits.motion(truth.t_s, truth.omega_ib_b, truth.f_b),
+        sensor_limits.track(truth.t_s, truth.r_i, truth.v_i),
+        star_sight.sight(truth.t_s, truth.q_ib, truth.r_i),
+        lasting.pushed(truth),
+        lasting.turned(truth),
+    )
 
 
 def astray_deg(control, truth):
@@ -156,19 +155,20 @@ def _by_flight(scenario, flown):
         found += _of_programme(scenario, flown)
     elif scenario.orbit is not None:
         found += _of_sight(scenario, flown)
+    said = []  # (path, text)
     if flown.motion is not None:
-        for limits in (sensor_limits.beyond, sensor_limits.coarse):
-            found += [Warned(path, text) for path, text in limits(scenario.imu, flown.motion)]
-        found += [Warned(*one) for one in star_sight.turning(scenario, flown.motion)]
+        said += sensor_limits.beyond(scenario.imu, flown.motion)
+        said += sensor_limits.coarse(scenario.imu, flown.motion)
+        said += star_sight.turning(scenario, flown.motion)
     if flown.track is not None:
-        found += [Warned(path, text) for path, text in sensor_limits.beyond_gps(scenario.gps, flown.track)]
+        said += sensor_limits.beyond_gps(scenario.gps, flown.track)
     if text := lasting.words(scenario, flown):
-        found.append(Warned(("navigation", "states"), text))
+        said.append((("navigation", "states"), text))
     if text := air_on_board.words(scenario, flown):
-        found.append(Warned(("atmosphere", "model"), text))
-    for never in (unseen.found, unseen.never_met):
-        found += [Warned(*one) for one in never(scenario, flown)]
-    return found
+        said.append((("atmosphere", "model"), text))
+    said += unseen.found(scenario, flown)
+    said += unseen.never_met(scenario, flown)
+    return [*found, *(Warned(*one) for one in said)]
 
 
 def _of_epoch(epoch_utc):
@@ -207,11 +207,8 @@ def _of_sight(scenario, flown):
     if flown.sight is None:
         return []
     looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
-    return [
-        Warned(path, text)
-        for told in (star_sight.excluded, star_sight.poor)
-        for path, text in told(scenario, flown.sight, looks)
-    ]
+    told = *star_sight.excluded(scenario, flown.sight, looks), *star_sight.poor(scenario, flown.sight, looks)
+    return [Warned(*one) for one in told]
 
 
 def _moments(flown):

@@ -16,7 +16,7 @@ from shefex_nav.report import local_level
 from shefex_nav.report.figures import style
 from shefex_nav.report.figures.series import cut_about
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
-from shefex_nav.report.pairing import same_times
+from shefex_nav.report.pairing import at_rows, same_times
 from shefex_nav.report.track import earth_fixed
 
 _DEG = np.degrees(1.0)
@@ -61,7 +61,7 @@ def level(data):
     (N, 3), sigma_t_s (K,), sigma (K, 3).
     """
     i, j = same_times(data.truth.t_s, data.nav.t_s)
-    chosen = data.truth._make(values[i] for values in data.truth)
+    chosen = at_rows(data.truth, i)
     C_ni = _level_axes(data.mission.earth, chosen)
     dr_i = chosen.r_i - data.nav.r_i[j]
     omega_ie_i = frames.omega_ie_i(data.mission.earth)

@@ -7,7 +7,7 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
 from shefex_nav.report.local_level import is_replay
-from shefex_nav.report.pairing import whole_time
+from shefex_nav.report.pairing import at_rows, whole_time
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer import layout, vehicle
 from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, VIOLET, WHITE, YELLOW, plot_step
@@ -43,7 +43,7 @@ def time_span(data):
 
 def thinned(truth, step):
     """Every so many samples of a TruthSample of arrays."""
-    return truth._make(np.ascontiguousarray(values[::step]) for values in truth)
+    return at_rows(truth, slice(None, None, step))
 
 
 def _step(data):
