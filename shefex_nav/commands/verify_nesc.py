@@ -43,9 +43,7 @@ def nesc(
     if json:
         print_json(cases.as_numbers(flown, others))
     else:
-        from shefex_nav.verify.table import comparison_table
-
-        stdout(130).print(comparison_table(flown))
+        stdout(130).print(cases.table(flown))
     if out is not None:
         from shefex_nav.verify import picture
 
