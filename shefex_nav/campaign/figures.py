@@ -137,7 +137,7 @@ def draw_containment(series):
         for k, name_of_axis in enumerate(over_time.AXES):
             look = {"color": style.AXES[name_of_axis], "ls": style.DASHES[name_of_axis]}
             axis.plot(series.t_s, found.share[:, b, k], lw=1.0, label=name_of_axis, **look)
-        axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
+        axis.axhline(over_time.INSIDE, color=GREY, lw=0.8)
         low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
         axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
         axis.set_title(style.TITLES.get(name, name), loc="left", fontsize=10)

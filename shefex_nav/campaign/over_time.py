@@ -22,6 +22,7 @@ CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without
 FRAME = {"attitude": "b", "velocity": "i", "position": "i"}
 AXES = "xyz"
 SIGMAS = 3.0
+INSIDE = float(stats.norm.cdf(SIGMAS) - stats.norm.cdf(-SIGMAS))  # probability of a normal error
 DOF = 3  # of a block
 MOST_SERIES = 2000  # whose series are read; the first ones, which are as random as any
 BYTES_OF_EPOCH = 250  # of one run in memory: errors, sigmas, NEES, NIS of ten sensors
@@ -150,11 +151,6 @@ def _of_runs(series, chosen):
     return series._replace(**cut, **dict(zip(("nis_sum", "nis_dof"), nis, strict=True)))
 
 
-def inside_probability(sigmas=SIGMAS):
-    """Probability that a normal error lies within some sigmas."""
-    return float(stats.norm.cdf(sigmas) - stats.norm.cdf(-sigmas))
-
-
 def contained(series):
     """Contained of Series."""
     known = np.isfinite(series.errors) & np.isfinite(series.sigmas)
@@ -162,9 +158,7 @@ def contained(series):
     n = known.sum(axis=0)
     share = np.divide(inside.sum(axis=0), n, out=np.full(n.shape, np.nan), where=n > 0)
     runs, tail = n.max(axis=(1, 2)), 0.5 * (1.0 - CONTAINED_CONFIDENCE)
-    bounds = [
-        stats.binom.ppf(q, runs, inside_probability()) / np.maximum(runs, 1) for q in (tail, 1.0 - tail)
-    ]
+    bounds = [stats.binom.ppf(q, runs, INSIDE) / np.maximum(runs, 1) for q in (tail, 1.0 - tail)]
     return Contained(runs, share, *bounds)
 
 
@@ -220,7 +214,7 @@ def judge_containment(series):
 
     One-sided: a covariance that is too large holds all of them, which the NEES shows.
     """
-    expected, found = inside_probability(), []
+    found = []
     for phase, (runs, epochs) in last_epochs(series).items():
         with np.errstate(divide="ignore", invalid="ignore"):  # a sigma of 0 holds no error
             ratio = np.abs(series.errors[runs, epochs]) / series.sigmas[runs, epochs]
@@ -230,8 +224,8 @@ def judge_containment(series):
                 if not len(values):
                     continue
                 n, k = len(values), int((values <= SIGMAS).sum())
-                p = float(stats.binom.cdf(k, n, expected))
-                low = float(stats.binom.ppf(1.0 - CONTAINED_CONFIDENCE, n, expected)) / n
+                p = float(stats.binom.cdf(k, n, INSIDE))
+                low = float(stats.binom.ppf(1.0 - CONTAINED_CONFIDENCE, n, INSIDE)) / n
                 what = f"{block.replace('_', ' ')} {AXES[axis]} inside 3 sigma, end of {phase_name(phase)}"
                 found.append(Verdict(what, k / n, low, 1.0, n, p, p))
     return with_holm(found)
