@@ -103,9 +103,7 @@ def _write_png(path, drawn):
     """Figures of one width, one below the other."""
     from matplotlib import image
 
-    parts = []
-    for figure in drawn:
-        parts.append(image.imread(BytesIO(style.png(figure)))[..., :3])
+    parts = [image.imread(BytesIO(style.png(figure)))[..., :3] for figure in drawn]
     width = min(part.shape[1] for part in parts)
     stream = BytesIO()
     image.imsave(stream, np.vstack([part[:, :width] for part in parts]), format="png")

@@ -129,15 +129,12 @@ def curves(runs, pairs):
     def rms(values):
         return np.sqrt(np.mean(np.square(values), axis=0))
 
-    error = [np.stack([_length(run.errors[:m, q]) for q in QUANTITIES], axis=1) for run in runs]
+    error = [
+        np.stack([np.sqrt((run.errors[:m, q] ** 2).sum(axis=1)) for q in QUANTITIES], axis=1) for run in runs
+    ]
     sigma = [np.stack([bound.root_of_trace(run.P[:m, q, q]) for q in QUANTITIES], axis=1) for run in runs]
     both = [rms([np.stack(bound.sigmas(pair[k]), axis=1)[:m] for pair in pairs]) for k in range(2)]
     return Curves(t_s, runs[0].phase[:m], rms(error), rms(sigma), *both)
-
-
-def _length(errors):
-    """(m, 3) -> (m,)"""
-    return np.sqrt((errors**2).sum(axis=1))
 
 
 def ratios(found):

@@ -255,8 +255,8 @@ def samples(result):
     held = result.scattered
     landings = {
         body: [
-            {"run": run, "wind": scatter.case_of(result.cases, run).wind, **place(*map(float, place))}
-            for run, place in zip(held.flown, places, strict=True)
+            {"run": run, "wind": scatter.case_of(result.cases, run).wind, **place(*map(float, one))}
+            for run, one in zip(held.flown, places, strict=True)
         ]
         for body, places in held.landings.items()
     }
