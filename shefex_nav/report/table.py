@@ -13,8 +13,6 @@ _FLOWN = (  # name, key, digits, unit
     ("range", "range_km", 1, "km"),
     ("highest speed", "max_speed_m_s", 0, "m/s"),
 )
-
-
 _ERRORS = (
     ("position error", "position_error_m", 1, "m"),
     ("velocity error", "velocity_error_m_s", 3, "m/s"),
@@ -188,8 +186,7 @@ def _integrity_rows(integrity):
     yield from loss_rows(integrity["noticed"])
     faults = _joined(integrity["noticed"])
     for entry in faults[:MOST_FAULTS]:
-        until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
-        yield entry["source"].replace("_", " "), f"T{entry['from_s']:+.1f} s to {until}: {entry['reason']}"
+        yield _noticed_row(entry)
     if len(faults) > MOST_FAULTS:
         yield "and", f"{len(faults) - MOST_FAULTS} more, see --json"
 
@@ -323,15 +320,17 @@ def loss_rows(noticed):
     for entry in noticed:
         if is_loss(entry):
             by_source.setdefault(entry["source"], []).append(entry)
-    for source, lost in by_source.items():
-        lasting = [one for one in lost if one["until_s"] is None or _seconds(one) >= LASTING_S]
-        for one in lasting:
-            end = "the end" if one["until_s"] is None else f"T{one['until_s']:+.1f} s"
-            yield source.replace("_", " "), f"T{one['from_s']:+.1f} s to {end}: {one['reason']}"
+    for lost in by_source.values():
+        lasting = [
+            one for one in lost if one["until_s"] is None or one["until_s"] - one["from_s"] >= LASTING_S
+        ]
+        yield from map(_noticed_row, lasting)
 
 
-def _seconds(entry):
-    return entry["until_s"] - entry["from_s"]
+def _noticed_row(entry):
+    """(source, words) of an entry of `trust.noticed`."""
+    until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
+    return entry["source"].replace("_", " "), f"T{entry['from_s']:+.1f} s to {until}: {entry['reason']}"
 
 
 # ----------------------------------------------------------------------------------------------------------
