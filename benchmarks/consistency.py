@@ -79,9 +79,9 @@ def in_parallel(calls, workers, what):
 def show(title, verdicts):
     from rich.console import Console
 
-    from shefex_nav.verify import consistency_table
+    from shefex_nav.verify import study
 
-    Console(width=130).print(consistency_table.table(title, verdicts))
+    Console(width=130).print(study.table(title, verdicts))
 
 
 def print_ratios(title, found):

@@ -160,7 +160,7 @@ def _shortcoming(nominal, flight):
 def _figures(nominal, flight, earth):
     """Apogee, highest dynamic pressure, gas, and the impact: distance and direction from the launch."""
     from shefex_nav.geometry import frames, wgs84
-    from shefex_nav.report import geodesic
+    from shefex_nav.report import track
 
     at = {event.name: event for event in flight.events}
     trajectory, start = flight.trajectory, nominal.start
@@ -168,7 +168,7 @@ def _figures(nominal, flight, earth):
     r_e, v_e = frames.ecef_from_inertial(earth, trajectory.t_s[k], trajectory.r_i[k], trajectory.v_i[k])
     impact = at.get("impact", at["apogee"])
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e + (impact.t_s - trajectory.t_s[k]) * v_e)
-    away = geodesic.distance(start.latitude, start.longitude, latitude, longitude)
+    away = track.ground_distance(start.latitude, start.longitude, latitude, longitude)
     east, north = (r_e - wgs84.ecef_from_geodetic(start.latitude, start.longitude, 0.0)) @ wgs84.dcm_el(
         start.latitude, start.longitude
     )[:, :2]

@@ -18,7 +18,7 @@ from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.thinning import thinned
 from shefex_nav.onboard.navigator import Columns
-from shefex_nav.report import geodesic, metrics
+from shefex_nav.report import metrics, track
 from shefex_nav.scenario import load, params
 from shefex_nav.world.flight import fly
 
@@ -68,7 +68,7 @@ class Flown(NamedTuple):
         bearing = np.arctan2(
             np.sin(d - b) * np.cos(c), np.cos(a) * np.sin(c) - np.sin(a) * np.cos(c) * np.cos(d - b)
         )
-        return geodesic.distance(a, b, c, d) / 1e3, np.degrees(bearing) % 360.0
+        return track.ground_distance(a, b, c, d) / 1e3, np.degrees(bearing) % 360.0
 
     def sky(self, t_s):
         """Boresight of the star camera (3,), its angles to Sun and limb, elevation of the Sun, deg."""

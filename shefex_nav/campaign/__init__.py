@@ -23,7 +23,7 @@ engine, cluster                  runs handed to workers
 store, runs_file, table, checking      the folder; the file of the runs; one table of all; which values can be
 results, statistics, over_time, sensitivity, convergence     what they mean
 tolerance, looks, verdicts, until      which requirements the runs show, and when that is looked at
-parts, verdict_rows, summary, page, figures    printed; one HTML page
+parts, tables, summary, page, figures    printed; one HTML page
 repeating                        one run again
 subset, rare, rare_events, rare_shown      how probable a rare event is: the algorithm; flights; what is told
 characterise/                    the statistical star tracker, fitted to rendered runs and judged on others

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign import tolerance
 from shefex_nav.campaign.statistics import percentile
 from shefex_nav.report import intervals
 
@@ -56,14 +57,8 @@ def needed_for_rate(passed, of, wanted):
     """
     _check(wanted, of)
     rate, now = passed / of, _half(passed / of, of)
-    high = 1
-    while _half(rate, high) > wanted:
-        high *= 2
-    low = high // 2
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if _half(rate, middle) > wanted else (low, middle)
-    return Needed(now, wanted, high, max(high - of, 0))
+    total = tolerance.first(lambda n: _half(rate, n) <= wanted, 0)
+    return Needed(now, wanted, total, max(total - of, 0))
 
 
 def _half(rate, n):

@@ -15,7 +15,9 @@ from functools import partial
 
 import numpy as np
 
-from shefex_nav.campaign.plan import Job
+from shefex_nav.campaign.plan import Job, writable
+from shefex_nav.campaign.table import of_draw
+from shefex_nav.errors import UserError
 
 SENSORS = 0  # stream of the seed of a run's sensors
 FLIGHT = 1  # of the seed of the one flight that all runs share, of run 0
@@ -113,3 +115,54 @@ def _latin_column(plan, name):
 def inside(u):
     """A number off 0 and 1, where distribution functions have no inverse."""
     return min(max(u, UNIT), 1.0 - UNIT)
+
+
+def dispersed_in(source, name):
+    """disperse.Dispersed of a scenario, YAML text: list.
+
+    Nothing of a scenario that cannot be read: a table is worth having without.
+    """
+    from shefex_nav.scenario import load
+
+    try:
+        return load.Pattern(source, name).dispersed
+    except UserError:
+        return []
+
+
+def units_of(source, name):
+    """{path as written: unit} of the dispersions of a scenario; '' without, 'times' of a factor."""
+    return {one.name: one.measure for one in dispersed_in(source, name)}
+
+
+def numeric(given):
+    """Paths of the dispersions, list of Dispersed, that draw numbers whatever the run: list."""
+    from shefex_nav.scenario import laws
+
+    return [one.name for one in given if not isinstance(one.law, laws.ChoiceLaw | laws.TableLaw)]
+
+
+def as_numbers(sampler, runs):
+    """Seed and draws of each run, and units of those that have one: dict for JSON. Sampler, int"""
+    jobs = [sampler.job(run) for run in range(runs)]
+    return {
+        "units": {one.name: one.measure for one in sampler.dispersed if one.measure},
+        "runs": [{"run": job.run, "seed": job.seed, "draws": writable(job.draws)} for job in jobs],
+    }
+
+
+def rows(sampler, runs):
+    """The same as rows of a table, the heads with their units first; a scalar of a draw has a column."""
+    units = {name: one.measure for one in sampler.dispersed for name in _columns(one)}
+    yield ["run", "seed", *(f"{name} [{unit}]" if unit else name for name, unit in units.items())]
+    for run in range(runs):
+        job = sampler.job(run)
+        scalars = dict(scalar for path, value in job.draws.items() for scalar in of_draw(path, value))
+        yield [run, job.seed, *(scalars.get(name) for name in units)]
+
+
+def _columns(dispersed):
+    """Names of the columns that draws of a Dispersed come in, as in the table: several of a list."""
+    return dict.fromkeys(
+        name for value in dispersed.law.reach() for name, _ in of_draw(dispersed.name, value)
+    )

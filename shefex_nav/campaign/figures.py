@@ -17,10 +17,6 @@ FEW_RUNS = 40  # of fewer, each is drawn
 FIRST_SHOWN = 10  # number of runs from which estimates are worth looking at
 
 
-def _title(figure, text):
-    figure.suptitle(text, x=0.01, ha="left", fontsize=14, fontweight="bold")
-
-
 @style.styled
 def draw_errors(series):
     """Errors of every axis over time: percentiles over the runs, and 3 sigma as the filter reports it."""
@@ -58,7 +54,7 @@ def draw_errors(series):
         words = "scale: linear between the dotted lines, decades beyond"
         handles.append(Line2D([], [], color=GREY, lw=0.8, ls=":", label=words))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
-    _title(figure, f"Errors of {len(series.runs)} runs")
+    style.heading(figure, f"Errors of {len(series.runs)} runs")
     return figure
 
 
@@ -123,7 +119,7 @@ def draw_nees(series):
         axis.set_title(title, loc="left", fontsize=10)
     axes[-1].set_xlabel("time from lift-off [s]")
     words = f"mean of {len(series.runs)} runs, while half of them fly"
-    _title(figure, f"Normalised squares, {words}; grey: 95 % if the filter is right")
+    style.heading(figure, f"Normalised squares, {words}; grey: 95 % if the filter is right")
     return figure
 
 
@@ -141,7 +137,7 @@ def draw_containment(series):
         for k, name_of_axis in enumerate(over_time.AXES):
             look = {"color": style.AXES[name_of_axis], "ls": style.DASHES[name_of_axis]}
             axis.plot(series.t_s, found.share[:, b, k], lw=1.0, label=name_of_axis, **look)
-        axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
+        axis.axhline(over_time.INSIDE, color=GREY, lw=0.8)
         low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
         axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
         axis.set_title(style.TITLES.get(name, name), loc="left", fontsize=10)
@@ -149,7 +145,9 @@ def draw_containment(series):
         if b == known[0]:
             axis.legend(ncols=3, frameon=False, fontsize=9, loc="lower left")
     axis.set_xlabel("time from lift-off [s]")
-    _title(figure, f"Runs inside 3 sigma, of {len(series.runs)}; grey: 99 % if the covariance is right")
+    style.heading(
+        figure, f"Runs inside 3 sigma, of {len(series.runs)}; grey: 99 % if the covariance is right"
+    )
     return figure
 
 
@@ -179,7 +177,7 @@ def draw_ellipses(campaign):
             f"{one.semi_axes_km[1]:.3g} km about {one.latitude_deg:.3f} N, {one.longitude_deg:.3f} E",
             loc="left", fontsize=10,
         )  # fmt: skip
-    _title(figure, "Dispersion of the flights, 95 % ellipse")
+    style.heading(figure, "Dispersion of the flights, 95 % ellipse")
     return figure
 
 
@@ -201,12 +199,8 @@ def draw_convergence(campaign):
             panels.append((f"{one[0]}: 95 % [{one[2]}]", convergence.percentile_course(values, 95.0)))
     if not panels:
         return None
-    rows = -(-len(panels) // 3)
-    figure = style.constrained(13.0, 0.6 + 2.8 * rows)
-    axes = figure.subplots(rows, 3, squeeze=False).ravel()
-    for axis in axes[len(panels) :]:
-        axis.remove()
-    for axis, (title, course) in zip(axes, panels, strict=False):
+    figure, axes = style.small_multiples(len(panels), 3, 13.0, 2.8, 0.6)
+    for axis, (title, course) in zip(axes, panels, strict=True):
         axis.fill_between(course.n, course.low, course.high, color=BLUE, alpha=0.2, lw=0)
         axis.plot(course.n, course.value, color=BLUE, lw=1.3)
         axis.set_xscale("log")
@@ -220,7 +214,7 @@ def draw_convergence(campaign):
         axis.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low) + 1e-9)
         axis.set_title(title, loc="left", fontsize=10)
         axis.set_xlabel("runs")
-    _title(figure, "Estimates against the number of runs, with 95 % intervals")
+    style.heading(figure, "Estimates against the number of runs, with 95 % intervals")
     return figure
 
 
@@ -234,12 +228,8 @@ def draw_sensitivity(campaign):
     if not panels:
         return None
     columns = min(len(panels), 3)
-    rows = -(-len(panels) // columns)
-    figure = style.constrained(5.5 * columns, 0.6 + 2.9 * rows)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axis in axes[len(panels) :]:
-        axis.remove()
-    for axis, one in zip(axes, panels, strict=False):
+    figure, axes = style.small_multiples(len(panels), columns, 5.5 * columns, 2.9, 0.6)
+    for axis, one in zip(axes, panels, strict=True):
         effects = one.effects[:MOST_BARS][::-1]
         values = np.array([effect.value for effect in effects])
         ends = np.array([(effect.low, effect.high) for effect in effects])
@@ -253,7 +243,7 @@ def draw_sensitivity(campaign):
             f"{one.outcome}: R² {one.r2:.2f} ({one.r2_low:.2f} to {one.r2_high:.2f})", loc="left", fontsize=10
         )
     words = "each with its 95 % interval; grey: zero is within"
-    _title(figure, f"What explains the results: sigmas per sigma of a draw, {words}")
+    style.heading(figure, f"What explains the results: sigmas per sigma of a draw, {words}")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""What campaign.json of a folder holds, read back: it may be anybody's."""
+"""What campaign.json of a folder holds, read back, and what differs from it: it may be anybody's."""
 
 import math
 from pathlib import Path
@@ -8,6 +8,7 @@ from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.files import from_json, text_of
+from shefex_nav.scenario import differences
 from shefex_nav.scenario.dispersions import SAMPLINGS
 
 NUMBER = int, float
@@ -82,3 +83,29 @@ BOUNDS = {  # of campaign.json: whether a value can be, and what can
         "a list of numbers of runs",
     ),
 }
+
+
+def source_of(path):
+    """Scenario text of a campaign's folder, of a log or of a scenario file, whole as flown.
+
+    Raises StoreError, LogError, ScenarioError.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return read_head(path)["source"]
+    if path.suffix == ".mcap":
+        from shefex_nav.log import reader
+
+        return reader.read(path).mission.scenario_text
+    from shefex_nav.scenario import load
+
+    return load.load(path).source
+
+
+def differing(scenario, path):
+    """What differs, one line a value, with the place in the scenario's own files."""
+    found = differences.of_texts(source_of(path), scenario.source, (path, scenario.mission.name))
+    if not found:
+        return [f"{path}: no value differs"]
+    count = f"{len(found)} values differ" if found[1:] else "one value differs"
+    return [f"{path}: {count} (there -> here):", *differences.lines(found, scenario.place)]

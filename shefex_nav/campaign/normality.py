@@ -12,6 +12,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from shefex_nav.campaign.over_time import holm
 
@@ -70,8 +71,6 @@ def mardia(xy):
 def p_values(skewness, kurtosis, n):
     """Probability of a larger skewness, and of a kurtosis farther out, of n normal places."""
     if n >= MANY:
-        from scipy import special
-
         out = abs(kurtosis - 8.0 * (n - 1) / (n + 1)) / math.sqrt(64.0 / n)
         return float(special.chdtrc(4.0, n * skewness / 6.0)), float(2.0 * special.ndtr(-out))
     b1, b2 = _of_normal(n)

@@ -10,16 +10,19 @@ phase, with Holm's correction for the number of judgements. Innovations are judg
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from shefex_nav.campaign.plan import BLOCKS
+from shefex_nav.records import Phase
 from shefex_nav.report import intervals
 from shefex_nav.report.innovations import errors_last
-from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report.navigation_errors import chi2_bounds
 
 CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
 FRAME = {"attitude": "b", "velocity": "i", "position": "i"}
 AXES = "xyz"
 SIGMAS = 3.0
+INSIDE = float(stats.norm.cdf(SIGMAS) - stats.norm.cdf(-SIGMAS))  # probability of a normal error
 DOF = 3  # of a block
 MOST_SERIES = 2000  # whose series are read; the first ones, which are as random as any
 BYTES_OF_EPOCH = 250  # of one run in memory: errors, sigmas, NEES, NIS of ten sensors
@@ -148,25 +151,14 @@ def _of_runs(series, chosen):
     return series._replace(**cut, **dict(zip(("nis_sum", "nis_dof"), nis, strict=True)))
 
 
-def inside_probability(sigmas=SIGMAS):
-    """Probability that a normal error lies within some sigmas."""
-    from scipy import stats
-
-    return float(stats.norm.cdf(sigmas) - stats.norm.cdf(-sigmas))
-
-
 def contained(series):
     """Contained of Series."""
-    from scipy import stats
-
     known = np.isfinite(series.errors) & np.isfinite(series.sigmas)
     inside = known & (np.abs(series.errors) <= SIGMAS * series.sigmas)
     n = known.sum(axis=0)
     share = np.divide(inside.sum(axis=0), n, out=np.full(n.shape, np.nan), where=n > 0)
     runs, tail = n.max(axis=(1, 2)), 0.5 * (1.0 - CONTAINED_CONFIDENCE)
-    bounds = [
-        stats.binom.ppf(q, runs, inside_probability()) / np.maximum(runs, 1) for q in (tail, 1.0 - tail)
-    ]
+    bounds = [stats.binom.ppf(q, runs, INSIDE) / np.maximum(runs, 1) for q in (tail, 1.0 - tail)]
     return Contained(runs, share, *bounds)
 
 
@@ -222,9 +214,7 @@ def judge_containment(series):
 
     One-sided: a covariance that is too large holds all of them, which the NEES shows.
     """
-    from scipy import stats
-
-    expected, found = inside_probability(), []
+    found = []
     for phase, (runs, epochs) in last_epochs(series).items():
         with np.errstate(divide="ignore", invalid="ignore"):  # a sigma of 0 holds no error
             ratio = np.abs(series.errors[runs, epochs]) / series.sigmas[runs, epochs]
@@ -234,8 +224,8 @@ def judge_containment(series):
                 if not len(values):
                     continue
                 n, k = len(values), int((values <= SIGMAS).sum())
-                p = float(stats.binom.cdf(k, n, expected))
-                low = float(stats.binom.ppf(1.0 - CONTAINED_CONFIDENCE, n, expected)) / n
+                p = float(stats.binom.cdf(k, n, INSIDE))
+                low = float(stats.binom.ppf(1.0 - CONTAINED_CONFIDENCE, n, INSIDE)) / n
                 what = f"{block.replace('_', ' ')} {AXES[axis]} inside 3 sigma, end of {phase_name(phase)}"
                 found.append(Verdict(what, k / n, low, 1.0, n, p, p))
     return with_holm(found)
@@ -286,8 +276,6 @@ def _above(one):
 
 def _student(what, values):
     """Verdict on the mean of n > 1 values, which should be 1."""
-    from scipy import stats
-
     mean, sigma = float(values.mean()), float(values.std(ddof=1)) / len(values) ** 0.5
     half = float(stats.t.ppf(0.5 + 0.5 * ANEES_CONFIDENCE, len(values) - 1)) * sigma
     p = 2.0 * float(stats.t.sf(abs(mean - 1.0) / sigma, len(values) - 1)) if sigma else float(mean == 1.0)
@@ -302,8 +290,6 @@ def _less_sure(one, other):
 
 def chi_square(what, total, dof, samples):
     """Verdict on a sum of squares."""
-    from scipy import stats
-
     low, high = chi_square_bounds(dof, ANEES_CONFIDENCE)
     p = 2.0 * min(float(stats.chi2.cdf(total, dof)), float(stats.chi2.sf(total, dof)))
     return Verdict(what, total / dof, float(low), float(high), samples, p, p)
@@ -344,6 +330,4 @@ def time_averages(series):
 
 def phase_name(phase):
     """Name of a phase in words."""
-    from shefex_nav.records import Phase
-
     return Phase(phase).name.lower()

@@ -1,7 +1,8 @@
 """The report of a campaign to hand over: one HTML page with everything in it, made as that of a run is."""
 
 from shefex_nav.campaign import figures
-from shefex_nav.campaign.parts import Bold, Command, parts
+from shefex_nav.campaign.parts import parts
+from shefex_nav.campaign.tables import Bold, Command
 from shefex_nav.files import put
 from shefex_nav.report import html
 from shefex_nav.report.figures import style
@@ -30,7 +31,10 @@ def page(campaign, series):
     first, *others = parts(campaign, series)
     sections = [("summary", "Summary", [_table(first)])]
     sections += [(f"part-{k}", part.title, content(part)) for k, part in enumerate(others)]
-    sections.append(("figures", "Figures", [_picture(*one) for one in figures.draw(campaign, series)]))
+    drawn = figures.draw(campaign, series)
+    sections.append(
+        ("figures", "Figures", [style.picture(figure, name, CAPTIONS[name]) for name, figure in drawn])
+    )
     sections.append(("scenario", "Scenario", [element("pre", campaign.head["source"])]))
     versions = ", ".join(f"{name} {version}" for name, version in campaign.head["versions"].items())
     return html.page(
@@ -57,8 +61,3 @@ def _table(part):
 
 def _cell(cell):
     return element("strong", cell) if isinstance(cell, Bold) else cell
-
-
-def _picture(name, figure):
-    caption = CAPTIONS[name]
-    return html.picture(style.svg(figure), name, caption, caption, figure.get_size_inches())

@@ -1,12 +1,12 @@
 """What a campaign says to people: tables and lines, of which the terminal's report and the page are made."""
 
 import math
-from typing import NamedTuple
 
-from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics, verdict_rows
-from shefex_nav.campaign.summary import name_of, repeat, worst_runs
+from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics, verdicts
+from shefex_nav.campaign.summary import repeat, worst_runs
+from shefex_nav.campaign.tables import Bold, Command, Part
 from shefex_nav.report import innovations, intervals
-from shefex_nav.report.requirements import NO_LEVELS
+from shefex_nav.report.requirements import NO_LEVELS, name_of
 from shefex_nav.report.table import place
 
 RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
@@ -15,26 +15,15 @@ MOST_CAUSES, MOST_RUNS, MOST_EXPLAIN, MOST_SEPARATIONS, MOST_VERDICTS = 8, 6, 12
 MOST_LOST = 5
 
 
-class Bold(str):
-    """A text that wants attention."""
-
-
-class Command(str):
-    """A line to be copied into a terminal."""
-
-
-class Part(NamedTuple):
-    """One piece of a report: a table, then lines."""
-
-    title: str
-    heads: tuple = ()  # names of the columns; one that begins with '>' is of numbers
-    rows: tuple = ()  # of tuples of texts
-    lines: tuple = ()  # of texts
-
-
 def parts(campaign, series=None):
     """Everything for people: list of Part. series : over_time.Series, None if no run has any"""
-    found = [head(campaign), requirements(campaign), verified(campaign), errors(campaign), flights(campaign)]
+    found = [
+        head(campaign),
+        requirements(campaign),
+        verdicts.part(campaign),
+        errors(campaign),
+        flights(campaign),
+    ]
     found.append(unjudged(campaign) if series is None else covariance(campaign, series))
     found += [
         trusted(campaign),
@@ -93,15 +82,6 @@ def requirements(campaign):
     if unjudged:
         lines.append(f"Cannot be judged, {NO_LEVELS}: {', '.join(unjudged)}.")
     return Part(title, heads, tuple(rows), tuple(lines))
-
-
-def verified(campaign):
-    """Whether each requirement is met as often as is stated; None without any."""
-    found = verdict_rows.table(campaign)
-    if found is None:
-        return None
-    rows = (tuple(Bold(cell) if cell in verdict_rows.LOUD else cell for cell in row) for row in found.rows)
-    return Part(found.title, found.heads, tuple(rows), found.lines)
 
 
 def errors(campaign):
@@ -200,9 +180,9 @@ def covariance(campaign, series):
         "NIS of the sensors": over_time.judge_nis(series, innovations.fixes_last(campaign.head["source"])),
     }
     rows = []
-    for title, verdicts in groups.items():
-        certain = sorted((one for one in verdicts if one.certain), key=lambda one: (one.good, one.p))
-        rows.append((title, "", "", "", _together(verdicts)))
+    for title, several in groups.items():
+        certain = sorted((one for one in several if one.certain), key=lambda one: (one.good, one.p))
+        rows.append((title, "", "", "", _together(several)))
         rows += [_verdict(one, title) for one in certain[:MOST_VERDICTS]]
         if len(certain) > MOST_VERDICTS:
             rows.append((f"  and {len(certain) - MOST_VERDICTS} more", "", "", "", ""))

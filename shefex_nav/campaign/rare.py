@@ -13,11 +13,12 @@ from concurrent.futures import BrokenExecutor, as_completed
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from shefex_nav import prepare
 from shefex_nav.campaign import draws, running, subset
 from shefex_nav.campaign.impact import aim, landing
-from shefex_nav.campaign.rare_events import QUANTITIES, Event, RareError, landing_of
+from shefex_nav.campaign.rare_events import QUANTITIES, Event, RareError
 from shefex_nav.scenario import dispersions, load
 from shefex_nav.scenario.laws import TableLaw
 from shefex_nav.workers import Pool, cores, undisturbed
@@ -71,8 +72,6 @@ class Flights:
 
     def first(self, run):
         """State of run number `run` of the campaign."""
-        from scipy.special import ndtri
-
         names = [one.name for one in self.dispersed]
         normal = ndtri([self._sampler.probability(run, name) for name in names])
         return subset.State(normal, (draws.sensor_seed(self.problem.plan.seed, run),))
@@ -91,8 +90,6 @@ class Flights:
 
     def draws(self, state):
         """{path as written: value in the unit of its dispersion} of a state."""
-        from scipy.special import ndtr
-
         probabilities = {
             one.name: draws.inside(float(ndtr(z)))
             for one, z in zip(self.dispersed, state.normal, strict=True)
@@ -204,7 +201,7 @@ def problem_of(scenario, event, asked, body=None, ground=None, place=None):
     problem = Problem(plan._replace(sampling="random"), event, body, ground, place, asked.of_failed)
     if event.name == "off" and place is None:
         landed = landing.land(scenario, asked.seed, ground, paths=False)
-        one = landing_of(problem, landed)
+        one = landing.of_body(landed.landings, problem.body)
         if one is None:
             raise RareError(f"{body} does not come off in the nominal flight")
         problem = problem._replace(place=(one.latitude, one.longitude))

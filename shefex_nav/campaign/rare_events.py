@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import prepare
+from shefex_nav.campaign.impact.landing import of_body
 from shefex_nav.errors import UserError
-from shefex_nav.report import geodesic, requirements, vehicle
+from shefex_nav.report import requirements, track, vehicle
 
 
 class RareError(UserError):
@@ -49,26 +50,20 @@ def _dynamic_pressure(problem, scenario, flight):
     return float(flight.trajectory.dynamic_pressure_pa[rows].max())
 
 
-def landing_of(problem, landed):
-    """Landing of the body of a Problem; None if it has none."""
-    name = problem.body or landed.landings[0].body
-    return next((one for one in landed.landings if one.body == name), None)
-
-
 def _range(problem, scenario, landed):
-    site, one = scenario.launch, landing_of(problem, landed)
+    site, one = scenario.launch, of_body(landed.landings, problem.body)
     if one is None:
         return None
-    return geodesic.distance(site.latitude, site.longitude, one.latitude, one.longitude)
+    return track.ground_distance(site.latitude, site.longitude, one.latitude, one.longitude)
 
 
 def _off(problem, scenario, landed):
-    one = landing_of(problem, landed)
-    return None if one is None else geodesic.distance(*problem.place, one.latitude, one.longitude)
+    one = of_body(landed.landings, problem.body)
+    return None if one is None else track.ground_distance(*problem.place, one.latitude, one.longitude)
 
 
 def _impact_speed(problem, scenario, landed):
-    one = landing_of(problem, landed)
+    one = of_body(landed.landings, problem.body)
     return None if one is None else one.speed
 
 

@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import files
-from shefex_nav.campaign import runs_file, store, table, units
+from shefex_nav.campaign import runs_file, store, table
+from shefex_nav.campaign.draws import units_of
 from shefex_nav.campaign.head import read_head
 from shefex_nav.report import requirements as judging
 from shefex_nav.scenario import document, plugged
@@ -114,7 +115,7 @@ class Campaign:
     @cached_property
     def units(self):
         """{path: unit} of what was drawn: '' without one, 'times' of a factor."""
-        return units.of_source(self.head["source"], f"{self.folder}/campaign.json")
+        return units_of(self.head["source"], f"{self.folder}/campaign.json")
 
     @property
     def wall_s(self):

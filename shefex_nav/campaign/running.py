@@ -10,8 +10,12 @@ from shefex_nav import files
 from shefex_nav import workers as machine
 from shefex_nav.campaign import MOST_RUNS, draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
+from shefex_nav.campaign.flight import Flown
 from shefex_nav.campaign.over_time import MOST_SERIES
+from shefex_nav.campaign.results import SUCCEEDED
+from shefex_nav.campaign.store import Store
 from shefex_nav.errors import UserError
+from shefex_nav.report import requirements
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
@@ -172,7 +176,7 @@ def _missing(plan, store, show, tally):
     """Runs that are to be flown, in order: list. What is done is counted.
 
     What there is of a run that is flown again stands until there is something new. Of the first CHECKED runs
-    it is looked whether a disk has spoilt them; of the others when they are read (`mending`).
+    it is looked whether a disk has spoilt them; of the others when they are read (`mend`).
     """
     spoilt = store.runs.spoilt(CHECKED)
     tally.found(store.runs.standing(spoilt))
@@ -270,7 +274,6 @@ def badness(scenario):
     How many requirements it misses and how near it comes to the others; among equals, and without any, its
     rms attitude error.
     """
-    from shefex_nav.report import requirements
 
     def bad(record):
         if record["status"] == "failed":
@@ -316,3 +319,24 @@ def _keep_logs(request, plan, sampler, store, show, stopped, crew):
 
     with show.bar(tally) as note:
         return [*engine.fly(jobs, lanes, take, stopped), *without]
+
+
+def mend(folder, run, log=None, *, lane=engine.ProcessLane):
+    """Repeat a run of the campaign in `folder` and keep it. Arguments and errors as of `repeating.repeat`.
+
+    A run of the same results keeps its record, with the times of its first flight. One that flew to its end
+    and now comes out otherwise is left as it is. StoreError also if a campaign is at work in the folder, or
+    if the program is not the one that flew its runs.
+
+    -> (Repeated, whether it was kept)
+    """
+    head = repeating.read_head(folder, run)
+    scenario = load.Pattern(head["source"], head["scenario"]).scenario
+    with Store(folder) as store:
+        store.begin(repeating.plan_of(head, folder), described(scenario))
+        repeated = repeating.repeat(folder, run, log, lane=lane)
+        if not repeated.same and repeated.kept is not None and repeated.kept["status"] == SUCCEEDED:
+            return repeated, False
+        record = repeated.kept if repeated.same else repeated.record
+        store.keep(Flown(record, repeated.series), badness(scenario)(record))
+    return repeated, True

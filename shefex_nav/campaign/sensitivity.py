@@ -10,6 +10,7 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from shefex_nav.campaign import r_squared, spearman, table
 from shefex_nav.campaign.over_time import holm, with_holm
@@ -178,8 +179,6 @@ def regress(outcome, values, features):
 
 def _standardised(y, x):
     """Fit of standardised y (n,) on standardised x (n, m): list of (value, low, high), fitted y (n,)."""
-    from scipy import stats
-
     n, m = x.shape
     gram = x.T @ x / n
     beta = np.linalg.solve(gram, x.T @ y / n)
@@ -226,8 +225,6 @@ def separations(campaign):
     the usual one takes a normal distribution, and of the one run that failed in 200, with a word that 5 % of
     the runs drew, makes 1e-5 of one in twenty.
     """
-    from scipy import stats
-
     failed, result = ~campaign.succeeded, []
     if not failed.any() or failed.all():
         return result

@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from shefex_nav.campaign import normality
 from shefex_nav.report import intervals
@@ -226,8 +227,6 @@ def ellipse(what, places):
     size is Hotelling's 2 (n^2 - 1) / (n (n - 2)) F_{2, n-2}, which tends to chi-square with the number of
     runs (Johnson, Wichern, Applied Multivariate Statistical Analysis, 6th ed., section 5.4).
     """
-    from scipy import stats
-
     from shefex_nav.geometry import wgs84
 
     angles = np.radians(places[:, :2])

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 
-from shefex_nav.campaign import checking, runs_file, table, units
+from shefex_nav.campaign import checking, draws, runs_file, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.head import read_head
 from shefex_nav.campaign.runs_file import StoreError
@@ -220,7 +220,7 @@ class Store:
     def _dispersed(self):
         """disperse.Dispersed of what is drawn here: list."""
         head = self.head()
-        return [] if head is None else units.dispersed(head["source"], f"{self.folder}/campaign.json")
+        return [] if head is None else draws.dispersed_in(head["source"], f"{self.folder}/campaign.json")
 
     def record(self, run):
         """Record of a run; None if it is not done. SpoiltError if a disk spoilt it or a value cannot be."""
@@ -232,7 +232,7 @@ class Store:
     @cached_property
     def _drawn(self):
         """Paths whose draws are numbers."""
-        return units.numbers(self._dispersed())
+        return draws.numeric(self._dispersed())
 
     def _spoilt(self, error):
         """SpoiltError of a checking.WrongValueError."""
@@ -256,7 +256,7 @@ class Store:
             given = self._dispersed()
             measures = {one.name: one.measure for one in given}
             try:
-                table.save(_Rows(self.runs), path, measures, self.runs.state(), units.numbers(given))
+                table.save(_Rows(self.runs), path, measures, self.runs.state(), draws.numeric(given))
             except checking.WrongValueError as error:
                 raise self._spoilt(error) from None
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import integrity, statistics, verdicts
-from shefex_nav.report.requirements import in_words, severity, words
+from shefex_nav.report.requirements import in_words, name_of, severity, words
 
 MOST_WORST = 3  # runs to look at
 
@@ -21,12 +21,8 @@ class Worst(NamedTuple):
 def summary_object(campaign):
     """The object that `campaign --json` and `report DIR --json` print: plain dict, ready for JSON."""
     succeeded, verified = int(campaign.succeeded.sum()), verdicts.summary(campaign)
-    return {
-        "scenario": campaign.head["scenario"],
-        "seed": campaign.head["seed"],
+    return of_nothing(campaign.head, len(campaign.lost), campaign.digest) | {
         "runs": len(campaign),
-        "asked": campaign.head["runs"],
-        "lost": len(campaign.lost),
         "succeeded": succeeded,
         "failed": len(campaign) - succeeded,
         "requirements": [
@@ -34,7 +30,6 @@ def summary_object(campaign):
         ],
         "integrity": integrity.summary(campaign),
         "wall_s": campaign.wall_s,
-        "results_digest": campaign.digest,
     }
 
 
@@ -87,11 +82,6 @@ def _why(judged, rms_deg):
         for one in missed or nearest
     )
     return f"misses {found}" if missed else f"meets all requirements; nearest to its limit: {found}"
-
-
-def name_of(name):
-    """A requirement in words."""
-    return name.replace("_", " ")
 
 
 def repeat(campaign, run):

@@ -1,5 +1,26 @@
 """Parts of a campaign's report as tables of rich, for terminals and notebooks."""
 
+from typing import NamedTuple
+
+from shefex_nav.report import columns
+
+
+class Bold(str):
+    """A text that wants attention."""
+
+
+class Command(str):
+    """A line to be copied into a terminal."""
+
+
+class Part(NamedTuple):
+    """One piece of a report: a table, then lines."""
+
+    title: str
+    heads: tuple = ()  # names of the columns; one that begins with '>' is of numbers
+    rows: tuple = ()  # of tuples of texts
+    lines: tuple = ()  # of texts
+
 
 def tables(parts):
     """rich Group of list of Part."""
@@ -16,9 +37,6 @@ def _shown(part):
     """What a Part looks like: rich objects."""
     from rich import box
     from rich.text import Text
-
-    from shefex_nav.campaign.parts import Command
-    from shefex_nav.report import columns
 
     if part.rows:
         heads, look = part.heads or [""] * len(part.rows[0]), {"title_style": "bold", "box": box.SIMPLE_HEAD}
@@ -37,7 +55,5 @@ def _shown(part):
 
 def _cell(cell):
     from rich.text import Text
-
-    from shefex_nav.campaign.parts import Bold
 
     return Text(str(cell), style="bold yellow" if isinstance(cell, Bold) else "")

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import looks, tolerance
+from shefex_nav.campaign.tables import Bold, Part
+from shefex_nav.report.requirements import name_of
 
 PASS, FAIL, MORE, UNJUDGED = "pass", "fail", "more runs needed", "not judged"
 
@@ -158,3 +160,76 @@ def looked_at_before(campaign, found):
         one = found[0]
         return [runs for runs in before if tolerance.passes(0, runs, one.probability, one.confidence)]
     return []
+
+
+def part(campaign):
+    """tables.Part for people: whether each requirement is met as often as is stated; None without any."""
+    found = of_campaign(campaign)
+    if not found:
+        return None
+    probability, confidence = (
+        f"{100.0 * share:.6g} %" for share in (found[0].probability, found[0].confidence)
+    )
+    heads = ("requirement", "verdict", ">runs", ">missed by", f">at least ({confidence})",
+             f">at most ({confidence})", ">more at this rate")  # fmt: skip
+    return Part(
+        f"Is each requirement met in {probability} of the flights, at {confidence} confidence?",
+        heads,
+        tuple(_row(one) for one in found),
+        tuple(_lines(campaign, found)),
+    )
+
+
+def _row(one):
+    name, words, at_rate = name_of(one.name), one.verdict, "-"
+    if one.verdict == UNJUDGED:
+        return name, words, *"-----"
+    bounds = ("-" if share is None else f"{100.0 * share:.3f} %" for share in (one.least, one.most))
+    if one.verdict == MORE:
+        words = "fails at the next look" if one.more is None else f"{one.more:,} more runs needed"
+        at_rate = f"> {tolerance.FAR:,}" if one.more_at_rate is None else f"{one.more_at_rate:,}"
+    words = Bold(words) if one.verdict == FAIL else words
+    return name, words, f"{one.runs:,}", str(one.missed), *bounds, at_rate
+
+
+def _lines(campaign, found):
+    """What one has to know to read the table."""
+    if any(one.verdict == MORE for one in found):
+        yield (
+            "More runs needed: until it passes, if all of them meet the requirement. At this rate: until it "
+            "passes or fails, if it is missed as often as so far."
+        )
+    failed = len(campaign) - int(campaign.succeeded.sum())
+    if failed:
+        yield f"Runs that failed: {failed}. They gave no answer and meet no requirement."
+    if campaign.lost:
+        yield f"Runs that were lost with their workers: {len(campaign.lost)}. They are no samples."
+    if campaign.head.get("flight") == "shared":
+        yield "All runs have one and the same flight: what is shown is shown of this flight alone."
+    if campaign.head.get("sampling") == "latin_hypercube":
+        yield "The draws are a Latin hypercube, not independent: bounds and verdicts are approximate."
+    n, asked = len(campaign), campaign.head["runs"]
+    if campaign.head.get("until_verified"):
+        yield _of_looks(campaign, found)
+    elif n < asked:
+        yield f"The campaign is not finished: a verdict counts when all of its {asked:,} runs are there."
+    if earlier := looked_at_before(campaign, found):
+        yield (
+            f"The campaign was flown on from {', '.join(f'{runs:,}' for runs in earlier)} runs, after which "
+            "the same verdict was possible: its confidence is less than stated. Only the looks of "
+            "`--until-verified` are counted."
+        )
+
+
+def _of_looks(campaign, found):
+    """When it was looked at the campaign, and what the verdict is of."""
+    wanted, n = (found[0].probability, found[0].confidence), complete(campaign.runs)
+    taken = looks.until(*wanted, n)
+    after = "Looks were after " + ", ".join(f"{look.runs:,}" for look in taken) if taken else "No look yet"
+    if any(one.verdict == MORE for one in found):
+        following = next(look for look in looks.each(*wanted) if look.runs > n)
+        after += f", the next is after {following.runs:,}"
+    return (
+        f"{after} runs; the first that decides gives the verdict. Its confidence is that of all looks "
+        "together; the bounds are those of so many runs that were settled beforehand."
+    )

@@ -42,7 +42,7 @@ def budget(
     tracker by statistics. The same command goes on where it was interrupted.
     """
     from shefex_nav.campaign import budget as making
-    from shefex_nav.campaign import budget_table, tables
+    from shefex_nav.campaign import tables
     from shefex_nav.campaign.compare import flying
     from shefex_nav.commands.compare import fly
 
@@ -55,9 +55,9 @@ def budget(
         raise typer.Exit(130)
     found = making.budget(whole, flights)
     if json:
-        print_json(budget_table.as_numbers(found, whole.scenario, seed))
+        print_json(making.as_numbers(found, whole.scenario, seed))
     else:
-        stdout(170, highlight=False).print(tables.tables(budget_table.parts(found, whole.scenario)))
+        stdout(170, highlight=False).print(tables.tables(making.parts(found, whole.scenario)))
     raise typer.Exit(1 if lost or found.notes or found.runs < runs else 0)
 
 

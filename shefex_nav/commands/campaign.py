@@ -137,16 +137,16 @@ def _parsed(option, parse, value):
 
 def _print_draws(sampler, request, as_json):
     """Draws of all runs on stdout. request : running.Request"""
-    from shefex_nav.campaign import drawn_table
+    from shefex_nav.campaign import draws
 
     if as_json:
         of = {"scenario": request.scenario.mission.name, "seed": request.seed}
-        print_json(of | drawn_table.as_numbers(sampler, request.runs))
+        print_json(of | draws.as_numbers(sampler, request.runs))
         return
     import csv
     import sys
 
-    csv.writer(sys.stdout, lineterminator="\n").writerows(drawn_table.rows(sampler, request.runs))
+    csv.writer(sys.stdout, lineterminator="\n").writerows(draws.rows(sampler, request.runs))
 
 
 def _fly(request, folder):

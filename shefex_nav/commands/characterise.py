@@ -98,8 +98,8 @@ def _write(out, content):
 
 def _show(result):
     """Tables of the parameters and of the tests."""
-    from shefex_nav.campaign.characterise import tables
+    from shefex_nav.campaign.characterise import model
 
     console = stdout(120)
-    console.print(tables.parameters(result.content))
-    console.print(tables.tests(result.tests))
+    console.print(model.parameters_table(result.content))
+    console.print(model.tests_table(result.tests))

@@ -63,9 +63,9 @@ def checked(scenario, overrides, against):
     for section, error in software.changed(loaded):  # of what names its content, which `load` leaves alone
         raise type(error)(loaded.line_about((section, software.SOFTWARE), str(error)))
     if against is not None:
-        from shefex_nav.campaign import against as other
+        from shefex_nav.campaign import head
 
-        differences = other.lines(loaded, against)
+        differences = head.differing(loaded, against)
     from shefex_nav import prepare
     from shefex_nav.report import programme, star_light
 
@@ -98,9 +98,9 @@ def _print(scenario, found):
     part = "" if until is None else f"; flown until T{until:+g} s of {whole_s:g} s"
     say_result(f"{scenario}: good{count}{part}")
     if found.effects:
-        from shefex_nav.report import states
+        from shefex_nav.report import lasting
 
-        stdout(130).print(states.table(found.effects))
+        stdout(130).print(lasting.states_table(found.effects))
     for line in found.differences:
         say_result(line)
 

@@ -24,7 +24,7 @@ def repeat(
     json: Json = False,
 ):
     """Fly one run of a campaign again, exactly, and compare it with what was kept (exit code 1: differs)."""
-    from shefex_nav.campaign import mending, repeating
+    from shefex_nav.campaign import repeating, running
 
     if log is not None:
         check_file(log, "--log", force=force)
@@ -32,7 +32,7 @@ def repeat(
     say(f"{folder}, run {run}")
     with kept_log(log, "flown"):
         repeated, kept = (
-            mending.keep(folder, run, log) if keep else (repeating.repeat(folder, run, log), False)
+            running.mend(folder, run, log) if keep else (repeating.repeat(folder, run, log), False)
         )
     for line in repeated.notes:
         say(line)

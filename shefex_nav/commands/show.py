@@ -90,21 +90,20 @@ def _show(log, lengths, light, pace, port):
     port : None: it is not served
     """
     from shefex_nav.log import reader
-    from shefex_nav.report.display import optics, server
-    from shefex_nav.report.display.player import Player
+    from shefex_nav.report.display.player import Display, Player, dots_per_pixel, server
 
     data, (gamma, white) = reader.read(log), light
     camera = data.mission.camera
-    dots = 1.0 if lengths is None else optics.dots_per_pixel(camera.focal_length_px, *lengths)
+    dots = 1.0 if lengths is None else dots_per_pixel(camera.focal_length_px, *lengths)
     if white is None:
         white = 2.0 ** float(data.frames.bits[0]) - 1.0 if len(data.frames.bits) else 255.0
-    player = Player(log, data, optics.Display(dots, gamma, white))
+    player = Player(log, data, Display(dots, gamma, white))
     stdout(100).print(_table(player, camera, dots, gamma, white, lengths is not None))
     if port is None:
         say("--display shows them")
         return
     try:
-        page = server.server(player, pace, port)
+        page = server(player, pace, port)
     except OSError as error:
         raise bad("--port", f"{port} cannot be had: {error.strerror}") from None
     say(f"open http://{page.server_address[0]}:{page.server_address[1]} on the screen; Ctrl-C ends it")

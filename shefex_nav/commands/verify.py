@@ -49,15 +49,14 @@ def bound(
         words = f"{scenario} has errors that the bound does not know: {over_bound.left_out(loaded)}"
         raise bad("SCENARIO", words)
     from shefex_nav import runs
-    from shefex_nav.verify import bound_table
 
     runs.get_ready(loaded)
     found = over_bound.curves(*over_bound.flights(loaded, range(first, first + seeds), say))
     ratios = over_bound.ratios(found)
     if json:
-        print_json(bound_table.as_numbers(loaded, first, seeds, ratios))
+        print_json(over_bound.as_numbers(loaded, first, seeds, ratios))
     else:
-        stdout(130).print(bound_table.table(ratios, seeds))
+        stdout(130).print(over_bound.table(ratios, seeds))
     if out is not None:
         from shefex_nav.verify import consistency_figures
 
@@ -95,9 +94,7 @@ def nesc(
     if json:
         print_json(cases.as_numbers(flown, others))
     else:
-        from shefex_nav.verify.table import comparison_table
-
-        stdout(130).print(comparison_table(flown))
+        stdout(130).print(cases.table(flown))
     if out is not None:
         from shefex_nav.verify import picture
 

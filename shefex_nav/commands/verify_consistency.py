@@ -43,10 +43,11 @@ def consistency(
     asked = _study(scenario, overrides or (), keep, turn_field)
     chosen = list(range(first, first + seeds))
     found = _watched(asked, chosen, histories, workers)
-    from shefex_nav.verify import consistency_table
 
     if json:
-        print_json(consistency_table.as_numbers(asked, chosen, histories, found))
+        from shefex_nav.verify import study
+
+        print_json(study.as_numbers(asked, chosen, histories, found))
     else:
         _show(asked, chosen, found)
     if out is not None:
@@ -110,13 +111,13 @@ def _interrupted(asked, chosen):
 
 def _show(asked, chosen, found):
     """The result as people read it."""
-    from shefex_nav.verify import consistency_table
+    from shefex_nav.verify import study
 
     fields = "another field of gravity in each" if asked.turn_field else "all in the field of the Earth"
     title = f"{asked.name}, seeds {chosen[0]} to {chosen[-1]}, {fields}; NEES, NIS: 1 is expected"
-    stdout(130).print(consistency_table.table(title, found.verdicts))
-    for name, (number, met) in consistency_table.refused(found.runs).items():
+    stdout(130).print(study.table(title, found.verdicts))
+    for name, (number, met) in study.refused(found.runs).items():
         typer.echo(f"{name}: {number} of {met} refused by the gate")
     typer.echo(f"variances of the histories within {found.apart:.1%} of the filter's own")
     if asked.folder is not None:
-        typer.echo(f"star fixes of flights by {consistency_table.made_by(asked, chosen)}")
+        typer.echo(f"star fixes of flights by {study.made_by(asked, chosen)}")

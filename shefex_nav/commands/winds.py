@@ -52,7 +52,6 @@ def winds(
     far = quantity(within, "m", "--within", "20 km", positive=True)
     tried = _speeds(speeds)
     from shefex_nav.campaign.impact import winds as study
-    from shefex_nav.campaign.impact import winds_shown
 
     place = None if aim is None else place_of(aim)
     asked = study.Asked(
@@ -64,13 +63,13 @@ def winds(
     if json:
         print_json(study.summary(found))
     else:
-        stdout(130).print(winds_shown.table(found))
-        for line in winds_shown.lines(found):
+        stdout(130).print(study.table(found))
+        for line in study.lines(found):
             stdout(130).print(f"  {line}")
     if figure is not None:
         from shefex_nav.report.figures import style
 
-        style.save(winds_shown.compass(found), figure)
+        style.save(study.compass(found), figure)
         say(f"wrote {figure}")
 
 

@@ -260,7 +260,7 @@ def _image(image_dn, ns):
 
     Whoever reads the log finds the camera's numbers, and how many bits they have in /star_tracker/frame.
     Foxglove's image panel lets the range that it draws be set (least and greatest value); our viewer makes
-    12-bit pictures bright by itself (`report.viewer.pictures`).
+    12-bit pictures bright by itself (`report.viewer.drawings`).
     """
     rows, columns = image_dn.shape
     return fox.RawImage(

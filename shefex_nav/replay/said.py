@@ -10,7 +10,7 @@ import numpy as np
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.onboard.navigation.state import ATT
-from shefex_nav.report.nees import nees
+from shefex_nav.report.navigation_errors import nees
 from shefex_nav.report.pairing import same_times
 
 FAR, SIGMAS, SHARE = np.radians(30.0), 10.0, 0.5  # [E] error and sigmas, both over so much of the time

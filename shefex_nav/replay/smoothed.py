@@ -97,7 +97,7 @@ def parts(data):
         name = "burn_out" if event.name.startswith("burn_out") else event.name
         times[name] = event.t_s
     start_s, end_s = (float(t_s) for t_s in data.truth.t_s[[0, -1]])
-    k = metrics.entry_index(data.truth.t_s, earth_fixed(data.mission.earth, data.truth).height)
+    k = metrics.entry_index(earth_fixed(data.mission.earth, data.truth).height)
     entry_s = end_s if k is None else float(data.truth.t_s[k])
     lift_s = times.get("lift_off", start_s)
     burning_s = data.truth.t_s[data.truth.phase == Phase.BOOST]  # a log may end before the motor does

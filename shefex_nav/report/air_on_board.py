@@ -13,7 +13,7 @@ import numpy as np
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import measure_barometer
-from shefex_nav.report import gps_limits
+from shefex_nav.report import sensor_limits
 from shefex_nav.scenario import surroundings
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.software import BUILT_IN
@@ -91,7 +91,7 @@ def _reached(use, flown):
     """Height up to which readings are used, m."""
     if flown.track is None:
         return use.up_to
-    return min(use.up_to, float(gps_limits.heights(flown.track).max()))
+    return min(use.up_to, float(sensor_limits.heights(flown.track).max()))
 
 
 def _begins_at(scenario, flown):

@@ -4,8 +4,11 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
+from pydantic import ValidationError
+
 from shefex_nav.records import QUANTITIES
 from shefex_nav.report import local_level, requirements
+from shefex_nav.scenario import document
 
 
 class Configured(NamedTuple):
@@ -67,9 +70,6 @@ def _read(text):
 @lru_cache(maxsize=4)
 def _read_replay(text):
     """Configured of the text of a replay scenario; nothing where it cannot be read."""
-    from pydantic import ValidationError
-
-    from shefex_nav.scenario import document
     from shefex_nav.scenario.requirements import ReplayRequirements
 
     try:

@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import geodesic
 from shefex_nav.report.pairing import is_partly_true
-from shefex_nav.report.track import earth_fixed
+from shefex_nav.report.track import earth_fixed, ground_distance
 
 ROSE_M = 100.0  # [E] above the start, less of which is no flight
 MOVES = 1.0  # [E] m/s, beyond the errors of the solution
@@ -47,7 +46,7 @@ def of_truth(data, track, entry):
 def _range_km(mission, latitude, longitude):
     """From the start to a place [rad] along the ellipsoid; None where that is the other side of the Earth."""
     try:
-        length = geodesic.distance(mission.launch_latitude, mission.launch_longitude, latitude, longitude)
+        length = ground_distance(mission.launch_latitude, mission.launch_longitude, latitude, longitude)
     except ValueError:  # of points that are nearly antipodal
         return None
     return length / 1e3

@@ -18,7 +18,7 @@ from shefex_nav import event_words
 from shefex_nav.records import Event
 from shefex_nav.report import flight, local_level
 from shefex_nav.report.figures import flown
-from shefex_nav.report.pairing import is_partly_true
+from shefex_nav.report.pairing import at_rows, is_partly_true
 
 MOST_POINTS = 3000  # of a line
 _DIGITS = 8, 3  # of degrees (1 mm) and metres
@@ -54,7 +54,7 @@ def lines_and_places(data):
     places, events = [], [*data.events, *_as_estimated(data)]
     for event in events if len(states.t_s) else ():
         k = int(np.argmin(np.abs(states.t_s - event.t_s)))
-        row = states._make(values[k : k + 1] for values in states)
+        row = at_rows(states, slice(k, k + 1))
         at = flown.of_states("", data, row, 1)
         places.append(Place(event_words.in_words(event.name), event.t_s, event.detail, _points(at.track)[0]))
     return lines, places

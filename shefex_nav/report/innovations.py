@@ -11,7 +11,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.instruments import TABLE
 from shefex_nav.report import sensor_use
-from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report.navigation_errors import chi2_bounds
 from shefex_nav.report.sizes import number
 from shefex_nav.scenario import document
 

@@ -10,6 +10,7 @@ gyro in a spin: the noise that stands for it grows with the root of the angle, t
 what turns the star camera for good is in every fix; no number of fixes averages it out.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,12 @@ import numpy as np
 from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.records import Phase
+from shefex_nav.report import columns
 from shefex_nav.scenario import params_onboard, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.software import BUILT_IN
-from shefex_nav.scenario.wanted_states import WINDOW_S
+from shefex_nav.scenario.wanted_states import SWAMPS, WINDOW_S
 from shefex_nav.world import absent
 
 WARNED = 15.0  # [E] times the noise (docs/verification/navigation.md)
@@ -31,6 +33,7 @@ LEAST_TURN = 3.0  # rad in a window, below which there is hardly any turn
 TURNS = 9.0  # times manoeuvre_angle: from there on a third of the error is what noise stands for, or less
 WHOLE = "gyro_scale", "gyro_misalignment"  # of which gyro_roll_column is a part
 OF_FLOOR = 0.1  # [E] of star_fix_floor: what a hundred fixes leave of it
+HEADS = ("block of states", "its error moves", "noise makes", "estimated", "because")
 
 
 class Pushed(NamedTuple):
@@ -208,3 +211,27 @@ def _of_camera(scenario):
 def _listed(names):
     """a, b and c."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+
+
+def states_table(effects):
+    """rich Table of a list of wanted_states.Effect."""
+    title = (
+        f"navigation.states: automatic. 1 sigma, in the worst {WINDOW_S:g} s of the planned flight; "
+        f"estimated from {SWAMPS:g} times the noise on"
+    )
+    rows = (
+        (one.block, *(_in_unit(size, one.unit) for size in (one.effect, one.noise)), _yes(one.on), one.why)
+        for one in effects
+    )
+    return columns.table(title, HEADS, rows, no_wrap=True)
+
+
+def _yes(on):
+    return "yes" if on else "no"
+
+
+def _in_unit(value, unit):
+    """A figure in its unit, angles in degrees."""
+    if math.isnan(value):
+        return ""
+    return f"{math.degrees(value) if unit == 'deg' else value:.3g} {unit}"

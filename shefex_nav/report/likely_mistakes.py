@@ -20,9 +20,9 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames
 from shefex_nav.geometry.rotation import dcms_from_quats, rotvec_between
-from shefex_nav.report import beyond_sigma
+from shefex_nav.report import error_figures
 from shefex_nav.report.lever_arm import of_gps
-from shefex_nav.report.pairing import same_times, stretches
+from shefex_nav.report.pairing import at_rows, same_times, stretches
 
 EXPLAINS, EXPLAINS_ALONE = 0.95, 0.98  # share of the squares; of what has nothing that changes to go by
 SUSPECT = 3.0  # times its sigmas, that an error is in a window
@@ -87,7 +87,7 @@ def _looked(data, errors):
     step = max(1, round(STEP_S / max(float(np.median(np.diff(errors.t_s))), SAME_S)))
     i, j, t_s = i[::step], j[::step], errors.t_s[::step]
     vectors = errors.position_i, errors.velocity_i, errors.attitude_b
-    known_s, ratio = beyond_sigma.ratios(data, errors)
+    known_s, ratio = error_figures.ratios(data, errors)
     nearest = np.searchsorted(known_s, t_s).clip(0, max(len(known_s) - 1, 0))
     ratios = {}
     for name, one in ratio.items():
@@ -96,13 +96,8 @@ def _looked(data, errors):
     width_s = float(np.clip((t_s[-1] - t_s[0]) / FEWEST, LEAST_S, WINDOW_S))
     edges = np.searchsorted(t_s, np.arange(t_s[0], t_s[-1], width_s))
     windows = [(a, b) for a, b in zip(edges, [*edges[1:], len(t_s)], strict=True) if b - a >= FEWEST]
-    quantities = dict(zip(beyond_sigma.BLOCKS, (one[::step] for one in vectors), strict=True))
-    return _Looked(t_s, quantities, _at(data.truth, i), _at(data.nav, j), ratios, windows)
-
-
-def _at(record, rows):
-    """Some rows of a record of arrays."""
-    return record._replace(**{name: value[rows] for name, value in record._asdict().items()})
+    quantities = dict(zip(error_figures.BLOCKS, (one[::step] for one in vectors), strict=True))
+    return _Looked(t_s, quantities, at_rows(data.truth, i), at_rows(data.nav, j), ratios, windows)
 
 
 # ----------------------------------------------------------------------------------------------------------
@@ -115,7 +110,7 @@ def _conventions(data, looked):
         squares = (looked.errors[quantity] ** 2).sum(axis=1)
         best = None
         for words, left in meant:
-            rows = _longest([_explained(squares[a:b], left[a:b]) for a, b in looked.windows], squares, looked)
+            rows = _longest([_explained(squares[a:b], left[a:b]) for a, b in looked.windows], looked)
             least = LARGE[quantity] ** 2
             if rows is None or squares[rows].mean() < least or (best and _length(best) >= _length(rows)):
                 continue
@@ -132,7 +127,7 @@ def _length(span):
     return span.until_s - span.from_s if isinstance(span, Fit) else (span.stop - span.start) * STEP_S
 
 
-def _longest(shares, squares, looked):
+def _longest(shares, looked):
     """Rows of the longest run of two windows and more that are explained: slice; None without any."""
     runs = [one for one in stretches(np.array(shares) > EXPLAINS) if one[1] - one[0] >= 2]
     if not runs:

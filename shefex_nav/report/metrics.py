@@ -30,8 +30,8 @@ Definitions
   begins at the start of the run; `why` says so, and why there is no figure. Where no covariance is of a whole
   second, the first in each second counts. `times_sigma` is the root of the same per degree of freedom, of
   position, velocity and attitude each.
-- `beyond_sigma` lists where an error was far beyond its sigma (`beyond_sigma`). `measurements` are of GPS and
-  star tracker, `nis` of every sensor with gate results (`sensor_use`, `innovations`). `unknown` and
+- `beyond_sigma` lists where an error was far beyond its sigma (`error_figures`). `measurements` are of GPS
+  and star tracker, `nis` of every sensor with gate results (`sensor_use`, `innovations`). `unknown` and
   `errors_fit` are of software of a user's own alone (`sensor_use`, `likely_mistakes`).
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none. Without truth, or with one of a part of the
@@ -48,10 +48,9 @@ import math
 
 import numpy as np
 
-from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation.quantity import about
 from shefex_nav.report import (
-    beyond_sigma,
+    error_figures,
     flight,
     innovations,
     likely_mistakes,
@@ -59,22 +58,17 @@ from shefex_nav.report import (
     programme,
     requirements,
     sensor_use,
-    star_aided,
     star_metrics,
     trust,
-    while_pointing,
 )
 from shefex_nav.report.configured import of_run
-from shefex_nav.report.navigation_errors import NEES_DOF, navigation_errors, normalised_errors
+from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.report.pairing import pointing_error, whole_time
-from shefex_nav.report.sizes import largest, rms
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.scenario import lens, told
 from shefex_nav.scenario.document import dotted
 
 ENTRY_HEIGHT = 100e3  # m
-LATEST_S = 1.0  # a covariance that is older than that at entry is not that of entry
-NO_STARS = "no star fix was used"
 
 
 def summarise(data, *, log=None, from_s=None, scenario=None):
@@ -86,7 +80,7 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
     """
     truth, known = data.truth, of_run(data, scenario)
     track = earth_fixed(data.mission.earth, truth)
-    entry = entry_index(truth.t_s, track.height)
+    entry = entry_index(track.height)
     whole_s = whole_time(data)
     simulated_s = None if whole_s is None else whole_s[1] - whole_s[0]
     wall_s = data.summary.wall_s if data.summary else None
@@ -138,7 +132,7 @@ def _told_otherwise(scenario):
     return [{"field": dotted(one[0]), "text": one[1]} for one in found if one is not None]
 
 
-def entry_index(t_s, height):
+def entry_index(height):
     """Index of the first sample at or below 100 km after having been above it, or None."""
     above = np.flatnonzero(height > ENTRY_HEIGHT)
     if not len(above):
@@ -155,33 +149,30 @@ def _attitude_control(data):
     error_deg = np.degrees(pointing_error(control, data.truth))
     return {
         "propellant_kg": float(control.propellant_kg[-1]),
-        "pointing_error_deg": {"rms": rms(error_deg), "max": largest(error_deg)},
+        "pointing_error_deg": error_figures.of_sizes(error_deg),
     }
 
 
 def _navigation(data, height, entry, known):
     errors = navigation_errors(data)
-    position, velocity, attitude = (
-        np.linalg.norm(error, axis=1) for error in (errors.position_i, errors.velocity_i, errors.attitude_b)
-    )
-    attitude_deg = np.degrees(attitude)
-    ticks = len(data.truth.t_s)
+    position, velocity, attitude_deg = map(error_figures.of_sizes, error_figures.sizes(errors))
+    ticks, entry_s = len(data.truth.t_s), None if entry is None else float(data.truth.t_s[entry])
     return {
         "solution_share": len(errors.t_s) / ticks if ticks else None,
-        "position_error_m": {"rms": rms(position), "max": largest(position)},
-        "velocity_error_m_s": {"rms": rms(velocity), "max": largest(velocity)},
-        "attitude_error_deg": {"rms": rms(attitude_deg), "max": largest(attitude_deg)},
-        "star_phase": _star_phase(data, errors.t_s, position, velocity, attitude_deg),
-        "star_aided": star_aided.errors(data, errors),
-        "while_pointing": while_pointing.errors(data.truth, errors),
-        "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
-        "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
-        "beyond_sigma": [one._asdict() for one in beyond_sigma.stretches_of(data, errors)],
+        "position_error_m": position,
+        "velocity_error_m_s": velocity,
+        "attitude_error_deg": attitude_deg,
+        "star_phase": error_figures.star_phase(data, errors),
+        "star_aided": error_figures.star_aided(data, errors),
+        "while_pointing": error_figures.while_pointing(data.truth, errors),
+        "at_entry": None if entry is None else error_figures.at_entry(data, errors, entry_s, height[entry]),
+        "nees": error_figures.nees_summary(data, errors, math.inf if entry is None else entry_s),
+        "beyond_sigma": [one._asdict() for one in error_figures.beyond_sigma(data, errors)],
         **_of_own_software(data, errors, known),
         **({"measurements": sensor_use.measurements(data)} if sensor_use.flew(data) else {}),
         "instruments": instrument_use(data.gates),
         "nis": innovations.summarise(data.gates, text=data.mission.scenario_text),
-        "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry]), known),
+        "integrity": trust.trust(data, entry_s, known),
     }
 
 
@@ -191,77 +182,6 @@ def _of_own_software(data, errors, known):
         return {}
     fits = {"errors_fit": [one._asdict() for one in likely_mistakes.found(data, errors, known.scenario)]}
     return fits | ({"unknown": sensor_use.unknown(data)} if sensor_use.flew(data) else {})
-
-
-def _star_phase(data, t_s, position, velocity, attitude_deg):
-    """Errors of the star phase; None without one. t_s (N,) s of sizes (N,) m, m/s, deg"""
-    numbers, _ = star_metrics.window_frames(data)
-    times = [frame.t_valid_s for frame in data.frame_truths if frame.number in numbers]
-    inside = (
-        (t_s >= min(times) - SAME_S) & (t_s <= max(times) + SAME_S) if times else np.zeros(len(t_s), bool)
-    )
-    if not inside.any():
-        return None
-    return {
-        "from_s": float(min(times)),
-        "to_s": float(max(times)),
-        "position_rms_m": rms(position[inside]),
-        "velocity_rms_m_s": rms(velocity[inside]),
-        "attitude_rms_deg": rms(attitude_deg[inside]),
-    }
-
-
-def _at_entry(data, errors, t_s, height):
-    k = np.flatnonzero(np.abs(errors.t_s - t_s) <= SAME_S)
-    if not len(k):
-        return None
-    k = k[0]
-    times, squares, sigma = normalised_errors(data, errors)
-    before = np.flatnonzero((times <= t_s + SAME_S) & (times >= t_s - LATEST_S - SAME_S))
-    known = before[-1] if len(before) else None
-    return {
-        "t_s": float(t_s),
-        "altitude_km": float(height) / 1e3,
-        "position_error_m": float(np.linalg.norm(errors.position_i[k])),
-        "velocity_error_m_s": float(np.linalg.norm(errors.velocity_i[k])),
-        "attitude_error_deg": np.degrees(errors.attitude_b[k]).tolist(),
-        "position_sigma_m": None if known is None else float(np.linalg.norm(sigma[known, :3])),
-        "velocity_sigma_m_s": None if known is None else float(np.linalg.norm(sigma[known, 3:6])),
-        "attitude_sigma_deg": None if known is None else np.degrees(sigma[known, 6:]).tolist(),
-        "nees": None if known is None else float(squares[known]),
-    }
-
-
-def _nees_summary(data, errors, end_s):
-    nothing = {"mean": None, "dof": NEES_DOF, "samples": 0, "why": None, "times_sigma": None}
-    t_s, squares, _ = normalised_errors(data, errors)
-    known, since, why = np.isfinite(squares), star_aided.begins(data), None
-    if since is None and known.any():
-        why, since = NO_STARS, -math.inf
-        if not sensor_use.is_own(data):
-            begins = "from the first of which it counts"
-            return nothing | ({"why": f"none: {why}, {begins}"} if sensor_use.good_fixes(data) else {})
-    if since is None:
-        return nothing
-    chosen = _seconds(t_s - data.mission.start_s) & (t_s >= since) & (t_s <= end_s) & known
-    if not chosen.any():
-        return nothing
-    ratios = beyond_sigma.ratios(data, errors)[1]
-    return {
-        "mean": float(squares[chosen].mean()),
-        "dof": NEES_DOF,
-        "samples": int(chosen.sum()),
-        "why": why and f"from the start of the run, because {why}",
-        "times_sigma": {name: rms(ratio[chosen]) for name, ratio in ratios.items()},
-    }
-
-
-def _seconds(since_s):
-    """Which times (K,) since the start are at whole seconds; where none is, the first in each second."""
-    whole = np.abs(since_s - np.round(since_s)) <= SAME_S
-    if whole.any():
-        return whole
-    return np.diff(np.floor(since_s), prepend=-np.inf) > 0.0
 
 
 def _without_nan(value):

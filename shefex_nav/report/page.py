@@ -5,18 +5,18 @@ then sections in the order of the route from the flight to the solution, the sce
 """
 
 from collections import Counter
+from hashlib import file_digest
 from itertools import groupby
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav import event_words
+from shefex_nav import __version__, event_words
 from shefex_nav.files import opened, put
 from shefex_nav.records import QUANTITIES, Reason, protected
 from shefex_nav.report import (
-    beyond_sigma,
-    consistency_rows,
-    doubts,
+    error_figures,
     figures,
     html,
     likely_mistakes,
@@ -26,6 +26,7 @@ from shefex_nav.report import (
     sensor_use,
     star_metrics,
     table,
+    table_rows,
     trust,
 )
 from shefex_nav.report.configured import configured
@@ -56,8 +57,6 @@ class Run(NamedTuple):
 
 def write(path, data, log=None, glance=None):
     """Make the page of a RunData and write it in one piece. Arguments as of `page`."""
-    from pathlib import Path
-
     put(Path(path), page(data, log, glance))
 
 
@@ -87,24 +86,16 @@ def page(data, log=None, glance=None):
         f"{title}: report of a run",
         header=[element("h1", title), page_summary.lead(run), *([_at_a_glance(glance)] if glance else [])],
         sections=sections,
-        footer=f"Report of {run.log}, made by shefex_nav {_version()}.",
+        footer=f"Report of {run.log}, made by shefex_nav {__version__}.",
     )
 
 
 def _at_a_glance(figure):
     caption = "A frame with its identified stars named; the dashed line is its instant."
-    return html.picture(style.svg(figure), "glance", caption, caption, figure.get_size_inches())
-
-
-def _version():
-    from shefex_nav import __version__
-
-    return __version__
+    return style.picture(figure, "glance", caption)
 
 
 def _digest(log):
-    from hashlib import file_digest
-
     with opened(log) as file:
         return file_digest(file, "sha256").hexdigest()
 
@@ -117,8 +108,7 @@ def _figures(data):
         if figure is None:
             continue
         alt = f"{figure.texts[0].get_text()}. {entry.caption}" if figure.texts else entry.caption
-        piece = html.picture(style.svg(figure), entry.name, alt, entry.caption, figure.get_size_inches())
-        out.setdefault(entry.section, []).append(piece)
+        out.setdefault(entry.section, []).append(style.picture(figure, entry.name, entry.caption, alt))
     return out
 
 
@@ -162,8 +152,8 @@ def incidents(data):
 def _errors(data):
     """Errors far beyond their sigmas, and what those of a user's own software look like."""
     errors = navigation_errors(data)
-    for one in beyond_sigma.stretches_of(data, errors):
-        yield Incident(one.from_s, one.until_s, consistency_rows.beyond_words(one))
+    for one in error_figures.beyond_sigma(data, errors):
+        yield Incident(one.from_s, one.until_s, table_rows.beyond_words(one))
     if sensor_use.is_own(data):
         for one in likely_mistakes.found(data, errors, configured(data).scenario):
             yield Incident(one.from_s, one.until_s, f"errors fit {one.what}")
@@ -206,8 +196,8 @@ def _doubts(data):
     for quantity in QUANTITIES:
         said = protected(nav, quantity)
         limit, by_default = limits[quantity].values()
-        for doubt in doubts.WORDS:
-            text = doubts.words(doubt, quantity, limit, by_default)
+        for doubt in trust.DOUBTS:
+            text = trust.doubt_words(doubt, quantity, limit, by_default)
             for start, end in _joined(_runs(nav.t_s, said.do_not_use & (said.doubt == doubt))):
                 yield Incident(start, end, f"{quantity} not to be used: {text}")
 

@@ -4,12 +4,12 @@ import platform
 
 import numpy as np
 
-from shefex_nav import event_words
+from shefex_nav import __version__, event_words
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, local_level, requirements, sensor_use, table, trust, vouched
+from shefex_nav.report import html, local_level, requirements, sensor_use, table, trust
 from shefex_nav.report.html import element
 from shefex_nav.report.sizes import percent
-from shefex_nav.report.star_rows import rates
+from shefex_nav.report.table_rows import rates
 
 _MOST_INCIDENTS = 40
 _DASH = "–"
@@ -28,7 +28,7 @@ def lead(run):
         cut = (
             f"The flight failed: {summary['failure'].splitlines()[0]}. Everything on this page is up to then."
         )
-        parts.append(element("p", element("strong", cut), class_="verdict bad"))
+        parts.append(_strong(cut, "verdict bad"))
     elif summary["ended_early"]:
         end = (
             f"T{run.data.last_t_s:+.2f} s"
@@ -36,11 +36,11 @@ def lead(run):
             else "before its first sample of truth"
         )
         cut = f"The run was cut off: its log ends at {end}. Everything on this page is up to then."
-        parts.append(element("p", element("strong", cut), class_="verdict bad"))
+        parts.append(_strong(cut, "verdict bad"))
     elif summary["until_s"] is not None:
         cut = f"The mission was looked at until T{summary['until_s']:+.2f} s. "
         cut += "Everything on this page is up to then."
-        parts.append(element("p", element("strong", cut), class_="verdict open"))
+        parts.append(_strong(cut, "verdict open"))
     if run.limits.problem:
         told = "The scenario in the log cannot be read by this version, so its limits are not shown: "
         told += run.limits.problem
@@ -48,12 +48,23 @@ def lead(run):
     return html.join(parts)
 
 
+def _strong(words, kind):
+    """A paragraph that is seen. kind : of page.css"""
+    return element("p", element("strong", words), class_=kind)
+
+
 def summary(run, found):
     """Verdict, figures, requirements, what went wrong."""
     judged, source = judge(run)
     is_part = run.summary["ended_early"] or run.summary["until_s"] is not None
-    parts = [_verdict(judged, is_part), *_warnings(run.summary["warnings"] or ())]
-    parts += [*_told(run.summary.get("told_otherwise") or ()), _tiles(run)]
+    unfit, told = run.summary["warnings"], run.summary.get("told_otherwise")
+    parts = [_verdict(judged, is_part)]
+    if unfit:
+        parts.append(_fields("The scenario does not fit the flight:", unfit, "verdict bad"))
+    if told:
+        words = "The computer on board is told figures that are not those of the sensors:"
+        parts.append(_fields(words, told, "verdict open"))
+    parts.append(_tiles(run))
     if judged:
         rows = [
             (
@@ -67,33 +78,19 @@ def summary(run, found):
         parts.append(html.table(f"Requirements {source}", ("requirement", "required", "this run", ""), rows))
         parts += [
             element("p", f"{quantity.capitalize()}, met and not usable: {words}.")
-            for quantity, words in vouched.sentences(run.summary, judged)
+            for quantity, words in trust.vouched(run.summary, judged)
         ]
     parts.append(element("h3", "What went wrong, and when"))
     parts += [_incidents(found, bool(run.summary["navigation"].get("unknown"))), *_of_sensors(run)]
     return parts
 
 
-def _warnings(found):
-    """What the scenario gets wrong of the flight."""
-    if found:
-        words = element("strong", "The scenario does not fit the flight:")
-        yield element("div", words, _fields(found), class_="verdict bad")
-
-
-def _told(found):
-    """What the computer on board is told of its sensors and is not true."""
-    if found:
-        words = element("strong", "The computer on board is told figures that are not those of the sensors:")
-        yield element("div", words, _fields(found), class_="verdict open")
-
-
-def _fields(found):
-    """A list of fields and texts."""
+def _fields(words, found, kind):
+    """Words, and a list of fields of the scenario with what is said of each. kind : of page.css"""
     items = [
         element("li", element("code", html.breakable(one["field"])), f": {one['text']}") for one in found
     ]
-    return element("ul", *items)
+    return element("div", element("strong", words), element("ul", *items), class_=kind)
 
 
 def judge(run):
@@ -126,20 +123,18 @@ def _verdict(judged, is_part):
         so_far = ""  # what is missed for good is not missed so far
     if unseen and not missed:
         words = f"{len(unseen)} of {len(judged)} requirements not reached: {', '.join(unseen)}."
-        return element("p", element("strong", words), class_="verdict open")
+        return _strong(words, "verdict open")
     unjudged = [name for name, words in verdicts.items() if words == requirements.UNJUDGED]
     if unjudged and not missed:
         words = f"{len(unjudged)} of {len(judged)} requirements cannot be judged, {requirements.NO_LEVELS}: "
         others = f" The others are met{so_far}." if len(judged) > len(unjudged) else ""
         words = f"{words}{', '.join(unjudged)}.{others}"
-        return element("p", element("strong", words), class_="verdict open")
+        return _strong(words, "verdict open")
     if not missed:
         which = "The requirement is met" if len(judged) == 1 else f"All {len(judged)} requirements are met"
-        return element(
-            "p", element("strong", f"{which}{so_far}."), class_="verdict open" if so_far else "verdict"
-        )
+        return _strong(f"{which}{so_far}.", "verdict open" if so_far else "verdict")
     words = f"{len(missed)} of {len(judged)} requirements not met{so_far}: {', '.join(missed)}."
-    return element("p", element("strong", words), class_="verdict bad")
+    return _strong(words, "verdict bad")
 
 
 def _tiles(run):
@@ -314,15 +309,12 @@ def _entry_table(entry):
 def origin(run):
     """Where all this comes from: versions, machine-made figures, the scenario."""
     import matplotlib
-    from numpy import __version__ as numpy_version
-
-    from shefex_nav import __version__
 
     mission = run.data.mission
     versions = {
         "shefex_nav": __version__,
         "Python": platform.python_version(),
-        "NumPy": numpy_version,
+        "NumPy": np.__version__,
         "matplotlib": matplotlib.__version__,
     }
     rows = [

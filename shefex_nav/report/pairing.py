@@ -1,4 +1,4 @@
-"""Records of one instant, found in two sorted arrays of times; samples of one kind that follow each other."""
+"""Records of one instant, found in two sorted arrays of times; samples that follow each other; some rows."""
 
 import numpy as np
 
@@ -21,6 +21,11 @@ def stretches(flags):
     """Runs of flagged samples: list of (first, end), the end behind the last one. (n,) bool"""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]]))).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def at_rows(record, rows):
+    """A record of arrays with some of its rows; what it does not have, None, stays so."""
+    return record._make(None if one is None else np.ascontiguousarray(one[rows]) for one in record)
 
 
 def is_partly_true(data):

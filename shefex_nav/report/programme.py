@@ -12,18 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.report import (
-    air_on_board,
-    gps_limits,
-    imu_range,
-    lasting,
-    odd_parts,
-    star_field,
-    star_light,
-    star_sight,
-    unmeasured,
-    unseen,
-)
+from shefex_nav.environment import ephemeris
+from shefex_nav.report import air_on_board, lasting, odd_parts, sensor_limits, star_light, star_sight, unseen
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
 from shefex_nav.scenario import lens
@@ -49,8 +39,8 @@ class Flown(NamedTuple):
     events: tuple  # of Event
     astray_deg: float  # largest pointing error in the phases POINTING; 0 if there was none
     end_s: float  # of what is known of it
-    motion: imu_range.Motion | None = None  # None: not known
-    track: gps_limits.Track | None = None  # likewise
+    motion: sensor_limits.Motion | None = None  # None: not known
+    track: sensor_limits.Track | None = None  # likewise
     sight: star_sight.Sight | None = None  # likewise
     pushed: lasting.Pushed | None = None  # None: not known, or hardly any
     turned: np.ndarray | None = None  # likewise, of `lasting.turned`
@@ -68,28 +58,27 @@ class _Moments(NamedTuple):
 
 def of_flight(flight):
     """Flown of a world.flight.fly.Flight, before any sensor has seen it."""
-    trajectory = flight.trajectory
-    moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
-    track = gps_limits.track(trajectory.t_s, trajectory.r_i, trajectory.v_i)
-    astray = astray_deg(flight.control, trajectory)
-    sight = star_sight.sight(trajectory.t_s, trajectory.q_ib, trajectory.r_i)
-    pushed = lasting.pushed(trajectory)
-    end_s, turned = float(trajectory.t_s[-1]), lasting.turned(trajectory)
-    return Flown(flight.events, astray, end_s, moved, track, sight, pushed, turned)
+    truth = flight.trajectory
+    return Flown(flight.events, astray_deg(flight.control, truth), float(truth.t_s[-1]), *_of_truth(truth))
 
 
 def of_data(data):
     """Flown of a RunData."""
-    truth, moved, track, sight, pushed, turned = data.truth, None, None, None, None, None
-    if len(truth.t_s):
-        moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
-        track = gps_limits.track(truth.t_s, truth.r_i, truth.v_i)
-        sight = star_sight.sight(truth.t_s, truth.q_ib, truth.r_i)
-        pushed, turned = lasting.pushed(truth), lasting.turned(truth)
-    astray = astray_deg(data.control, truth)
-    is_part = data.ended_early or data.until_s is not None
-    end_s = float(data.last_t_s)
-    return Flown(tuple(data.events), astray, end_s, moved, track, sight, pushed, turned, is_part)
+    truth, is_part = data.truth, data.ended_early or data.until_s is not None
+    known = _of_truth(truth) if len(truth.t_s) else ()
+    astray, end_s = astray_deg(data.control, truth), float(data.last_t_s)
+    return Flown(tuple(data.events), astray, end_s, *known, is_part=is_part)
+
+
+def _of_truth(truth):
+    """`motion` to `turned` of Flown. Trajectory or TruthSample of arrays"""
+    return (
+        sensor_limits.motion(truth.t_s, truth.omega_ib_b, truth.f_b),
+        sensor_limits.track(truth.t_s, truth.r_i, truth.v_i),
+        star_sight.sight(truth.t_s, truth.q_ib, truth.r_i),
+        lasting.pushed(truth),
+        lasting.turned(truth),
+    )
 
 
 def astray_deg(control, truth):
@@ -166,25 +155,24 @@ def _by_flight(scenario, flown):
         found += _of_programme(scenario, flown)
     elif scenario.orbit is not None:
         found += _of_sight(scenario, flown)
+    said = []  # (path, text)
     if flown.motion is not None:
-        for limits in (imu_range.beyond, imu_range.coarse):
-            found += [Warned(path, text) for path, text in limits(scenario.imu, flown.motion)]
-        found += [Warned(*one) for one in star_sight.turning(scenario, flown.motion)]
+        said += sensor_limits.beyond(scenario.imu, flown.motion)
+        said += sensor_limits.coarse(scenario.imu, flown.motion)
+        said += star_sight.turning(scenario, flown.motion)
     if flown.track is not None:
-        found += [Warned(path, text) for path, text in gps_limits.beyond(scenario.gps, flown.track)]
+        said += sensor_limits.beyond_gps(scenario.gps, flown.track)
     if text := lasting.words(scenario, flown):
-        found.append(Warned(("navigation", "states"), text))
+        said.append((("navigation", "states"), text))
     if text := air_on_board.words(scenario, flown):
-        found.append(Warned(("atmosphere", "model"), text))
-    for never in (unseen, unmeasured):
-        found += [Warned(*one) for one in never.found(scenario, flown)]
-    return found
+        said.append((("atmosphere", "model"), text))
+    said += unseen.found(scenario, flown)
+    said += unseen.never_met(scenario, flown)
+    return [*found, *(Warned(*one) for one in said)]
 
 
 def _of_epoch(epoch_utc):
     """A day whose leap seconds are not known: list of Warned."""
-    from shefex_nav.environment import ephemeris
-
     if ephemeris.is_utc_known(epoch_utc):
         return []
     words = "leap seconds of that year are not known, and those of today are taken: sky and Earth are"
@@ -219,11 +207,8 @@ def _of_sight(scenario, flown):
     if flown.sight is None:
         return []
     looks = [(name, task) for name, task in scenario.tasks if task.task in LOOKING]
-    return [
-        Warned(path, text)
-        for told in (star_sight.excluded, star_field.poor)
-        for path, text in told(scenario, flown.sight, looks)
-    ]
+    told = *star_sight.excluded(scenario, flown.sight, looks), *star_sight.poor(scenario, flown.sight, looks)
+    return [Warned(*one) for one in told]
 
 
 def _moments(flown):
@@ -365,9 +350,9 @@ def _on_the_way_up(scenario, flown):
         return
     if flown.track is None:
         return
-    heights_km, t_s = 1e-3 * gps_limits.heights(flown.track), flown.track.t_s
+    heights_km, t_s = 1e-3 * sensor_limits.heights(flown.track), flown.track.t_s
     above = np.flatnonzero(heights_km >= AIR_KM)
-    if len(above) and tracker.on < t_s[above[0]] - gps_limits.STEP_S:
+    if len(above) and tracker.on < t_s[above[0]] - sensor_limits.STEP_S:
         height_km = float(np.interp(tracker.on, t_s, heights_km))
         words = f"{tracker.on:g} s is on the way up, at {height_km:.1f} km: {LOOKS}; switch it on above"
         yield Warned(("star_tracker", "on"), f"{words} {AIR_KM:.0f} km, from T{t_s[above[0]]:+.0f} s on")

@@ -309,6 +309,11 @@ def _kept(found, limit, word):
     return bool(found <= limit if word == "at most" else found >= limit)
 
 
+def name_of(name):
+    """A requirement in words."""
+    return name.replace("_", " ")
+
+
 def words(name, limit, unit):
     """A requirement for people: `at most 0.17 deg`."""
     word = MEASURES[name].word

@@ -48,9 +48,8 @@ class Light(NamedTuple):
 def of(scenario):
     """Light of a Scenario; raises CatalogueError where no catalogue can be made."""
     camera, tracker = settings(scenario.star_camera), settings(scenario.star_tracker)
-    chip, optics = camera.detector, camera.optics
-    half = [0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows)]
-    share = _solid_angle(*half) / SPHERE
+    chip = camera.detector
+    half, share = _field(camera)
     year = ephemeris.julian_year(scenario.mission.epoch)
     catalogue.check_deepest(tracker)
     known = _known(tracker.catalogue, year)
@@ -91,11 +90,6 @@ def _brighter(system, magnitude, drawn_to):
 def _check_pairs(of_catalogue, julian_year, max_angle):
     """CatalogueError where a field of view [rad] has no pairs of stars. of_catalogue : settings.Catalogue"""
     catalogue.pair_table(_known(of_catalogue, julian_year), max_angle)
-
-
-def _solid_angle(x, y):
-    """Of a rectangle of half sides x, y at the distance 1, sr."""
-    return 4.0 * math.asin(x * y / math.sqrt((1.0 + x * x) * (1.0 + y * y)))
 
 
 def _faintest(camera, tracker):
@@ -169,7 +163,7 @@ def notes(scenario):
         words = f"the star tracker knows stars to {band} {known_to:g}"
         words += f", {seen.in_field:.0f} in the field on average"
         if deep > known_to:
-            more = _solid_angle_share(scenario) * _brighter(band, deep, LISTED)
+            more = _field(scenario.star_camera)[1] * _brighter(band, deep, LISTED)
             lines.append(
                 f"star_tracker.catalogue.faintest: {words}; {deep:.1f} mag knows {more:.0f}, or "
                 f"star_tracker.identification.deepest: {deep:.1f} mag names them once a frame is identified"
@@ -181,8 +175,8 @@ def notes(scenario):
     return lines
 
 
-def _solid_angle_share(scenario):
-    """Part of the sky in the field of view."""
-    chip, optics = scenario.star_camera.detector, scenario.star_camera.optics
-    half = (0.5 * n * chip.pixel_size / optics.focal_length for n in (chip.columns, chip.rows))
-    return _solid_angle(*half) / SPHERE
+def _field(camera):
+    """Half sides of the field of view at the distance 1, and its part of the sky. Camera -> (x, y), float"""
+    chip = camera.detector
+    x, y = (0.5 * n * chip.pixel_size / camera.optics.focal_length for n in (chip.columns, chip.rows))
+    return (x, y), 4.0 * math.asin(x * y / math.sqrt((1.0 + x * x) * (1.0 + y * y))) / SPHERE

@@ -5,19 +5,30 @@ turns so while the star tracker is on (`turning`).
 
 Frames within the exclusion angles are taken and tried all the same, and are not of the star tracker's window.
 So a programme that points the camera there has a star tracker that counts nothing.
+
+And how many stars that the star tracker knows are in its field then (`poor`)? The sky is not the same
+everywhere: a field that holds six stars of the catalogue on average has one or none in many places, and no
+attitude comes of it. `star_light` has the average, this the way that is flown.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment import ephemeris, stars
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard.startracker import catalogue
+from shefex_nav.report import star_light
+from shefex_nav.scenario import lens, params
 from shefex_nav.scenario.software import BUILT_IN
+from shefex_nav.world.camera.optics import SUN_RADIUS
 
 TURNS = "point", "point_inertial", "point_nadir"  # kinds of tasks that turn the star camera elsewhere
 STEP_S = 1.0
 SHARE = 0.3  # of the time: a slew that begins near the Sun is not told
 IN_ORBIT = 0.7  # for the Earth: each direction that a vehicle in orbit holds meets its limb for a while
+CATALOGUE_STEP = 0.1  # mag, of the catalogues that are tried
 
 
 class Sight(NamedTuple):
@@ -45,8 +56,6 @@ def pointed(scenario, seen, looks):
 
 def angles(seen, C_bc, sun_i, earth):
     """Angles of the boresight to the Sun and to the Earth's limb, (N,) rad each; to a hidden Sun pi."""
-    from shefex_nav.world.camera.optics import SUN_RADIUS
-
     found = []
     for t_s, q_ib, r_i in zip(*seen, strict=True):
         boresight_i, C_ei = rotation.dcm_from_quat(q_ib) @ C_bc[:, 2], frames.dcm_ie(earth, t_s).T
@@ -62,9 +71,7 @@ def excluded(scenario, seen, looks):
 
     seen : Sight;  looks : of (name, task) in which the star camera is pointed, slews included
     """
-    from shefex_nav.environment import ephemeris
     from shefex_nav.prepare import earth_rotation
-    from shefex_nav.scenario import params
 
     stray, during = scenario.star_camera.stray_light, pointed(scenario, seen, looks)
     if not (scenario.star_tracker.enabled and len(during.t_s)):
@@ -100,7 +107,7 @@ def too_fast(scenario):
 def turning(scenario, moved):
     """Warnings: (path in the scenario, text) of a star tracker that is on while the vehicle turns too fast.
 
-    moved : imu_range.Motion, the largest rates of each second
+    moved : sensor_limits.Motion, the largest rates of each second
     """
     tracker = scenario.star_tracker
     if not tracker.enabled or tracker.software != BUILT_IN or any(too_fast(scenario)):
@@ -135,3 +142,66 @@ def _words(what, t_s, angle, limit, inside):
         f"on, it looks within {np.degrees(limit):.0f} deg of {what}, at T{t_s[k]:+.0f} s {nearest}: "
         "such frames are not of the window; point it elsewhere"
     )
+
+
+def poor(scenario, seen, looks):
+    """Warnings: (path in the scenario, text) where the field has too few stars for an attitude.
+
+    seen : Sight;  looks : of (name, task) in which the star camera is pointed, slews included
+    """
+    tracker = scenario.star_tracker
+    during = pointed(scenario, seen, looks)
+    if not (tracker.enabled and tracker.software == BUILT_IN and len(during.t_s)):
+        return
+    light, wanted = star_light.of(scenario), tracker.identification.fewest_stars
+    if light.found < wanted:
+        return  # `star_light` has said so of the whole sky
+    known = star_light.known(scenario)
+    count = counts(scenario, during, known.u_i[known.vmag <= light.faintest])
+    few = count < wanted
+    if few.mean() <= SHARE:
+        return
+    k = int(np.argmin(count))
+    seconds = few.size * float(np.median(np.diff(during.t_s))) if few.size > 1 else 0.0
+    part = "all of" if few.all() else f"{100.0 * few.mean():.0f} % of"
+    of = f"{tracker.catalogue.system} {tracker.catalogue.faintest:g} or brighter"
+    words = (
+        f"for {part} the {seconds:.0f} s in which the star camera is pointed and its tracker is on, fewer "
+        f"than {wanted} of the stars that it knows ({of}) are in its field, at T{during.t_s[k]:+.0f} s "
+        f"{count[k]}: that gives no attitude"
+    )
+    name = aims(looks, float(np.median(during.t_s[few])))
+    yield ("programme", name), f"{words}; {_way_out(scenario, during, light.faintest, wanted)}"
+
+
+def counts(scenario, seen, u_i):
+    """How many of some stars are in the field of view at each instant, (N,). u_i : (n, 3)"""
+    width, height, _ = lens.field_of_view_deg(scenario.star_camera)
+    half = [math.tan(math.radians(0.5 * one)) for one in (width, height)]
+    C_bc, found = params.mounting(scenario), []
+    for q_ib in seen.q_ib:
+        x, y, z = (u_i @ (rotation.dcm_from_quat(q_ib) @ C_bc)).T
+        found.append(np.count_nonzero((z > 0.0) & (np.abs(x) < half[0] * z) & (np.abs(y) < half[1] * z)))
+    return np.array(found, dtype=int)
+
+
+def _way_out(scenario, pointed, faintest, wanted):
+    """What to change: the magnitude to which the catalogue has enough along the whole way, if any."""
+    of_catalogue, elsewhere = scenario.star_tracker.catalogue, "point it elsewhere, or take a wider field"
+    if of_catalogue.kind != "magnitude_limited":
+        return elsewhere
+    band = of_catalogue.system
+    sky = stars.at_epoch(
+        stars.load_catalogue(star_light.LISTED), ephemeris.julian_year(scenario.mission.epoch)
+    )
+    magnitudes = catalogue.magnitudes(sky, band)
+    ends = faintest, catalogue.SILICON_TO if band == "silicon" else star_light.LISTED
+    drawn = sky.vmag <= scenario.star_camera.stars.faintest
+    for limit in np.arange(
+        of_catalogue.faintest + CATALOGUE_STEP, min(ends) + 0.5 * CATALOGUE_STEP, CATALOGUE_STEP
+    ):
+        least = counts(scenario, pointed, sky.u_i[drawn & (magnitudes <= limit)]).min()
+        if least > wanted:
+            key = "star_tracker.catalogue.faintest"
+            return f"write {key}: {limit:.1f} mag ({least} at least), {elsewhere}"
+    return elsewhere

@@ -4,20 +4,15 @@ from rich.text import Text
 
 from shefex_nav import event_words
 from shefex_nav.log.topics import SMOOTHED
-from shefex_nav.records import QUANTITIES, Doubt
-from shefex_nav.report import columns, consistency_rows, doubts, innovations, local_level, requirements, trust
-from shefex_nav.report.consistency_rows import TOO_SURE as TOO_SURE
+from shefex_nav.records import QUANTITIES
+from shefex_nav.report import columns, innovations, local_level, requirements, table_rows, trust
 from shefex_nav.report.sizes import number, percent
-from shefex_nav.report.star_rows import star_rows
-from shefex_nav.report.vouched import sentences
 
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
     ("range", "range_km", 1, "km"),
     ("highest speed", "max_speed_m_s", 0, "m/s"),
 )
-
-
 _ERRORS = (
     ("position error", "position_error_m", 1, "m"),
     ("velocity error", "velocity_error_m_s", 3, "m/s"),
@@ -43,13 +38,15 @@ def rows(summary, judged=()):
     if summary["attitude_control"]:
         yield "attitude control", _control_rows(summary["attitude_control"])
     own = summary["software"]
-    yield "star tracker", [*_own_rows(own, "star_tracker"), *star_rows(summary["star_tracker"])]
+    yield "star tracker", [*_own_rows(own, "star_tracker"), *table_rows.star_rows(summary["star_tracker"])]
     of = "computer" if "computer" in own else "navigation"
     smoothed = _smoothed_rows(summary["scenario"])
     yield "navigation", [*_own_rows(own, of), *_navigation_rows(summary["navigation"]), *smoothed]
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
-        both = [(f"{quantity}, met and not usable", words) for quantity, words in sentences(summary, judged)]
+        both = [
+            (f"{quantity}, met and not usable", words) for quantity, words in trust.vouched(summary, judged)
+        ]
         yield "requirements", [*_requirement_rows(judged, is_part), *both]
     if told := summary.get("told_otherwise"):
         lines = [(one["field"].removeprefix("navigation.told."), one["text"]) for one in told]
@@ -132,14 +129,14 @@ def _navigation_rows(navigation):
         if navigation[key]["rms"] is not None:  # without truth there are none
             yield name, _pair(navigation[key], digits, unit)
     aided = navigation.get("star_aided")
-    if aided and consistency_rows.uses_stars(navigation):
+    if aided and table_rows.uses_stars(navigation):
         words = f"{_pair(aided['attitude_deg'], 3, 'deg')}, T{aided['from_s']:+.1f} s to the end"
         yield "after two star fixes", words
     if pointing := navigation.get("while_pointing"):
         sizes = (("position_m", 1, "m"), ("velocity_m_s", 3, "m/s"), ("attitude_deg", 3, "deg about an axis"))
         largest = (number(pointing[key]["max"], digits, unit) for key, digits, unit in sizes)
         when = f"T{pointing['from_s']:+.0f} to {pointing['to_s']:+.0f} s"
-        early = aided and consistency_rows.uses_stars(navigation) and pointing["from_s"] < aided["from_s"]
+        early = aided and table_rows.uses_stars(navigation) and pointing["from_s"] < aided["from_s"]
         early = f", star fixes since T{aided['from_s']:+.1f} s" if early else ""
         yield "while pointing", f"at most {', '.join(largest)}; {when}{early}"
     entry = navigation["at_entry"]
@@ -153,7 +150,7 @@ def _navigation_rows(navigation):
                 f"attitude x, y, z {axes} deg"
             ),
         )
-    yield from consistency_rows.of_sensors(navigation)
+    yield from table_rows.of_sensors(navigation)
     for name, counts in navigation.get("instruments", {}).items():
         words = f"{counts['used']} of {counts['readings']} readings used"
         doubtful = 2 * counts["used"] < counts["readings"]
@@ -162,7 +159,7 @@ def _navigation_rows(navigation):
     if navigation.get("position_rms_ned_m"):
         yield from _level_rows(navigation)
     yield from innovations.rows(navigation.get("nis") or {})
-    yield from consistency_rows.rows(navigation)
+    yield from table_rows.consistency_rows(navigation)
 
 
 def _smoothed_rows(scenario):
@@ -189,8 +186,7 @@ def _integrity_rows(integrity):
     yield from loss_rows(integrity["noticed"])
     faults = _joined(integrity["noticed"])
     for entry in faults[:MOST_FAULTS]:
-        until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
-        yield entry["source"].replace("_", " "), f"T{entry['from_s']:+.1f} s to {until}: {entry['reason']}"
+        yield _noticed_row(entry)
     if len(faults) > MOST_FAULTS:
         yield "and", f"{len(faults) - MOST_FAULTS} more, see --json"
 
@@ -234,24 +230,18 @@ LEVELS = {  # quantity: key of its levels, how they are shown
 def _entry_words(quantity, one):
     """Whether a quantity may be used at entry, and its protection level. one : of the integrity"""
     (key, form), entry = LEVELS[quantity], one["at_entry"]
-    words = "usable" if entry["usable"] else f"do not use: {_doubt(quantity, entry['doubt'], one)}"
+    words = "usable" if entry["usable"] else f"do not use: {trust.doubt_of(quantity, entry['doubt'], one)}"
     known = None not in entry[key]
     if quantity == "attitude" and known and max(entry[key]) > HALF_TURN_DEG:
         known = False  # no attitude is farther off
     return f"{words}, protection level {form.format(*entry[key]) if known else 'unknown'}"
 
 
-def _doubt(quantity, name, one):
-    """A Doubt about a quantity, for people. one : of the summary's integrity"""
-    limit = one.get(f"limit_{trust.UNITS[quantity][0]}")
-    return doubts.words(Doubt[name.upper()], quantity, limit, one.get("limit_by_default", False))
-
-
 def _doubts(quantity, one):
     """Why a quantity was not usable: the two reasons that held longest."""
     longest = sorted(one["doubts"].items(), key=lambda one: -one[1])[:2]
     longest = [(name, share) for name, share in longest if share >= 5e-4]
-    reasons = [f"{100.0 * share:.1f} %, {_doubt(quantity, name, one)}" for name, share in longest]
+    reasons = [f"{100.0 * share:.1f} %, {trust.doubt_of(quantity, name, one)}" for name, share in longest]
     return f"; not usable: {'; '.join(reasons)}" if reasons else ""
 
 
@@ -330,15 +320,17 @@ def loss_rows(noticed):
     for entry in noticed:
         if is_loss(entry):
             by_source.setdefault(entry["source"], []).append(entry)
-    for source, lost in by_source.items():
-        lasting = [one for one in lost if one["until_s"] is None or _seconds(one) >= LASTING_S]
-        for one in lasting:
-            end = "the end" if one["until_s"] is None else f"T{one['until_s']:+.1f} s"
-            yield source.replace("_", " "), f"T{one['from_s']:+.1f} s to {end}: {one['reason']}"
+    for lost in by_source.values():
+        lasting = [
+            one for one in lost if one["until_s"] is None or one["until_s"] - one["from_s"] >= LASTING_S
+        ]
+        yield from map(_noticed_row, lasting)
 
 
-def _seconds(entry):
-    return entry["until_s"] - entry["from_s"]
+def _noticed_row(entry):
+    """(source, words) of an entry of `trust.noticed`."""
+    until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
+    return entry["source"].replace("_", " "), f"T{entry['from_s']:+.1f} s to {until}: {entry['reason']}"
 
 
 # ----------------------------------------------------------------------------------------------------------

@@ -25,13 +25,45 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import QUANTITIES, Doubt, protected
-from shefex_nav.report import doubts, local_level
+from shefex_nav.report import local_level
 from shefex_nav.report.configured import NOTHING
 from shefex_nav.report.pairing import same_times, stretches
+from shefex_nav.report.sizes import number
 
 TIME_TO_ALERT_S = 1.0  # [E] an error that is over sooner has misled nobody
-SHOWN = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
-UNITS = {name: (unit.replace("/", "_"), factor) for name, (unit, factor) in doubts.UNITS.items()}
+SELDOM = 0.05  # share of the time; usable for less is hardly usable
+DOUBTS = {
+    Doubt.LEVEL: "protection level above {limit}",
+    Doubt.CONTRADICTED: "contradicted by a sensor",
+    Doubt.IMU: "the IMU does not measure the motion",
+    Doubt.SOFTWARE: "the navigation software says so",
+}
+SHOWN = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("deg", math.degrees(1.0))}  # of SI
+UNITS = {name: (unit.replace("/", "_"), factor) for name, (unit, factor) in SHOWN.items()}
+
+
+def doubt_words(doubt, quantity, limit=None, by_default=False):
+    """A Doubt about a quantity, for people.
+
+    limit : of its protection level, m, m/s or deg; None: not known
+    by_default : whether the scenario says nothing of it
+    """
+    return DOUBTS.get(doubt, Doubt(doubt).name.lower()).format(
+        limit=_limit_words(quantity, limit, by_default)
+    )
+
+
+def doubt_of(quantity, name, one):
+    """The Doubt of a name about a quantity, for people. one : of the quantity, in the summary's integrity"""
+    limit = one.get(f"limit_{UNITS[quantity][0]}")
+    return doubt_words(Doubt[name.upper()], quantity, limit, one.get("limit_by_default", False))
+
+
+def _limit_words(quantity, limit, by_default):
+    key = f"requirements.{quantity}.limit"
+    if limit is None:
+        return key
+    return f"{limit:.4g} {SHOWN[quantity][0]} ({key}{', by default' if by_default else ''})"
 
 
 class Compared(NamedTuple):
@@ -175,3 +207,48 @@ def noticed(health):
             found.append(entry)
             open_[record.source] = entry
     return found
+
+
+def vouched(summary, judged):
+    """(quantity, sentence) of each quantity with a met requirement that is not usable when it counts.
+
+    summary : of `metrics.summarise`;  judged : of requirements.Judged. Both are true: the truth says how
+    large an error is, the computer on board what it can vouch for. A protection level is so many sigmas as
+    the integrity risk asks, and what a fault that nobody has noticed may add (decision 0014).
+    """
+    nav = summary["navigation"]
+    if nav["integrity"] is None:
+        return
+    met = {one.name for one in judged if one.passed and one.found is not None}
+    for quantity in QUANTITIES:
+        one = nav["integrity"][quantity]
+        entry = one["at_entry"] if f"{quantity}_at_entry" in met else None
+        if entry is not None and not entry["usable"]:
+            yield quantity, _vouched(quantity, one, entry, nav["at_entry"])
+        elif one["usable_share"] < SELDOM and met & {f"{quantity}_at_entry", f"{quantity}_while_pointing"}:
+            yield quantity, _vouched(quantity, one)
+
+
+def _vouched(quantity, one, entry=None, errors=None):
+    """one, entry : of the integrity, the latter where it is not usable then;  errors : at entry"""
+    name = entry["doubt"] if entry else max(one["doubts"], key=one["doubts"].get)
+    why = doubt_of(quantity, name, one)
+    when = "At entry" if entry else f"For {100.0 * one['doubts'][name]:.1f} % of the time"
+    said = f"both are true: the error was small, but the computer on board cannot vouch for it. {when}: {why}"
+    if name != Doubt.LEVEL.name.lower():
+        return said
+    size = _level_at_entry(quantity, entry, errors) if entry else ""
+    return (
+        f"{said}{size}. A level is as many sigmas as requirements.integrity_risk asks, and what an unnoticed "
+        f"fault may add: make sigma smaller, or requirements.{quantity}.limit larger"
+    )
+
+
+def _level_at_entry(quantity, entry, errors):
+    """The largest protection level at entry, and of an attitude the largest sigma beside it."""
+    levels, unit = entry[f"protection_{UNITS[quantity][0]}"], SHOWN[quantity][0]
+    if None in levels:
+        return ""
+    sigmas = errors["attitude_sigma_deg"] if quantity == "attitude" else None
+    beside = f", with a sigma of {number(max(sigmas), 3, unit)}" if sigmas else ""
+    return f": {number(max(levels), 3, unit)}{beside}"

@@ -17,8 +17,8 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.errors import UserError
-from shefex_nav.report import imu_range, odd_parts
-from shefex_nav.report.pairing import stretches
+from shefex_nav.report import odd_parts, sensor_limits
+from shefex_nav.report.pairing import at_rows, stretches
 from shefex_nav.report.programme import Warned, of_parts
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.scenario import params, thrust
@@ -90,16 +90,9 @@ def rail_exit_speed(flight, earth):
     """m/s relative to the Earth, between the two samples around the end of the rail."""
     t_s, exit_s = flight.trajectory.t_s, at(flight, "rail_exit")
     k = int(np.searchsorted(t_s, exit_s))
-    rows = _rows(flight.trajectory, slice(k - 1, k + 1))
+    rows = at_rows(flight.trajectory, slice(k - 1, k + 1))
     speeds = np.linalg.norm(earth_fixed(earth, rows).v_e, axis=1)
     return float(np.interp(exit_s, rows.t_s, speeds))
-
-
-def _rows(trajectory, chosen):
-    """A trajectory at some of its samples."""
-    return trajectory._make(
-        None if values is None else np.ascontiguousarray(values[chosen]) for values in trajectory
-    )
 
 
 def _wind(given):
@@ -115,7 +108,7 @@ def _profile(flight, configurations, earth):
     """Profile of a flight."""
     every = flight.trajectory
     step = max(1, round(1.0 / (RATE * (every.t_s[1] - every.t_s[0]))))
-    rows = _rows(every, slice(int(np.searchsorted(every.t_s, 0.0)), None, step))
+    rows = at_rows(every, slice(int(np.searchsorted(every.t_s, 0.0)), None, step))
     dropped, found = _over(flight, configurations, rows)
     return Profile(
         t_s=rows.t_s, phase=rows.phase, height=earth_fixed(earth, rows).height, configuration=dropped,
@@ -136,7 +129,7 @@ def _over(flight, configurations, rows):
     for k, one in enumerate(configurations):
         part = dropped == k
         if part.any():
-            for name, values in _of_configuration(one, _rows(rows, part)).items():
+            for name, values in _of_configuration(one, at_rows(rows, part)).items():
                 found[name][part] = values
     found["drag"] += _parachute(flight, configurations[0].parachute, rows)
     return dropped, found
@@ -230,7 +223,7 @@ def summary(looked):
 
 def _largest(looked):
     """Loads by all samples of the flight: what lasts some hundredths of a second is missed by the Profile."""
-    rows = _rows(looked.flight.trajectory, looked.flight.trajectory.t_s >= 0.0)
+    rows = at_rows(looked.flight.trajectory, looked.flight.trajectory.t_s >= 0.0)
     _, found = _over(looked.flight, looked.configurations, rows)
     return {
         "largest_thrust_n": float(rows.thrust_n.max()),
@@ -312,8 +305,8 @@ def warnings(looked):
         words += f", and stays within {100 * NEAR:.0f} % of it for {stays:.1f} s; angles of attack grow there"
         found.append(Warned(_spinning(looked, t), words))
     trajectory = looked.flight.trajectory
-    moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
-    for limits in (imu_range.beyond, imu_range.coarse):
+    moved = sensor_limits.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
+    for limits in (sensor_limits.beyond, sensor_limits.coarse):
         found += [Warned(path, text) for path, text in limits(scenario.imu, moved)]
     return tuple(found)
 

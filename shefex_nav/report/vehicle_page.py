@@ -1,5 +1,9 @@
 """The vehicle of a scenario on one page, and as a table for people."""
 
+from io import BytesIO
+
+import numpy as np
+
 from shefex_nav.files import put
 from shefex_nav.report import columns, html, vehicle
 from shefex_nav.report.figures import style
@@ -75,7 +79,7 @@ def write(path, looked, summary):
         _write_png(path, drawn)
         return
     pictures = [
-        html.picture(style.svg(figure), f"vehicle-{k}", caption, caption, figure.get_size_inches())
+        style.picture(figure, f"vehicle-{k}", caption)
         for k, (figure, caption) in enumerate(zip(drawn, CAPTIONS, strict=True))
     ]
     lines, before = [], None
@@ -97,14 +101,9 @@ def write(path, looked, summary):
 
 def _write_png(path, drawn):
     """Figures of one width, one below the other."""
-    from io import BytesIO
-
-    import numpy as np
     from matplotlib import image
 
-    parts = []
-    for figure in drawn:
-        parts.append(image.imread(BytesIO(style.png(figure)))[..., :3])
+    parts = [image.imread(BytesIO(style.png(figure)))[..., :3] for figure in drawn]
     width = min(part.shape[1] for part in parts)
     stream = BytesIO()
     image.imsave(stream, np.vstack([part[:, :width] for part in parts]), format="png")

@@ -17,7 +17,7 @@ from shefex_nav.log import thinning
 from shefex_nav.log.checked import MOST_DIGITS
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.steady import Reached
-from shefex_nav.log.topics import LogError, RunSummary
+from shefex_nav.log.topics import LogError, RunSummary, check_folder
 from shefex_nav.pacing import SLOWEST, Pace
 from shefex_nav.records import TruthSample
 from shefex_nav.runs.room import Room
@@ -136,8 +136,6 @@ def _warned(scenario, flight):
 
 def _place(log):
     """Folder of a log that nobody has named, or None, and the path of the log; LogError without a folder."""
-    from shefex_nav.log.topics import check_folder
-
     if not log:
         folder = Folder()
         return folder, folder.path / LOG_NAME

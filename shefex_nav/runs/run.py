@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.log import mcap_file, reader
+from shefex_nav.log import mcap_file, other_solutions, reader
 from shefex_nav.log.run_data import stack
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import Event, GpsFix, ImuBlock, NavSolution, Reason, StarFix, TruthSample
@@ -172,8 +172,6 @@ class Run:
         log : path of the copy, which must not exist
         Raises LogError.
         """
-        from shefex_nav.log import other_solutions
-
         if not other.filter:
             raise LogError(f"{other!r} has no other filter's solution; expected a Run of with_solution")
         if not _is_one_flight(self.data, other.data):

@@ -14,7 +14,7 @@ from shefex_nav import prepare
 from shefex_nav.onboard.navigation import momentary, state
 from shefex_nav.onboard.navigation.laws import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL
-from shefex_nav.report.nees import nees as normalised
+from shefex_nav.report.navigation_errors import nees as normalised
 from shefex_nav.verify import flown, linear, nees
 from shefex_nav.verify.flown import BLOCKS, N_CORE, PHASES
 

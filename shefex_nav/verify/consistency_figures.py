@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.report.figures import style
-from shefex_nav.report.nees import nees as normalised
+from shefex_nav.report.navigation_errors import nees as normalised
 from shefex_nav.verify import nees
 from shefex_nav.verify.flown import BLOCKS, PHASES
 

@@ -16,8 +16,7 @@ from shefex_nav.environment.gravity import from_normalised, gravity_e
 from shefex_nav.geometry import wgs84
 from shefex_nav.geometry.frames import EarthRotation, dcm_ie, ecef_from_inertial, inertial_from_ecef
 from shefex_nav.geometry.rotation import cross, dcm_from_quat, quat_from_dcm, rows
-from shefex_nav.verify.cases import EARTH
-from shefex_nav.verify.vehicles import sections
+from shefex_nav.verify.vehicles import EARTH, sections
 from shefex_nav.world.flight import attitude_program, control, dynamics, integrate
 from shefex_nav.world.flight.surroundings import Rail, World
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report.navigation_errors import chi2_bounds
 
 RESAMPLED = 20000  # means of n histories in one field, of which the quantiles are taken
 

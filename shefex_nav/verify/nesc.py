@@ -1,15 +1,23 @@
 """The NESC check-cases: find them, fly them, compare.
 
-In: a folder. Out: `Flown` per case, and the whole as plain numbers for JSON.
+In: a folder. Out: `Flown` per case, and the whole as a table for people and as plain numbers for JSON.
 """
 
 from typing import NamedTuple
 
+from rich.text import Text
+
+from shefex_nav.report import columns
 from shefex_nav.verify import compare, data, daveml, flight
-from shefex_nav.verify.cases import CASES, NOTES
-from shefex_nav.verify.vehicles import MODELS
+from shefex_nav.verify.vehicles import CASES, MODELS, NOTES
 
 F16 = ("11", "12", "13", "14", "15", "16")
+GROUPS = {  # of the table: axes that belong together
+    "latitude, longitude": ("latitude", "longitude"),
+    "yaw, pitch, roll": ("yaw", "pitch", "roll"),
+    "body rates": ("roll_rate", "pitch_rate", "yaw_rate"),
+    "velocity n, e, d": ("velocity_north", "velocity_east", "velocity_down"),
+}
 
 
 class Flown(NamedTuple):
@@ -87,3 +95,50 @@ def _numbers(comparison):
         "tolerance": {"value": tolerance.value, "relative": tolerance.relative, "at_s": list(tolerance.at_s)},
         "ok": comparison.ok,
     }
+
+
+def table(flown):
+    """rich Table of the cases flown; of axes that belong together, the worst is shown."""
+    simulators = sorted({name for one in flown for c in one.comparisons.values() for name in c.against})
+    numbers = (f">{name}" for name in (*simulators, "among them", "allowed"))
+    heads = ("case", "quantity", "unit", *numbers, "")
+    found = columns.table("Largest difference from each simulator", heads, no_wrap=True)
+    found.columns[0].no_wrap = False
+    for one in flown:
+        for k, (name, comparison) in enumerate(_lines(one.comparisons)):
+            differences = (_number(comparison.against.get(s)) for s in simulators)
+            verdict = Text("good", style="green") if comparison.ok else Text("FAILS", style="bold red")
+            found.add_row(
+                f"{one.number} {one.title}" if k == 0 else "",
+                name,
+                comparison.quantity.unit,
+                *differences,
+                _number(comparison.spread),
+                _allowed(comparison.tolerance),
+                verdict,
+            )
+        found.add_section()
+    return found
+
+
+def _lines(comparisons):
+    """(title, Comparison) per line: single quantities, and the worst one of each group."""
+    grouped = {name: title for title, names in GROUPS.items() for name in names}
+    done = set()
+    for name, comparison in comparisons.items():
+        title = grouped.get(name)
+        if title is None:
+            yield name.replace("_", " "), comparison
+        elif title not in done:
+            done.add(title)
+            members = [comparisons[n] for n in GROUPS[title] if n in comparisons]
+            yield title, max(members, key=lambda c: (not c.ok, max(c.against.values()) / c.tolerance.value))
+
+
+def _number(value):
+    return "-" if value is None else f"{value:.2g}"
+
+
+def _allowed(tolerance):
+    text = f"{100.0 * tolerance.value:g} %" if tolerance.relative else f"{tolerance.value:.2g}"
+    return f"{text} at {len(tolerance.at_s)} times" if tolerance.at_s else text

@@ -1,19 +1,22 @@
 """The errors of runs over their posterior Cramer-Rao bound: as a curve and per phase of the mission."""
 
+from math import degrees
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
+from shefex_nav.report import columns
 from shefex_nav.scenario import aboard, surroundings
 from shefex_nav.scenario.of_settings import settings
-from shefex_nav.verify import bound, bound_instruments, bound_model
+from shefex_nav.verify import bound, bound_instruments, bound_model, flown
 from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
 from shefex_nav.world import gps
 
 SETTLED_S = 10.0  # a phase's first seconds are left out of its ratio: the filter converges
 QUANTITIES = (POS, VEL, ATT)
+SHOWN = ("position, m", "velocity, m/s", "attitude, deg")
 
 
 class Curves(NamedTuple):
@@ -102,8 +105,6 @@ def flights(scenario, seeds, note=lambda words: None):
 
     -> list of flown.Run, list of `bounds`
     """
-    from shefex_nav.verify import flown
-
     runs, pairs = [], []
     for seed in seeds:
         note(f"seed {seed}")
@@ -128,15 +129,12 @@ def curves(runs, pairs):
     def rms(values):
         return np.sqrt(np.mean(np.square(values), axis=0))
 
-    error = [np.stack([_length(run.errors[:m, q]) for q in QUANTITIES], axis=1) for run in runs]
+    error = [
+        np.stack([np.sqrt((run.errors[:m, q] ** 2).sum(axis=1)) for q in QUANTITIES], axis=1) for run in runs
+    ]
     sigma = [np.stack([bound.root_of_trace(run.P[:m, q, q]) for q in QUANTITIES], axis=1) for run in runs]
     both = [rms([np.stack(bound.sigmas(pair[k]), axis=1)[:m] for pair in pairs]) for k in range(2)]
     return Curves(t_s, runs[0].phase[:m], rms(error), rms(sigma), *both)
-
-
-def _length(errors):
-    """(m, 3) -> (m,)"""
-    return np.sqrt((errors**2).sum(axis=1))
 
 
 def ratios(found):
@@ -168,3 +166,30 @@ def settled(t_s, phase, p):
     for k in begins:
         since[k:] = t_s[k:] - t_s[k]
     return since >= SETTLED_S
+
+
+def as_numbers(scenario, first, seeds, ratios):
+    """Plain dict for JSON. Scenario, seed of the first run, number of runs, `ratios`"""
+    phases = {name: {key: column.tolist() for key, column in one.items()} for name, one in ratios.items()}
+    return {
+        "scenario": scenario.mission.name,
+        "first_seed": first,
+        "seeds": seeds,
+        "order": ["position_m", "velocity_m_s", "attitude_rad"],
+        "phases": phases,
+    }
+
+
+def table(ratios, seeds):
+    """rich Table of `ratios` of so many runs."""
+    title = f"rms error of {seeds} runs and the posterior Cramer-Rao bound, 3D"
+    heads = ("phase", "", ">error", ">reported sigma", ">bound", ">error/bound", ">gravity known")
+    found = columns.table(title, heads, no_wrap=True)
+    for phase, values in ratios.items():
+        for q, quantity in enumerate(SHOWN):
+            sizes = [float(values[key][q]) for key in ("error", "sigma", "bound")]
+            sizes = [degrees(size) for size in sizes] if q == 2 else sizes
+            shares = [f"{values[key][q]:.2f}" for key in ("ratio", "ratio_known")]
+            found.add_row(phase if q == 0 else "", quantity, *(f"{size:.3g}" for size in sizes), *shares)
+        found.add_section()
+    return found

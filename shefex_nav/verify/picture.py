@@ -55,7 +55,8 @@ def _panel(axis, comparisons):
     t_s = comparisons[0].t_s
     simulators = sorted({name for c in comparisons for name in c.differences})
     lines = {s: _largest([c.differences[s] for c in comparisons if s in c.differences]) for s in simulators}
-    apart, allowed = _largest([c.apart for c in comparisons]), _loosest(comparisons).allowed
+    loosest = max(comparisons, key=lambda comparison: comparison.tolerance.value)
+    apart, allowed = _largest([c.apart for c in comparisons]), loosest.allowed
     low, high = _limits((*lines.values(), apart), allowed)
     axis.set_yscale("log")
     axis.set_ylim(low, high)
@@ -82,10 +83,6 @@ def _limits(columns, allowed):
 
 def _largest(columns):
     return np.fmax.reduce([np.abs(column) for column in columns])
-
-
-def _loosest(comparisons):
-    return max(comparisons, key=lambda comparison: comparison.tolerance.value)
 
 
 def _legend(figure, simulators):

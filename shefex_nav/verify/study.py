@@ -4,19 +4,24 @@ The flights take the time, the star camera's pictures above all. Their star fixe
 for each scenario with its overrides; a seed whose fixes are there is not flown again.
 """
 
+import hashlib
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import __version__, prepare
 from shefex_nav.files import part
-from shefex_nav.scenario import software
+from shefex_nav.report import columns
+from shefex_nav.scenario import load, software
+from shefex_nav.verify import consistency, flown
 from shefex_nav.verify.flown import FlownError
 from shefex_nav.workers import cores, each
 
 FIELD = 9  # random numbers of their own, beside those of the flight
 DRAWN = 0  # seed of the draws that make intervals of histories
+CONTAINED, ONE_FIELD = "3 sigma ", ", one field"  # of `nees.Verdict.what`
 
 
 class Study(NamedTuple):
@@ -32,8 +37,6 @@ class Study(NamedTuple):
     @property
     def scenario(self):
         """Scenario of the text."""
-        from shefex_nav.scenario import load
-
         return load.load_text(self.source, self.name)
 
     def path(self, seed):
@@ -61,10 +64,6 @@ def check(scenario):
 
 def of_scenario(scenario, folder=None, *, turn_field=False):
     """Study of a Scenario, whose filter has to take attitudes. FlownError"""
-    import hashlib
-
-    from shefex_nav import __version__, prepare
-
     check(scenario)
     scenario = prepare.settled(scenario)
     digest = hashlib.sha256(scenario.source.encode()).hexdigest()[:12]
@@ -75,8 +74,6 @@ def of_scenario(scenario, folder=None, *, turn_field=False):
 
 def fixes_of(study, seed):
     """Star fixes of a seed: those that are kept, or those of a flight, which then are."""
-    from shefex_nav.verify import flown
-
     if study.folder is not None and study.path(seed).exists():
         return flown.load(study.path(seed), study.made_for)
     found = flown.fly(study.scenario, seed)
@@ -87,7 +84,6 @@ def fixes_of(study, seed):
 
 def world_of(study, scenario, seed):
     """World of a seed, in the field of the Earth or in a turned one."""
-    from shefex_nav import prepare
     from shefex_nav.verify import field
 
     world = prepare.build_world(scenario, seed)
@@ -96,8 +92,6 @@ def world_of(study, scenario, seed):
 
 def follow(study, seed, fixes=None):
     """Fly a seed, if its star fixes are neither given nor kept, and run the filter over it. -> flown.Run"""
-    from shefex_nav.verify import flown
-
     scenario, fixes = study.scenario, fixes_of(study, seed) if fixes is None else fixes
     return flown.filter_run(scenario, seed, fixes, world=world_of(study, scenario, seed))
 
@@ -107,8 +101,6 @@ def imagine(study, seed, fixes, number, one_field=True):
 
     number : of histories;  one_field : with those of runs that have the field in common -> Histories, float
     """
-    from shefex_nav.verify import consistency
-
     rng = np.random.default_rng(seed)
     run, found = consistency.of_run(study.scenario, seed, fixes, number=number, rng=rng, one_field=one_field)
     ratio = np.diagonal(found.P, axis1=1, axis2=2) / np.diagonal(run.P, axis1=1, axis2=2)
@@ -134,8 +126,6 @@ def run(study, seeds, *, histories=1000, workers=None, note=lambda words: None):
     ------
     FlownError
     """
-    from shefex_nav.verify import consistency
-
     first = fixes_of(study, seeds[0])
     runs = [follow(study, seeds[0], first)]
     note(f"seed {seeds[0]}")
@@ -173,3 +163,69 @@ def in_workers(calls, workers=None, note=lambda words: None):
 
 def _call(function, *arguments):
     return function(*arguments)
+
+
+def as_numbers(asked, chosen, histories, found):
+    """Plain dict for JSON. Study, its seeds, number of histories, Found"""
+    return {
+        "scenario": asked.name,
+        "first_seed": chosen[0],
+        "seeds": len(chosen),
+        "turned_field": asked.turn_field,
+        "histories": histories,
+        "histories_apart": found.apart,
+        "star_fixes_by": None if asked.folder is None else made_by(asked, chosen),
+        "ok": all(one.good for one in found.verdicts),
+        "statistics": [one._asdict() | {"inside": one.good} for one in found.verdicts],
+        "refused": {name: {"refused": n, "met": met} for name, (n, met) in refused(found.runs).items()},
+    }
+
+
+def made_by(asked, chosen):
+    """In words, what made the star fixes that are kept: it may have been another version."""
+    return flown.provenance(asked.path(seed) for seed in chosen)
+
+
+def refused(runs):
+    """Measurements that the gate refused, and all that met it: dict sensor -> (int, int)."""
+    names = sorted({name for run in runs for name in run.nis})
+    return {
+        name: (
+            sum(run.rejected.get(name, 0) for run in runs),
+            sum(len(run.nis.get(name, ())) for run in runs),
+        )
+        for name in names
+    }
+
+
+def rows(verdicts):
+    """Verdicts for a table: of containment each that is outside, and the least share of each phase.
+
+    list of nees.Verdict -> list of (words, nees.Verdict)
+    """
+    shown, phases = [], {}
+    for one in verdicts:
+        if not one.what.startswith(CONTAINED):
+            shown.append((one.what.removesuffix(ONE_FIELD), one))
+        else:
+            phases.setdefault(one.what.partition(", ")[2], []).append(one)
+    for phase, several in phases.items():
+        shown += [(one.what, one) for one in several if not one.good]
+        words = f"least share inside 3 sigma of {len(several)} errors, {phase}"
+        shown.append((words, min(several, key=lambda one: one.value)))
+    return shown
+
+
+def table(title, verdicts):
+    """rich Table of a list of nees.Verdict."""
+    heads = ("statistic", ">value", ">low", ">high", ">samples", "")
+    found = columns.table(title, heads, no_wrap=True)
+    for words, one in rows(verdicts):
+        numbers = [f"{value:.4f}" for value in (one.value, one.low, one.high)]
+        found.add_row(words, *numbers, str(one.samples), "" if one.good else _outside(one))
+    return found
+
+
+def _outside(verdict):
+    """What it means to be outside, in words."""
+    return "too small" if verdict.value < verdict.low else "too large"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shefex_nav.campaign.characterise import collect, kept
+from shefex_nav.campaign.characterise import collect, records
 from shefex_nav.campaign.characterise.records import Flown
 
 
@@ -18,9 +18,9 @@ def flown(run=3):
 
 def _column(rng, kind, name):
     """Four rows of an array of a run."""
-    if name in kept.FLAGS:
+    if name in records.FLAGS:
         return rng.random(4) < 0.5
-    if name in kept.COUNTS:
+    if name in records.COUNTS:
         return rng.integers(0, 4, 4)
-    width = kept.WIDTHS.get((kind, name))
+    width = records.WIDTHS.get((kind, name))
     return np.sort(rng.random(4)) if width is None else rng.random((4, width))

@@ -12,7 +12,7 @@ import pytest
 from short_campaign import HereLane
 
 from shefex_nav import plugins, prepare
-from shefex_nav.campaign import budget, budget_table, draws
+from shefex_nav.campaign import budget, draws
 from shefex_nav.campaign.budget import BudgetError
 from shefex_nav.campaign.compare import flying
 from shefex_nav.records import Reason
@@ -276,7 +276,7 @@ def test_flights_that_all_fail_say_so(path, tmp_path, command):
 
 def test_a_row_says_share_interval_and_what_is_left():
     one = budget.Given(8, 0.5, 0.25, 0.0004, 0.5, 0.9)
-    assert list(budget_table._cells({"position": one})) == ["0.5", "25 % (0 to 50)", "0.9"]
+    assert list(budget._cells({"position": one})) == ["0.5", "25 % (0 to 50)", "0.9"]
 
 
 RECORDS = "from shefex_nav.records import GateResult\n"

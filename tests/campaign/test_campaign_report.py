@@ -9,7 +9,7 @@ import pytest
 import synthetic_campaign
 from typer.testing import CliRunner
 
-from shefex_nav.campaign import figures, over_time, parts, statistics, summary
+from shefex_nav.campaign import figures, over_time, parts, statistics, summary, verdicts
 from shefex_nav.campaign.engine import Lost
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.campaign.store import Store
@@ -258,9 +258,9 @@ def test_what_cannot_be_judged_is_not_drawn_as_missed(folder):
 def test_verdicts_of_one_flight_say_so(folder):
     campaign = open_campaign(folder)
     words = "All runs have one and the same flight: what is shown is shown of this flight alone."
-    assert words not in parts.verified(campaign).lines
+    assert words not in verdicts.part(campaign).lines
     campaign.head["flight"] = "shared"
-    assert words in parts.verified(campaign).lines
+    assert words in verdicts.part(campaign).lines
 
 
 def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path, errors_alone):

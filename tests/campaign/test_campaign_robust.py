@@ -17,7 +17,7 @@ from short_campaign import HereLane, fly, write
 from typer.testing import CliRunner
 
 from shefex_nav import files
-from shefex_nav.campaign import flight, mending, results, running, store, table
+from shefex_nav.campaign import flight, results, running, store, table
 from shefex_nav.campaign import head as heads
 from shefex_nav.campaign import plan as planning
 from shefex_nav.commands.app import app
@@ -49,7 +49,7 @@ def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path,
 def repeat_as_told(error, monkeypatch):
     """The command that an error names, run here. -> result of CliRunner"""
     (words,) = re.findall("`shefex-nav (.*?)`", str(error))
-    monkeypatch.setattr(mending.keep, "__kwdefaults__", {"lane": HereLane})
+    monkeypatch.setattr(running.mend, "__kwdefaults__", {"lane": HereLane})
     return CliRunner().invoke(app, words.split())
 
 

@@ -9,10 +9,10 @@ import pytest
 from scipy import stats
 
 from shefex_nav.campaign import running
-from shefex_nav.campaign.impact import aim, ellipses, instantaneous, landing, outputs, scatter, studying
+from shefex_nav.campaign.impact import aim, ellipses, landing, outputs, scatter, studying
 from shefex_nav.commands.app import main
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import geodesic
+from shefex_nav.report import track
 from shefex_nav.scenario import load
 
 ROCKET = """
@@ -45,7 +45,7 @@ def result(rocket):
 
 def apart(one, other):
     """Metres between two places, rad."""
-    return geodesic.distance(*one, *other)
+    return track.ground_distance(*one, *other)
 
 
 def place(one):
@@ -56,7 +56,7 @@ def test_without_air_the_impact_point_is_where_it_lands(rocket):
     """Burnt out, it lands where the vacuum point has been all the time; drag without air changes nothing."""
     scenario = load.load(rocket, NO_AIR)
     landed = landing.land(scenario, 1, 0.0)
-    points = instantaneous.points(scenario, landed, 0.0)
+    points = landing.impact_points(scenario, landed, 0.0)
     coasting = (points.t_s > 26.0) & (points.t_s < 75.0)
     assert coasting.sum() >= 4
     stage = landed.landings[1]
@@ -72,7 +72,7 @@ def test_without_air_the_impact_point_is_where_it_lands(rocket):
 def test_impact_points_run_away_from_the_launcher_while_the_motor_burns(rocket):
     scenario = load.load(rocket)
     landed = landing.land(scenario, 1, 360.0)
-    points = instantaneous.points(scenario, landed, 360.0)
+    points = landing.impact_points(scenario, landed, 360.0)
     site = scenario.launch.latitude, scenario.launch.longitude
     burning = points.t_s < 25.0
     far = [apart(site, there) for there in points.vacuum[burning]]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shefex_nav.campaign.impact import figures, instantaneous, landing, outputs, scatter, studying
+from shefex_nav.campaign.impact import figures, landing, outputs, scatter, studying
 from shefex_nav.commands.app import main
 
 ROCKET = """
@@ -183,14 +183,14 @@ def test_a_motor_that_burns_to_the_ground_has_impact_points_until_then():
     events = [SimpleNamespace(name=name, t_s=t_s) for name, t_s in (("rail_exit", 0.5), ("impact", 4.2))]
     trajectory = SimpleNamespace(t_s=np.arange(0.0, 4.3, 0.1))
     flight = SimpleNamespace(events=events, dropped=(), trajectory=trajectory)
-    assert instantaneous._times(flight) == pytest.approx([0.5, 1.5, 2.5, 3.5])
+    assert landing._times(flight) == pytest.approx([0.5, 1.5, 2.5, 3.5])
 
 
 def test_the_legend_of_the_map_says_what_its_coast_lacks(result):
     """Inland too, where no coast is in the map: a launcher in the open sea looked as one there."""
     for place, said in (([69.29, 16.02], "coast: Natural Earth"), ([23.0, 8.0], "no coast here, by Natural")):
         there = np.radians([place])
-        points = instantaneous.Points(np.zeros(1), there, there)
+        points = landing.Points(np.zeros(1), there, there)
         spot = result.landed[0].landings[0]._replace(latitude=there[0, 0], longitude=there[0, 1])
         landed = [one._replace(landings=(spot,), paths=()) for one in result.landed]
         drawn = figures.chart(

@@ -12,7 +12,7 @@ from shefex_nav import prepare
 from shefex_nav.campaign import draws, rare, rare_events, rare_shown, running
 from shefex_nav.campaign.impact import landing
 from shefex_nav.commands.app import main
-from shefex_nav.report import geodesic
+from shefex_nav.report import track
 from shefex_nav.scenario import load
 from shefex_nav.world.flight.timeline import FlightError
 
@@ -139,7 +139,7 @@ def test_a_flight_of_the_worst_can_be_flown_again(rocket):
     scenario = load.load_text(one.source, "worst")
     assert not scenario.dispersions
     landed = landing.land(scenario, one.seed, problem.ground, paths=False).landings[0]
-    assert geodesic.distance(*problem.place, landed.latitude, landed.longitude) == one.value
+    assert track.ground_distance(*problem.place, landed.latitude, landed.longitude) == one.value
     assert one.value == flights.value(state)
 
 
@@ -149,7 +149,7 @@ def test_quantities_of_a_flight(rocket):
     landed = landing.land(scenario, 1, 360.0, paths=False)
     site, last = scenario.launch, landed.landings[0]
     wanted = {
-        "range": geodesic.distance(site.latitude, site.longitude, last.latitude, last.longitude),
+        "range": track.ground_distance(site.latitude, site.longitude, last.latitude, last.longitude),
         "impact_speed": last.speed,
         "dynamic_pressure": landed.flight.trajectory.dynamic_pressure_pa.max(),
     }

@@ -17,7 +17,6 @@ from shefex_nav.campaign import (
     engine,
     looks,
     page,
-    parts,
     results,
     running,
     store,
@@ -194,7 +193,7 @@ def results_successes(campaign):
 
 def table_of(campaign):
     """{requirement: row} and the lines of the table of verdicts."""
-    part = parts.verified(campaign)
+    part = verdicts.part(campaign)
     assert part.title == "Is each requirement met in 99.865 % of the flights, at 90 % confidence?"
     return {row[0]: row[1:] for row in part.rows}, part.lines
 
@@ -204,7 +203,7 @@ def test_a_table_that_says_how_many_runs_more(tmp_path):
     rows, lines = table_of(results.open_campaign(folder))
     assert rows["misleading"] == ("1,645 more runs needed", "60", "0", "96.235 %", "100.000 %", "1,645")
     assert any(line.startswith("More runs needed: until it passes") for line in lines)
-    assert "1,645 more runs needed" in str(page.content(parts.verified(results.open_campaign(folder))))
+    assert "1,645 more runs needed" in str(page.content(verdicts.part(results.open_campaign(folder))))
     folder = write_synthetic(tmp_path / "at looks", 60, with_series=False, until_verified=True)
     rows, lines = table_of(results.open_campaign(folder))
     assert rows["misleading"][0] == f"{2218 - 60:,} more runs needed"
@@ -242,7 +241,7 @@ def test_a_campaign_of_a_settled_number_can_go_on_look_by_look(scenario, tmp_pat
     assert tuple(results.open_campaign(tmp_path / "other").verdicts) == whole.verdicts
     assert heads.read_head(tmp_path / "other")["asked_before"] == [2]
     assert heads.read_head(tmp_path / "whole")["asked_before"] == []
-    lines = parts.verified(results.open_campaign(tmp_path / "other")).lines
+    lines = verdicts.part(results.open_campaign(tmp_path / "other")).lines
     assert any(line.startswith("The campaign was flown on from 2 runs") for line in lines)  # 2 could fail
 
 

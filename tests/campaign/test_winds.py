@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from shefex_nav.campaign.impact import landing, winds, winds_shown
+from shefex_nav.campaign.impact import landing, winds
 from shefex_nav.commands.app import main
-from shefex_nav.report import geodesic
+from shefex_nav.report import track
 
 ROCKET = """
 extends: rexus_like
@@ -69,10 +69,10 @@ def test_a_stage_drifts_as_far_as_the_wind_is_strong(rocket):
     north, twice, south = (place(*wind) for wind in ((1.0, "N"), (2.0, "N"), (1.0, "S")))
     east = place(1.0, "E")
     assert north[0] > calm[0] > south[0] and east[1] > calm[1]  # it turns into the wind, and its burn is long
-    drift = geodesic.distance(*calm, *north)
+    drift = track.ground_distance(*calm, *north)
     assert drift > 500.0
-    assert geodesic.distance(*calm, *twice) == pytest.approx(2.0 * drift, rel=0.1)
-    assert geodesic.distance(*north, *south) == pytest.approx(2.0 * drift, rel=0.1)
+    assert track.ground_distance(*calm, *twice) == pytest.approx(2.0 * drift, rel=0.1)
+    assert track.ground_distance(*north, *south) == pytest.approx(2.0 * drift, rel=0.1)
 
 
 def test_the_command(rocket, tmp_path, capsys, monkeypatch):
@@ -103,7 +103,7 @@ def test_bodies_that_differ_by_a_digit_are_told_apart():
     moved = [down._replace(landings=(one._replace(latitude=1.21), two)),
              down._replace(landings=(one, two._replace(latitude=1.21)))]  # fmt: skip
     cells = [winds._cell(ASKED, down, "N", v, one, "") for v, one in zip((4.0, 8.0), moved, strict=True)]
-    lines = list(winds_shown.lines(winds.Table("x", 1, 0.0, 10e3, None, down, (), tuple(cells))))
+    lines = list(winds.lines(winds.Table("x", 1, 0.0, 10e3, None, down, (), tuple(cells))))
     assert sum("Stage1 off" in line for line in lines) == sum("Stage2 off" in line for line in lines) == 1
 
 
@@ -122,7 +122,7 @@ def test_the_launcher_is_set_for_the_wind(rocket):
 def test_the_table_names_the_reason():
     cells = [winds._cell(ASKED, CALM, whence, 4.0, landed(11.0), "") for whence in winds.DIRECTIONS]
     table = winds.Table("x", 1, 0.0, 10e3, None, CALM, ("Booster",), tuple(cells))
-    lines = list(winds_shown.lines(table))
+    lines = list(winds.lines(table))
     assert "NO: stage off: 11.0 km (4 m/s from N, and in 7 more winds)" in lines
     assert any(line.startswith("Booster is not followed") for line in lines)
 

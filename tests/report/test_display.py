@@ -16,22 +16,22 @@ from shefex_nav.log import pixels, reader
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.topics import LogError
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report.display import optics, server
+from shefex_nav.report.display import player
 from shefex_nav.report.display.player import Player
 
-DISPLAY = optics.Display(dots=2.0, gamma=2.2, white_dn=255.0)
+DISPLAY = player.Display(dots=2.0, gamma=2.2, white_dn=255.0)
 
 
 @pytest.mark.parametrize("offset_px", [1.0, 300.0, 900.0])
 def test_dots_are_seen_at_the_angles_of_the_camera(offset_px):
     focal_px, collimator_m, pitch_m = 2200.0, 0.5, 1e-4
-    on_screen_m = offset_px * optics.dots_per_pixel(focal_px, collimator_m, pitch_m) * pitch_m
+    on_screen_m = offset_px * player.dots_per_pixel(focal_px, collimator_m, pitch_m) * pitch_m
     assert np.arctan(on_screen_m / collimator_m) == pytest.approx(np.arctan(offset_px / focal_px), rel=1e-12)
 
 
 @pytest.mark.parametrize(("gamma", "white_dn"), [(2.2, 255.0), (1.0, 4095.0), (1.8, 1000.0)])
 def test_light_is_proportional_to_the_grey_value(gamma, white_dn):
-    table = optics.codes(optics.Display(1.0, gamma, white_dn))
+    table = player.codes(player.Display(1.0, gamma, white_dn))
     dn = np.linspace(0.05 * white_dn, white_dn, 40).astype(int)
     light = (table[dn] / 255.0) ** gamma
     assert np.allclose(light, dn / white_dn, atol=gamma / 255.0)
@@ -42,7 +42,7 @@ def test_a_spot_keeps_its_place_and_its_light():
     image, table = np.zeros((20, 30), np.uint16), np.arange(65536).clip(0, 255).astype(np.uint8)
     image[8:11, 12:15] = [[20, 60, 20], [60, 200, 60], [20, 60, 20]]
     for dots in (1.0, 2.0, 3.5):
-        shown = optics.drawn(image, optics.Display(dots, 1.0, 255.0), table).astype(float)
+        shown = player.drawn(image, player.Display(dots, 1.0, 255.0), table).astype(float)
         assert shown.shape == (round(20 * dots), round(30 * dots))
         y, x = np.indices(shown.shape) + 0.5  # middles of the dots
         middle = np.array([(shown * axis).sum() / shown.sum() / dots for axis in (x, y)])
@@ -62,7 +62,7 @@ def log(tmp_path_factory):
 
 @pytest.fixture
 def address(log):
-    page = server.server(Player(log, reader.read(log), DISPLAY), pace=1.0)
+    page = player.server(Player(log, reader.read(log), DISPLAY), pace=1.0)
     threading.Thread(target=page.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{page.server_address[1]}"
     page.shutdown()
@@ -79,7 +79,7 @@ def test_the_page_has_the_frames_of_the_log(log, address):
     assert np.allclose(told["times_s"], data.frames.t_valid_s)
     kept = [one for one in pixels.between(log) if not one.is_full]
     shown = np.asarray(Image.open(BytesIO(got(f"{address}/frame/7.png"))))
-    assert np.array_equal(shown, optics.drawn(kept[7].image_dn, DISPLAY, optics.codes(DISPLAY)))
+    assert np.array_equal(shown, player.drawn(kept[7].image_dn, DISPLAY, player.codes(DISPLAY)))
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,7 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.report import figures, innovations, local_level, star_metrics
 from shefex_nav.report.configured import NOTHING
 from shefex_nav.report.figures import consistency, errors, flight, flown, labels, sky, style
-from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
-from shefex_nav.report.nees import chi2_bounds
+from shefex_nav.report.navigation_errors import chi2_bounds, navigation_errors, normalised_errors
 from shefex_nav.report.track import earth_fixed
 
 OPTIONS = synthetic_run.Options(start_s=228.0, end_s=258.0, frame_pixels=False)

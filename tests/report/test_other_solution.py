@@ -15,7 +15,7 @@ from shefex_nav import runs
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.log import other_solutions
 from shefex_nav.log.topics import LogError
-from shefex_nav.report import metrics, viewer
+from shefex_nav.report import error_figures, viewer
 
 BRIEF = {"mission.time_limit": "4 s", "star_tracker.off": "4 s"}
 OFF_I = np.array([3.0, -4.0, 12.0])  # m, of which the size is 13 m
@@ -206,11 +206,11 @@ def test_every_covariance_is_kept_whatever_its_times(sky):
 
 def test_nees_is_of_whole_seconds_where_there_are_some():
     tenths = np.arange(1, 31) / 10.0
-    assert tenths[metrics._seconds(tenths)].tolist() == [1.0, 2.0, 3.0]
-    assert (tenths + 0.05)[metrics._seconds(tenths + 0.05)].tolist() == pytest.approx(
+    assert tenths[error_figures.whole_seconds(tenths)].tolist() == [1.0, 2.0, 3.0]
+    assert (tenths + 0.05)[error_figures.whole_seconds(tenths + 0.05)].tolist() == pytest.approx(
         [0.15, 1.05, 2.05, 3.05]
     )
-    assert not len(metrics._seconds(np.zeros(0)))
+    assert not len(error_figures.whole_seconds(np.zeros(0)))
 
 
 def _truth(run):

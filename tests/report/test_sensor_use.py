@@ -7,7 +7,7 @@ import pytest
 
 from shefex_nav import runs
 from shefex_nav.records import GateResult, Reason
-from shefex_nav.report import beyond_sigma, consistency_rows, metrics, page, sensor_use, table
+from shefex_nav.report import error_figures, metrics, page, sensor_use, table, table_rows
 from shefex_nav.report.navigation_errors import navigation_errors
 from shefex_nav.scenario.load import load
 
@@ -98,14 +98,14 @@ def test_the_page_does_not_say_nothing_of_what_it_does_not_know(flown):
 
 def test_errors_far_beyond_their_sigmas_are_told_with_their_time(flown):
     errors = navigation_errors(flown)
-    assert beyond_sigma.stretches_of(flown, errors) == []
+    assert error_figures.beyond_sigma(flown, errors) == []
     late = flown.nav.t_s > 3.0
     data = flown._replace(nav=flown.nav._replace(r_i=flown.nav.r_i + np.outer(late, [300.0, 0.0, 0.0])))
-    (one,) = beyond_sigma.stretches_of(data, navigation_errors(data))
+    (one,) = error_figures.beyond_sigma(data, navigation_errors(data))
     assert one.quantity == "position" and one.from_s == pytest.approx(3.0, abs=0.11) and one.until_s is None
     k = int(np.argmax(flown.covariance.t_s > 4.0))
     assert one.times > 0.3 * 300.0 / np.sqrt(np.trace(flown.covariance.P[k, :3, :3]))
-    assert consistency_rows.beyond_words(one) in words_of(data)
+    assert table_rows.beyond_words(one) in words_of(data)
 
 
 def test_the_nees_names_what_is_too_sure_and_by_how_much(flown):
@@ -116,8 +116,8 @@ def test_the_nees_names_what_is_too_sure_and_by_how_much(flown):
     nees = metrics.summarise(flown._replace(covariance=flown.covariance._replace(P=P)))["navigation"]["nees"]
     for name, factor in (("position", 1.0), ("velocity", 1.0), ("attitude", 10.0)):
         assert nees["times_sigma"][name] == pytest.approx(factor * known["times_sigma"][name])
-    row = str(dict(consistency_rows.rows({"nees": nees}))["NEES"])
-    said = consistency_rows.times(nees["times_sigma"]["attitude"])
+    row = str(dict(table_rows.consistency_rows({"nees": nees}))["NEES"])
+    said = table_rows.times(nees["times_sigma"]["attitude"])
     assert "errors are larger than the filter's sigmas say: position" in row and f"attitude {said}" in row
 
 
@@ -128,9 +128,11 @@ def test_the_table_says_since_when_errors_are_far_beyond_their_sigmas():
         {"quantity": "attitude", "from_s": 70.3, "until_s": 90.0, "times": 7.71},
         {"quantity": "attitude", "from_s": 120.0, "until_s": 130.0, "times": 9.0},
     ]
-    row = dict(consistency_rows.rows({"nees": {"mean": None}, "beyond_sigma": stretches}))["beyond sigma"]
+    row = dict(table_rows.consistency_rows({"nees": {"mean": None}, "beyond_sigma": stretches}))[
+        "beyond sigma"
+    ]
     assert str(row) == (
         "errors above 5 times their sigma: attitude from T+70.3 s to T+90.0 s, up to 7.7 times; "
         "position from T+154.0 s to the end, up to 31 times; 1 more stretch later"
     )
-    assert dict(consistency_rows.rows({"nees": {"mean": None}, "beyond_sigma": []})) == {}
+    assert dict(table_rows.consistency_rows({"nees": {"mean": None}, "beyond_sigma": []})) == {}

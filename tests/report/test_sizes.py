@@ -1,8 +1,8 @@
 """Figures for people."""
 
 from shefex_nav.report import page_summary
-from shefex_nav.report.consistency_rows import _nees_words
 from shefex_nav.report.sizes import number, percent
+from shefex_nav.report.table_rows import _nees_words
 
 
 def test_a_figure_has_no_dozens_of_digits():

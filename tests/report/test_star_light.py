@@ -116,7 +116,7 @@ def test_what_a_fainter_catalogue_knows_is_what_it_knows_when_it_is_written_so()
     words = noted(*camera)["star_tracker.catalogue.faintest"]
     deep = words.split("; ")[1].split(" mag")[0]
     said = float(words.split("knows ")[2].split(",")[0])
-    share = star_light._solid_angle_share(load.load("shefex2_andoya", camera))
+    share = star_light._field(load.load("shefex2_andoya", camera).star_camera)[1]
     assert said == round(share * np.count_nonzero(load_catalogue(8.0).vmag <= float(deep)))
 
 

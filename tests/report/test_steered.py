@@ -1,7 +1,7 @@
 """Parts of a phase are named by the tasks that steer in it."""
 
 from shefex_nav.records import Event, Phase
-from shefex_nav.report.figures.steered import steered
+from shefex_nav.report.figures.style import steered
 
 
 def events(*named):

@@ -4,10 +4,10 @@ import numpy as np
 
 from shefex_nav.log import reader
 from shefex_nav.records import Doubt, GateResult
-from shefex_nav.report import doubts, metrics, page, table
+from shefex_nav.report import metrics, page, table, trust
 from shefex_nav.report.metrics import instrument_use
-from shefex_nav.report.star_rows import star_rows
 from shefex_nav.report.table import _flight_rows, _navigation_rows, loss_rows
+from shefex_nav.report.table_rows import star_rows
 
 NONE = np.empty(0)
 
@@ -169,14 +169,14 @@ def test_lasting_losses_of_gps_have_a_row_and_short_ones_none():
 
 
 def test_doubts_have_one_name_and_the_limit_with_it():
-    assert doubts.words(Doubt.LEVEL, "attitude", 0.17, True) == (
+    assert trust.doubt_words(Doubt.LEVEL, "attitude", 0.17, True) == (
         "protection level above 0.17 deg (requirements.attitude.limit, by default)"
     )
-    assert doubts.words(Doubt.LEVEL, "velocity", 1.0) == (
+    assert trust.doubt_words(Doubt.LEVEL, "velocity", 1.0) == (
         "protection level above 1 m/s (requirements.velocity.limit)"
     )
-    assert doubts.words(Doubt.LEVEL, "position") == "protection level above requirements.position.limit"
-    assert doubts.WORDS.keys() == set(Doubt) - {Doubt.NONE}
+    assert trust.doubt_words(Doubt.LEVEL, "position") == "protection level above requirements.position.limit"
+    assert trust.DOUBTS.keys() == set(Doubt) - {Doubt.NONE}
 
 
 def test_table_and_page_say_the_same_of_a_doubt(log):

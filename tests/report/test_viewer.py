@@ -16,7 +16,7 @@ from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import viewer
 from shefex_nav.report.navigation_errors import navigation_errors
-from shefex_nav.report.viewer import counts, layout, legend, pages, recording, sensors
+from shefex_nav.report.viewer import layout, legend, pages, recording, sensors
 from shefex_nav.report.viewer.sender import GREEN, NAMELESS, Sender
 from shefex_nav.scenario import load
 
@@ -89,19 +89,19 @@ def test_other_logs_are_drawn_over_the_first(log, tmp_path):
 
 def test_rerun_reads_the_same_messages_as_the_official_library(log):
     """Two implementations of MCAP and protobuf: topics and messages by the index, rows by decoding."""
-    counts, rows = Counter(), Counter()
+    legend, rows = Counter(), Counter()
     with log.open("rb") as file:
         for _, channel, _, message in make_reader(
             file, decoder_factories=[DecoderFactory()]
         ).iter_decoded_messages():
-            counts[channel.topic] += 1
+            legend[channel.topic] += 1
             rows[channel.topic] += len(message.transforms) if channel.topic == "/tf" else 1
     reader, others = McapReader(log), Counter()
-    assert {channel.topic: channel.message_count for channel in reader.info().channels} == counts
+    assert {channel.topic: channel.message_count for channel in reader.info().channels} == legend
     for chunk in chunks_of(reader):
         others[str(chunk.entity_path)] += chunk.num_rows
-    assert len(counts) > 15
-    assert {topic: others[topic] for topic in counts} == rows
+    assert len(legend) > 15
+    assert {topic: others[topic] for topic in legend} == rows
 
 
 def test_curves_are_on_both_timelines(log, tmp_path):
@@ -212,15 +212,17 @@ def test_a_table_of_detections_that_is_full_is_told(log, default_scenario):
     found = np.array([len(fix.hip) for fix in data.star_fixes])
     most = int(found.max())
     cut, roomy = (with_limit(data, default_scenario, limit) for limit in (most, most + 1))
-    full = counts.limit(cut)
+    full = legend.limit_of(cut)
     assert full == (most, np.count_nonzero(found == most), len(found))
     assert pages._stars_title(cut).endswith(f"; {most} at most")
     (words,) = legend._at_most(full)
     assert f"{full.reached} of {full.frames} frames" in words and f"No more than {most} objects" in words
-    assert counts.limit(roomy) == (most + 1, 0, len(found))
+    assert legend.limit_of(roomy) == (most + 1, 0, len(found))
     assert "at most" not in pages._stars_title(roomy)
-    assert "No frame had so many" in legend._at_most(counts.limit(roomy))[0]
-    assert counts.limit(data) is None and legend._at_most(None) == ()  # the made-up mission has no scenario
+    assert "No frame had so many" in legend._at_most(legend.limit_of(roomy))[0]
+    assert (
+        legend.limit_of(data) is None and legend._at_most(None) == ()
+    )  # the made-up mission has no scenario
 
 
 def grids(part):

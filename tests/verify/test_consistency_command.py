@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
 from shefex_nav.scenario import load
-from shefex_nav.verify import consistency, consistency_table, flown, linear, study
+from shefex_nav.verify import consistency, flown, linear, study
 from shefex_nav.verify.flown import N_CORE, Run
 from shefex_nav.verify.nees import Verdict
 
@@ -121,7 +121,7 @@ def test_containment_is_shown_by_phases_and_where_it_fails():
     inside = [Verdict(f"3 sigma velocity {a}, end of boost", 1.0, 0.9, 1.0, 50) for a in "xy"]
     outside = Verdict("3 sigma velocity z, end of boost", 0.8, 0.9, 1.0, 50)
     nees = Verdict("NEES velocity, boost, one field", 1.0, 0.9, 1.1, 50)
-    shown = consistency_table.rows([nees, *inside, outside])
+    shown = study.rows([nees, *inside, outside])
     assert [words for words, _ in shown] == [
         "NEES velocity, boost", outside.what, "least share inside 3 sigma of 3 errors, end of boost",
     ]  # fmt: skip

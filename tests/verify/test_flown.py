@@ -9,7 +9,7 @@ from shefex_nav import prepare
 from shefex_nav.onboard.navigation.fusion import Correction, Interval
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.records import Detections, StarFix, Trajectory
-from shefex_nav.report.nees import nees as normalised
+from shefex_nav.report.navigation_errors import nees as normalised
 from shefex_nav.scenario import load, params_onboard
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import consistency, flown, linear, nees

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from shefex_nav.report.nees import nees as normalised
+from shefex_nav.report.navigation_errors import nees as normalised
 from shefex_nav.verify import nees
 
 

@@ -11,7 +11,7 @@ import pytest
 import small_models
 
 from shefex_nav.verify import compare, data, daveml, flight, nesc, vehicles
-from shefex_nav.verify.cases import CASES, ROUND, WGS84
+from shefex_nav.verify.vehicles import CASES, ROUND, WGS84
 
 # case: {quantity: (value at 30 s, tolerance)} in ft, deg, deg/s, ft/s
 DROPPED = 1e-3  # ft, of spheres that fall in the air of simulator 04

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from shefex_nav.commands.app import app
-from shefex_nav.verify.robustness import design, page, pictures, require, running, show, store
+from shefex_nav.verify.robustness import design, page, require, running, show, store
 
 ROOT = Path(__file__).parents[2]
 BRIEF = "rexus_like", "--flights", 1, "--jobs", 1, "--seed", 3
@@ -166,19 +166,19 @@ def test_a_nees_that_is_no_number_is_not_left_out_of_the_mean():
 def test_an_error_without_a_level_is_not_drawn_as_none():
     """A ratio that is no number is written as null; the map of the largest had the colour of zero there."""
     names = ("happens", "told")
-    found = pictures._values([record(quantity={"largest_ratio": None}), record()], "largest_ratio", names)
+    found = page._values([record(quantity={"largest_ratio": None}), record()], "largest_ratio", names)
     assert found == {("nothing", "right"): np.inf}
     never = record(quantity={"largest_ratio": None, "usable_s": 0.0})
-    assert pictures._values([never], "largest_ratio", names) == {("nothing", "right"): 0.0}
+    assert page._values([never], "largest_ratio", names) == {("nothing", "right"): 0.0}
     other = record(happens="gyro_stuck", quantity={"largest_ratio": None})
-    drawn = dict(pictures.draw([record(), other]))["ratio"]
+    drawn = dict(page.draw([record(), other]))["ratio"]
     grid = np.asarray(drawn.axes[0].images[0].get_array())
     assert np.nanmax(grid) == pytest.approx(2.0) and np.nanmin(grid) == pytest.approx(0.5)
 
 
 def test_the_scale_of_seconds_without_any_is_one_of_seconds():
     """It went to 1e-9 s where nothing misled."""
-    drawn = dict(pictures.draw([record(), record(happens="gyro_stuck")]))["misleading"]
+    drawn = dict(page.draw([record(), record(happens="gyro_stuck")]))["misleading"]
     assert drawn.axes[0].images[0].get_clim() == (0.0, 1.0)
 
 

@@ -9,9 +9,9 @@ from shefex_nav import prepare
 from shefex_nav.geometry import frames
 from shefex_nav.records import Doubt, GateResult, GpsFix, NavHealth
 from shefex_nav.scenario import load
-from shefex_nav.verify.robustness import assess, detect, fixes, happenings, levels
+from shefex_nav.verify.robustness import assess, detect, fixes, happenings
+from shefex_nav.verify.robustness.detect import Innovation
 from shefex_nav.verify.robustness.happenings import HAPPENS, Window
-from shefex_nav.verify.robustness.innovations import Innovation
 
 
 def flown(changes, noise, *, accepted=lambda k: True, health=(), begin=0):
@@ -100,7 +100,7 @@ def track(beyond, usable, doubt=Doubt.LEVEL):
     beyond, usable = np.asarray(beyond), np.asarray(usable)
     error = np.where(beyond, 2.0, 0.5)[:, None] * np.ones(3)
     doubts = np.where(usable, int(Doubt.NONE), int(doubt))
-    one = levels.Quantity(error, np.ones_like(error), usable, doubts)
+    one = assess.Quantity(error, np.ones_like(error), usable, doubts)
     return Doubted(0.1 * np.arange(len(beyond)), {"attitude": one})
 
 
@@ -177,7 +177,7 @@ def test_misleading_is_longer_than_a_second():
 def test_a_level_that_is_no_number_is_no_level():
     error = np.zeros((3, 3))
     level = np.array([[1.0, 1.0, 1.0], [1.0, np.nan, 1.0], [0.0, 0.0, 0.0]])
-    one = levels.Quantity(error, level, np.ones(3, dtype=bool), np.zeros(3))
+    one = assess.Quantity(error, level, np.ones(3, dtype=bool), np.zeros(3))
     assert one.beyond.tolist() == [False, True, False]
 
 
@@ -186,7 +186,7 @@ def test_nees_in_whatever_units():
     A = rng.standard_normal((9, 9)) * np.array([10.0] * 3 + [0.1] * 3 + [1e-5] * 3)[:, None]
     P, error = A @ A.T, A @ rng.standard_normal(9)
     white = np.linalg.solve(A, error)
-    assert levels.nees(error[None], P[None])[0] == pytest.approx(white @ white, rel=1e-6)
+    assert assess.nees(error[None], P[None])[0] == pytest.approx(white @ white, rel=1e-6)
 
 
 def test_alarms_are_statements_against_healthy_sensors():

@@ -13,12 +13,12 @@ from shefex_nav import prepare
 from shefex_nav.clock import sample_s
 from shefex_nav.commands.app import app
 from shefex_nav.records import Phase
-from shefex_nav.report import imu_range
+from shefex_nav.report import sensor_limits
 from shefex_nav.scenario import load, sweeps
 from shefex_nav.scenario.layers import ScenarioError
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.verify import bound, bound_model, over_bound
-from shefex_nav.verify.trade import judge, picture, plan, pointing, predict, stars, table, within
+from shefex_nav.verify.trade import judge, picture, plan, pointing, predict, stars, table
 from shefex_nav.verify.trade.growth import Growth
 
 NIGHT = [  # instruments at rest for 100 s
@@ -122,15 +122,15 @@ def test_shares_of_gaussian_errors():
     for share in (0.5, 0.9, 0.99865, 0.999999):
         for n, variances in ((1, (4.0, 0.0, 0.0)), (2, (4.0, 0.0, 4.0)), (3, (4.0, 4.0, 4.0))):
             wanted = 2.0 * stats.chi(n).ppf(share)
-            assert within.least_limit(within.length, share, variances) == pytest.approx(wanted, rel=1e-6)
+            assert judge.least_limit(judge.length, share, variances) == pytest.approx(wanted, rel=1e-6)
         single = stats.norm.ppf(0.5 + 0.5 * share)
-        assert within.least_limit(within.axes, share, (1.0, 0.0, 0.0)) == pytest.approx(single, rel=1e-6)
+        assert judge.least_limit(judge.axes, share, (1.0, 0.0, 0.0)) == pytest.approx(single, rel=1e-6)
     # unequal variances, against the distribution function of a sum of two: chi-square by convolution
     drawn = np.linalg.norm(np.random.default_rng(1).standard_normal((400_000, 3)) * (3.0, 1.0, 0.2), axis=1)
     share = (drawn <= 5.0).mean()
     error = np.sqrt(share * (1.0 - share) / len(drawn))
-    assert abs(within.length((9.0, 1.0, 0.04), 5.0) - share) < 4.0 * error
-    assert within.axes((1.0, 1.0, 1.0), 2.0) == pytest.approx((2.0 * stats.norm.cdf(2.0) - 1.0) ** 3)
+    assert abs(judge.length((9.0, 1.0, 0.04), 5.0) - share) < 4.0 * error
+    assert judge.axes((1.0, 1.0, 1.0), 2.0) == pytest.approx((2.0 * stats.norm.cdf(2.0) - 1.0) ** 3)
 
 
 def errors_of(sigma):
@@ -159,7 +159,7 @@ def test_a_range_that_is_exceeded_before_is_a_doubt():
     imu = load.load("rexus_like", ["imu.gyro.range=100 deg/s"]).imu
     rate = np.zeros((10, 3))
     rate[6] = 2.0
-    motion = imu_range.Motion(np.arange(10.0), rate, np.zeros((10, 3)))
+    motion = sensor_limits.Motion(np.arange(10.0), rate, np.zeros((10, 3)))
     assert predict.at_range(imu, motion, 7.0) and not predict.at_range(imu, motion, 5.0)
 
 
@@ -421,7 +421,7 @@ def test_errors_while_pointing_are_larger_than_those_of_the_worst_instant():
     judged = {one.name: one for one in judge.judge(scenario.requirements, found)}
     position, attitude = (judged[f"{name}_while_pointing"] for name in wanted)
     at_once = {
-        name: within.least_limit(probability, 0.5, values(getattr(found.at(predict.POINTING), field)))
+        name: judge.least_limit(probability, 0.5, values(getattr(found.at(predict.POINTING), field)))
         for name, (field, probability), values in (
             ("position", judge.FIELDS["position"], np.linalg.eigvalsh),
             ("attitude", judge.FIELDS["attitude"], np.diag),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shefex_nav.verify.trade import pointing, within
+from shefex_nav.verify.trade import judge, pointing
 
 
 @pytest.mark.parametrize(("same", "lasts"), [(0.5, 0.0), (0.9, 0.0), (0.0, 30.0), (0.5, 10.0)])
@@ -20,8 +20,8 @@ def test_limits_of_rare_errors_hold_what_they_say_where_instants_have_something_
         noise = keeps * noise + np.sqrt(1.0 - keeps**2) * rng.standard_normal((n, 3))
     found = []
     for drawn in largest[: 30 * pointing.HISTORIES].reshape(30, -1):
-        of_time = pointing.together(within.length, np.ones(3), drawn, m)
-        found.append(within.least_limit(within.length, of_time.at_once(share), np.ones(3)))
+        of_time = pointing.together(judge.length, np.ones(3), drawn, m)
+        found.append(judge.least_limit(judge.length, of_time.at_once(share), np.ones(3)))
         assert of_time.of_all(of_time.at_once(share)) == pytest.approx(share)
     true = np.quantile(largest, share)
     assert 0.99 < np.mean(found) / true < 1.03 and np.std(found) / true < 0.035

@@ -10,9 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import engine
+from shefex_nav.campaign import engine, plan
+from shefex_nav.campaign.characterise import collect
 from shefex_nav.campaign.characterise.records import Flown
 from shefex_nav.campaign.flight import OF_THE_MACHINE, MachineError
+from shefex_nav.scenario import load, star_statistics
 
 
 class Failed(NamedTuple):
@@ -101,18 +103,12 @@ def _scenario(job):
     """Scenario of a run."""
     global _pattern
     if _pattern is None:
-        from shefex_nav.scenario import load
-
         _pattern = load.Pattern(_plan.source, _plan.name)
     return _pattern.with_draws(job.draws)
 
 
 def rendered(job):
     """records.Flown of a Job."""
-    from shefex_nav.campaign import plan
-    from shefex_nav.campaign.characterise import collect
-    from shefex_nav.scenario import star_statistics
-
     scenario = _scenario(job)
     collected, settings = collect.collect(scenario, job.seed), star_statistics.settings(scenario)
     return Flown(job.run, collected, settings, plan.versions()["code"])
@@ -120,8 +116,7 @@ def rendered(job):
 
 def statistical(content, job):
     """judge.Fixes of a Job, flown with the statistics `content`."""
-    from shefex_nav.campaign.characterise import collect, judge
-    from shefex_nav.scenario import star_statistics
+    from shefex_nav.campaign.characterise import judge
 
     scenario = star_statistics.with_model(_scenario(job), content)
     rows = collect.fixes(scenario, job.seed)

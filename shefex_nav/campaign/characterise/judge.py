@@ -15,6 +15,7 @@ from math import ceil, isfinite, isnan, nan
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 from shefex_nav.campaign.characterise import fit
 from shefex_nav.campaign.characterise.fit import CLIP, joined, of_sources
@@ -49,8 +50,6 @@ class Test(NamedTuple):
     @property
     def reach(self):
         """How far chance moves the figure; infinite if nothing is known of it."""
-        from scipy.special import stdtrit
-
         if not self.runs:
             return 0.0
         if not isfinite(self.error):
@@ -109,8 +108,6 @@ def centroids(runs, model, max_rate):
 
 def _centroids(runs, model, max_rate):
     """As `centroids`, without errors."""
-    from scipy.special import ndtr
-
     sources = joined([run.sources for run in runs])
     frames = joined([run.frames for run in runs])
     slow = of_sources(runs, frames.rate <= max_rate)

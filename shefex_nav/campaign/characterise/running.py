@@ -10,8 +10,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
-from shefex_nav.campaign.characterise import flying
+from shefex_nav import simulate
+from shefex_nav.campaign.characterise import fit, flying
+from shefex_nav.campaign.characterise.fit import FitError
+from shefex_nav.campaign.characterise.records import Records
+from shefex_nav.scenario.laws import ChoiceLaw, TableLaw
 from shefex_nav.workers import cores
 
 CORNERS = 6  # at least every sixth run is a corner run, and they are an even number
@@ -52,8 +57,6 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
     """
     from shefex_nav.campaign import running
     from shefex_nav.campaign.characterise import judge, model
-    from shefex_nav.campaign.characterise.fit import FitError
-    from shefex_nav.campaign.characterise.records import Records
 
     plan, sampler = running.prepared(scenario, runs, seed)
     jobs = corner_jobs(plan, sampler) + [sampler.job(run) for run in range(corners(runs), runs)]
@@ -75,8 +78,7 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
 
 def _rendered(scenario, plan, jobs, workers, records, done):
     """([Flown] by run, [Failed], [Lost]); what is kept is not flown."""
-    from shefex_nav import runs, simulate
-    from shefex_nav.campaign.characterise.fit import FitError
+    from shefex_nav import runs
 
     kept = {} if records is None else {run: records.read(run) for run in range(len(jobs))}
     kept = {run: one for run, one in kept.items() if one is not None}
@@ -116,11 +118,6 @@ def corner_jobs(plan, sampler):
 
 def _end(one, u, run):
     """The draw of a Dispersed for a probability u; of a group each for itself, of listed values the last."""
-    from scipy.special import ndtri
-
-    from shefex_nav.campaign.characterise.fit import FitError
-    from shefex_nav.scenario.laws import ChoiceLaw, TableLaw
-
     if one.group:
         return float(one.law.sigma * ndtri(u))
     if not isinstance(one.law, ChoiceLaw | TableLaw):
@@ -136,8 +133,6 @@ def _end(one, u, run):
 
 def split(flown, first):
     """([Flown] that are fitted, [Flown] that judge): runs from number `first` on may judge."""
-    from shefex_nav.campaign.characterise.fit import FitError
-
     held = [one for one in flown if one.run >= first and (one.run - first) % HELD_OUT == HELD_OUT - 1]
     judges = {one.run for one in held}
     fitted = [one for one in flown if one.run not in judges]
@@ -148,7 +143,7 @@ def split(flown, first):
 
 def _fitted(scenario, fitted, held, without, seed):
     """(content of the file without tests, SightingModel); without : the runs that failed, those lost."""
-    from shefex_nav.campaign.characterise import fit, model
+    from shefex_nav.campaign.characterise import model
     from shefex_nav.report.star_metrics import WRONG_ANGLE
 
     tracker, runs = scenario.star_tracker, [one.collected for one in fitted]

@@ -7,5 +7,5 @@ quantities   which figures of a run are compared, and which way is better
 paired       two samples of the same seeds: difference, interval, verdict
 comparison   sides -> everything that is said of them
 described    whether the covariance of each describes its errors
-parts        as tables;  summary  for programs;  figures, page  one HTML page
+parts        as tables;  summary  for programs;  page  one HTML page
 """

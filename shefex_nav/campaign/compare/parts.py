@@ -8,10 +8,10 @@ from shefex_nav.campaign.compare import described, paired
 from shefex_nav.campaign.compare.given import LOG
 from shefex_nav.campaign.compare.quantities import NEARER, NEES, NEITHER
 from shefex_nav.campaign.over_time import PRACTICAL
-from shefex_nav.campaign.parts import Bold, Command, Part
+from shefex_nav.campaign.tables import Bold, Command, Part
 from shefex_nav.report import innovations, sensor_use
 from shefex_nav.report.navigation_errors import NEES_DOF
-from shefex_nav.report.table import TOO_SURE
+from shefex_nav.report.table_rows import TOO_SURE
 from shefex_nav.scenario import differences
 
 MOST_DIFFERENCES = 10  # values, that are told

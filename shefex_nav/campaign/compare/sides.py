@@ -8,6 +8,7 @@ from typing import NamedTuple
 from shefex_nav.campaign import results
 from shefex_nav.campaign.compare.given import CAMPAIGN, IN_LOG, LOG, CompareError
 from shefex_nav.campaign.head import read_head
+from shefex_nav.report import requirements
 from shefex_nav.report.pairing import same_times
 from shefex_nav.scenario import document
 from shefex_nav.scenario import software as own
@@ -131,7 +132,7 @@ def _of_data(path, data, letter, label):
         notes.append(f"{letter}: was looked at until T{data.until_s:+.1f} s")
     navigation = summary["navigation"]
     paths = (f"navigation.{key}.{name}" for key in OF_SENSORS for name in navigation.get(key, ()))
-    flown = Flown(seed, None, data.failure.partition("\n")[0], _figures_of(summary), judged, {})
+    flown = Flown(seed, None, data.failure.partition("\n")[0], requirements.figures_of(summary), judged, {})
     return Side(
         letter, label, path, LOG, data.mission.scenario_text, summary["software"],
         {"shefex_nav": data.mission.version}, {seed: flown}, notes=tuple(notes), data=data,
@@ -141,16 +142,8 @@ def _of_data(path, data, letter, label):
 
 def _final(one, is_part):
     """A requirements.Judged; what the rest of a mission may change cannot be judged of a part of it."""
-    from shefex_nav.report import requirements
-
     is_open = requirements.verdict(one, is_part) not in ("met", "not met")
     return one._replace(judgeable=False) if is_open else one
-
-
-def _figures_of(summary):
-    from shefex_nav.report.requirements import figures_of
-
-    return figures_of(summary)
 
 
 def _of_campaign(folder, letter, label):
@@ -180,7 +173,7 @@ def _sensors(paths):
 
 
 def _of_row(row):
-    """The same of a row of a campaign's table, where measured durations stand apart."""
+    """Function that gives figures of a row of a campaign's table, where measured durations stand apart."""
     figure = results.figure_of(row)
 
     def get(path):

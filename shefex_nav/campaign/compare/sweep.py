@@ -12,7 +12,7 @@ from shefex_nav.campaign.compare import comparison, paired, parts, sides
 from shefex_nav.campaign.compare.flying import DIGITS, Flight
 from shefex_nav.campaign.compare.given import CAMPAIGN, CompareError
 from shefex_nav.campaign.compare.quantities import QUANTITIES
-from shefex_nav.campaign.parts import Part
+from shefex_nav.campaign.tables import Part
 from shefex_nav.scenario import load, software, sweeps
 
 SHOWN = tuple(  # of `quantities`: the first that there is

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign.impact.landing import ImpactError, followed, land
+from shefex_nav.campaign.impact.landing import ImpactError, followed, land, of_body
 from shefex_nav.geometry import wgs84
+from shefex_nav.world.flight.timeline import FlightError
 
 PROBE = math.radians(0.1)  # of the derivative
 LONGEST = math.radians(5.0)  # of one step
@@ -48,8 +49,6 @@ class _Range:
 
     def miss(self, tilt):
         """(2,) m, where a flight with a tilt (2,) lands, north and east of the place. TrialError"""
-        from shefex_nav.world.flight.timeline import FlightError
-
         self.flights += 1
         azimuth, elevation = _setting(tilt)
         there = self.scenario.launch.model_copy(update={"azimuth": azimuth, "elevation": elevation})
@@ -59,7 +58,7 @@ class _Range:
         except (FlightError, ImpactError) as error:
             words = f"in search of the launcher's setting, {_words(azimuth, elevation)}: {error}"
             raise TrialError(words) from None
-        one = next((one for one in landings if one.body == (self.body or landings[0].body)), None)
+        one = of_body(landings, self.body)
         if one is None:
             raise TrialError(f"{self.body} does not come off with {_words(azimuth, elevation)}")
         here = wgs84.ecef_from_geodetic(one.latitude, one.longitude, self.ground)

@@ -9,8 +9,9 @@ import numpy as np
 from shefex_nav.campaign import normality
 from shefex_nav.campaign.impact import ellipses as ellipsing
 from shefex_nav.campaign.impact import scatter
+from shefex_nav.campaign.impact.landing import place
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import columns, geodesic, geography
+from shefex_nav.report import columns, geography, track
 from shefex_nav.report.table import number
 
 NO_STATISTICS = "flown once; --runs draws the dispersions of the scenario"
@@ -38,7 +39,7 @@ def summary(result):
     first = result.cases[0].scenario
     found = {
         "scenario": result.name, "seed": result.seed, "ground_m": result.ground,
-        "launcher": _place(*result.site),
+        "launcher": place(*result.site),
         "cases": [_case(result, k) for k in range(len(result.cases))],
         "not_followed": list(result.landed[0].unknown),
         "warnings": list(result.warnings),
@@ -65,10 +66,6 @@ def _without(result):
     ]
 
 
-def _place(latitude, longitude):
-    return {"latitude_deg": math.degrees(latitude), "longitude_deg": math.degrees(longitude)}
-
-
 def _case(result, k):
     case, landed = result.cases[k], result.landed[k]
     found = {
@@ -77,8 +74,8 @@ def _case(result, k):
         "elevation_deg": math.degrees(case.scenario.launch.elevation),
         "landings": [
             {
-                "body": one.body, "t_s": one.t_s, **_place(one.latitude, one.longitude),
-                "range_m": geodesic.distance(*result.site, one.latitude, one.longitude),
+                "body": one.body, "t_s": one.t_s, **place(one.latitude, one.longitude),
+                "range_m": track.ground_distance(*result.site, one.latitude, one.longitude),
                 "bearing_deg": math.degrees(_bearing(result.site, one)),
                 "speed_m_s": one.speed, "below_horizon_deg": math.degrees(one.angle),
             }
@@ -99,7 +96,7 @@ def _bearing(site, one):
 
 def _ellipse(one):
     return {
-        "body": one.body, "landings": len(one.offsets), "centre": _place(one.latitude, one.longitude),
+        "body": one.body, "landings": len(one.offsets), "centre": place(one.latitude, one.longitude),
         "standard_error_m": {"north": one.error[0], "east": one.error[1]},
         "semi_axes_1_sigma_m": list(one.axes), "semi_axes_relative_error": one.axes_error,
         "azimuth_of_longer_deg": math.degrees(one.azimuth),
@@ -258,8 +255,8 @@ def samples(result):
     held = result.scattered
     landings = {
         body: [
-            {"run": run, "wind": scatter.case_of(result.cases, run).wind, **_place(*map(float, place))}
-            for run, place in zip(held.flown, places, strict=True)
+            {"run": run, "wind": scatter.case_of(result.cases, run).wind, **place(*map(float, one))}
+            for run, one in zip(held.flown, places, strict=True)
         ]
         for body, places in held.landings.items()
     }

@@ -8,8 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import running
+from shefex_nav.campaign.draws import Sampler
 from shefex_nav.campaign.impact.landing import ImpactError, land
+from shefex_nav.scenario import load
 from shefex_nav.workers import each
+from shefex_nav.world.flight.timeline import FlightError
 
 CHUNKS = 4  # of each worker, so that none waits long for another
 
@@ -70,10 +73,6 @@ def scatter(cases, runs, seed, ground, workers, tell=lambda words: None):
 
 def fly_some(plans, runs, ground):
     """Fly some runs: list of (run, reason why it did not land or '', [(body, latitude, longitude)])."""
-    from shefex_nav.campaign.draws import Sampler
-    from shefex_nav.scenario import load
-    from shefex_nav.world.flight.timeline import FlightError
-
     patterns = [load.Pattern(plan.source, plan.name) for plan in plans]
     samplers = [Sampler(plan, one.dispersed) for plan, one in zip(plans, patterns, strict=True)]
     found = []

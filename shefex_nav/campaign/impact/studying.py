@@ -4,7 +4,7 @@ import json
 import math
 from typing import NamedTuple
 
-from shefex_nav.campaign.impact import aim, ellipses, instantaneous, landing, outputs, scatter
+from shefex_nav.campaign.impact import aim, ellipses, landing, outputs, scatter
 from shefex_nav.files import put
 from shefex_nav.scenario import load, sounding_checks, soundings
 from shefex_nav.workers import cores
@@ -49,7 +49,7 @@ def study(asked, tell=lambda words: None):
             aimed.append(found)
         cases.append(scatter.Case(name, case))
     landed = tuple(landing.land(case.scenario, asked.seed, ground) for case in cases)
-    points = instantaneous.points(cases[0].scenario, landed[0], ground)
+    points = landing.impact_points(cases[0].scenario, landed[0], ground)
     found, shapes = None, ()
     if asked.runs:
         most = asked.workers or min(cores(), max(1, asked.runs // RUNS_OF_A_WORKER))

@@ -1,24 +1,80 @@
-"""The frames of a log as a screen gets them, by number."""
+"""The frames of a log as a screen gets them, by number: which dots each fills, and how bright; their page.
 
+The screen stands in the focal plane of a collimator of focal length F, or at the distance F from the camera.
+A pixel of the frame is seen at an angle whose tangent is 1/f, f being the focal length of the simulated
+camera in pixels. So it is F/f wide on the screen, and F/(f p) dots of the pitch p: frame and screen are both
+planes across the line of sight, and one factor fits all of the field.
+
+The luminance of a dot is taken to be proportional to (code/255)^gamma.
+
+The page that shows them is for a browser on this machine; nobody else can reach it.
+"""
+
+import json
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from operator import attrgetter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from shefex_nav.log import pixels
 from shefex_nav.log.topics import LogError, epoch_ns, log_time_ns
-from shefex_nav.report.display import optics
+
+CODES = 256  # of a dot
+PAGE = Path(__file__).with_name("page.html")
+HOST = "127.0.0.1"
+HOSTS = HOST, "localhost"  # by which it may be called
+LONGEST = 10  # digits of a number
+
+
+class Display(NamedTuple):
+    """A screen and how it is used."""
+
+    dots: float  # of the screen, a pixel of the frame
+    gamma: float
+    white_dn: float  # grey value that is shown with all light
+
+
+def dots_per_pixel(focal_length_px, collimator_m, pitch_m):
+    """Dots of the screen a pixel of the frame, along each axis. Focal length of the camera, m, m"""
+    return collimator_m / (focal_length_px * pitch_m)
+
+
+def codes(display):
+    """Code of a dot for every grey value: (65536,) uint8. Display"""
+    light = np.clip(np.arange(65536) / display.white_dn, 0.0, 1.0)
+    return np.rint((CODES - 1) * light ** (1.0 / display.gamma)).astype(np.uint8)
+
+
+def drawn(image_dn, display, table):
+    """A frame as dots of the screen: light is interpolated linearly between the pixels.
+
+    image_dn : (rows, columns) grey values;  table : of `codes`
+    -> (rows * dots, columns * dots) uint8
+    """
+    from PIL import Image
+
+    if display.dots == 1.0:
+        return table[image_dn]
+    size = tuple(max(1, round(n * display.dots)) for n in image_dn.shape[::-1])
+    scaled = Image.fromarray(image_dn.astype(np.float32)).resize(size, Image.Resampling.BILINEAR)
+    return table[np.rint(np.asarray(scaled)).clip(0, 65535).astype(np.uint16)]
 
 
 class Player:
     """The frames of a run that can be shown.
 
     log : path;  data : its RunData
-    display : optics.Display
+    display : Display
 
     LogError if there are none.
     """
 
     def __init__(self, log, data, display):
-        self._log, self._display, self._codes = log, display, optics.codes(display)
+        self._log, self._display, self._codes = log, display, codes(display)
         epoch = epoch_ns(data.mission.epoch_utc)
         kept = {}  # log time -> whether they are kept as read out alone
         for one in pixels.between(log):
@@ -43,7 +99,45 @@ class Player:
         # without the background of the sky if it is kept so: the noise of one camera is not for another
         found = min(pixels.between(self._log, ns, ns + 1), key=attrgetter("is_full"))
         stored = BytesIO()
-        Image.fromarray(optics.drawn(found.image_dn, self._display, self._codes)).save(
+        Image.fromarray(drawn(found.image_dn, self._display, self._codes)).save(
             stored, "PNG", compress_level=1
         )
         return stored.getvalue()
+
+
+def server(player, pace, port=0):
+    """A server that shows frames, to be run with serve_forever.
+
+    player : Player;  pace : mission time over real time
+    port : of this machine, 0: one that is free; the server's `server_address` has it. OSError
+    """
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            host = self.headers.get("Host", "").rpartition(":")[0]
+            asked = self.path if host in HOSTS else ""  # pages of others may not read the frames
+            kind, content = _answer(asked, player, pace)
+            self.send_response(HTTPStatus.OK if content else HTTPStatus.NOT_FOUND)
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, *_):
+            """Requests are not worth telling."""
+
+    return ThreadingHTTPServer((HOST, port), Handler)
+
+
+def _answer(path, player, pace):
+    """(media type, content) of a path; nothing of one that there is not."""
+    times_s = player.times_s()
+    if path == "/":
+        return "text/html; charset=utf-8", PAGE.read_bytes()
+    if path == "/frames.json":
+        return "application/json", json.dumps({"times_s": times_s, "pace": pace}).encode()
+    number = path.removeprefix("/frame/").removesuffix(".png")
+    is_number = number.isascii() and number.isdigit() and len(number) < LONGEST
+    if path == f"/frame/{number}.png" and is_number and int(number) < len(times_s):
+        return "image/png", player.png(int(number))
+    return "text/plain", b""

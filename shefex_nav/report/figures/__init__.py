@@ -119,7 +119,7 @@ CATALOGUE = (
         "The same of the attitude, where what is required is about each axis.",
     ),
     Entry(
-        "timing", "timing.chain", "computing time",
+        "timing", "star_tracker.timing", "computing time",
         "Measured by the clock of the machine that simulated, not reproducible: while other programs have "
         "the processor, the clock runs on.",
     ),

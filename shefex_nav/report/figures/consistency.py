@@ -5,13 +5,12 @@ import numpy as np
 from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import trust
 from shefex_nav.report.configured import configured
+from shefex_nav.report.error_figures import BLOCKS
 from shefex_nav.report.figures import style
-from shefex_nav.report.navigation_errors import beside_covariance, navigation_errors
-from shefex_nav.report.nees import chi2_bounds
-from shefex_nav.report.nees import nees as normalised
+from shefex_nav.report.navigation_errors import beside_covariance, chi2_bounds, navigation_errors
+from shefex_nav.report.navigation_errors import nees as normalised
 
 LEVEL = 0.95  # of the bounds
-_BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
 _DOUBTS = ((1, style.SKY, "level"), (2, style.RED, "contradicted"), (3, style.ORANGE, "IMU"))
 _MOST_LANES = 12
 
@@ -19,8 +18,8 @@ _MOST_LANES = 12
 def nees_of_blocks(data):
     """NEES at the epochs of the covariance: t_s (K,), {'position', 'velocity', 'attitude', 'all': (K,)}."""
     t_s, x, P = beside_covariance(data, navigation_errors(data))
-    blocks = (*_BLOCKS, ("all", slice(0, 9)))
-    return t_s, {name: normalised(x[:, block], P[:, block, block]) for name, block in blocks}
+    blocks = BLOCKS | {"all": slice(0, 9)}
+    return t_s, {name: normalised(x[:, block], P[:, block, block]) for name, block in blocks.items()}
 
 
 @style.styled
@@ -98,11 +97,8 @@ def _nis_of(axes, sensor, gates):
     style.legend_above(axes, markerscale=1.5)
 
 
-_AXES = {  # quantity: its unit, what it is shown in of SI, its panels
-    "position": ("m", 1.0, ("horizontal", "vertical")),
-    "velocity": ("m/s", 1.0, ("horizontal", "vertical")),
-    "attitude": ("deg", np.degrees(1.0), ("about x", "about y", "about z")),
-}
+_LEVEL = ("horizontal", "vertical")
+_PANELS = {"position": _LEVEL, "velocity": _LEVEL, "attitude": ("about x", "about y", "about z")}
 _COLOURS = {"horizontal": style.SKY, "vertical": style.ORANGE}
 
 
@@ -127,7 +123,7 @@ def _protection(data, quantity):
     nav = data.nav
     if not trust.has_levels(nav):
         return None
-    unit, factor, names = _AXES[quantity]
+    (unit, factor), names = trust.SHOWN[quantity], _PANELS[quantity]
     compared, said = trust.compare(data)[quantity], protected(nav, quantity)
     required = configured(data).limits.get(quantity)
     words = f"Protection level of the {quantity}, against the true error and what is required"

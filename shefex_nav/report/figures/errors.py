@@ -12,10 +12,11 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, about
 from shefex_nav.records import Reason
-from shefex_nav.report import local_level, scale
+from shefex_nav.report import local_level
 from shefex_nav.report.figures import style
+from shefex_nav.report.figures.series import cut_about
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
-from shefex_nav.report.pairing import same_times
+from shefex_nav.report.pairing import at_rows, same_times
 from shefex_nav.report.track import earth_fixed
 
 _DEG = np.degrees(1.0)
@@ -60,7 +61,7 @@ def level(data):
     (N, 3), sigma_t_s (K,), sigma (K, 3).
     """
     i, j = same_times(data.truth.t_s, data.nav.t_s)
-    chosen = data.truth._make(values[i] for values in data.truth)
+    chosen = at_rows(data.truth, i)
     C_ni = _level_axes(data.mission.earth, chosen)
     dr_i = chosen.r_i - data.nav.r_i[j]
     omega_ie_i = frames.omega_ie_i(data.mission.earth)
@@ -113,7 +114,7 @@ def cut_by_stars(axes, data, band, error):
     """
     fixes_s = [fix.t_valid_s for fix in data.star_fixes if fix.reason == Reason.NONE]
     (t_s, three), size = band, np.abs(error)
-    found = scale.cut_about(three[t_s <= max(fixes_s, default=np.inf)], np.concatenate([three, size]))
+    found = cut_about(three[t_s <= max(fixes_s, default=np.inf)], np.concatenate([three, size]))
     if found is None:
         return
     axes.set_ylim(-found.top, found.top)

@@ -61,12 +61,7 @@ def _by_phase(axes, data, path, x, y):
         axes.plot(x, y, color=style.BLUE, lw=2.2)
         return
     named = set()
-    for phase, piece in style.phase_pieces(data.truth):
-        start_s, end_s = data.truth.t_s[piece.start], data.truth.t_s[min(piece.stop, len(data.truth.t_s) - 1)]
-        rows = np.flatnonzero((path.t_s >= start_s - SAME_S) & (path.t_s <= end_s + SAME_S))
-        if not len(rows):
-            continue
-        rows = np.arange(rows[0], min(rows[-1] + 2, len(x)))  # as far as the next piece
+    for phase, rows in flown.by_phase(path, data.truth):
         name = None if phase in named else phase.name.lower()
         named.add(phase)
         axes.plot(x[rows], y[rows], color=style.PHASES[phase], lw=2.6, label=name, solid_capstyle="butt")
@@ -136,7 +131,7 @@ def ground_track(data):
     height, below = (5.9, 0.7) if reach > _ROUND else (6.4, 0.9)
     figure, axes = style.single(height, words, below)
     if reach > _ROUND:
-        _whole_earth(axes, data, path)
+        _whole_earth(axes, path)
     else:
         _region(axes, data, path, middle)
     return figure
@@ -273,7 +268,7 @@ def _grid_line(axes, line, name, *, edge):
         )  # fmt: skip
 
 
-def _whole_earth(axes, data, path):
+def _whole_earth(axes, path):
     """The track over longitude and latitude, broken where it crosses the antimeridian."""
     for line in coast.lines():
         axes.plot(*line.T, color=_LAND, lw=0.7)

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import event_words
-from shefex_nav.report import geodesic
-from shefex_nav.report.pairing import is_partly_true
-from shefex_nav.report.track import Track, earth_fixed
+from shefex_nav.clock import SAME_S
+from shefex_nav.report.figures import style
+from shefex_nav.report.pairing import at_rows, is_partly_true
+from shefex_nav.report.track import Track, earth_fixed, ground_distance
 
 PATH_POINTS = 1500  # of a drawn path
 
@@ -37,8 +38,18 @@ def estimate(data, most=PATH_POINTS):
 def of_states(name, data, states, most):
     """Path of records of arrays with t_s, r_i and v_i."""
     rows = np.unique(np.linspace(0, len(states.t_s) - 1, min(most, len(states.t_s))).astype(int))
-    chosen = states._make(np.ascontiguousarray(values[rows]) for values in states)
+    chosen = at_rows(states, rows)
     return Path(name, chosen.t_s, earth_fixed(data.mission.earth, chosen))
+
+
+def by_phase(path, truth):
+    """(phase, rows of a Path) of each stretch of one phase, as far as the next. TruthSample of arrays"""
+    last = len(truth.t_s) - 1
+    for phase, piece in style.phase_pieces(truth):
+        start_s, end_s = truth.t_s[piece.start] - SAME_S, truth.t_s[min(piece.stop, last)] + SAME_S
+        rows = np.flatnonzero((path.t_s >= start_s) & (path.t_s <= end_s))
+        if len(rows):
+            yield phase, np.arange(rows[0], min(rows[-1] + 2, len(path.t_s)))
 
 
 def along_ground(track, still=None):
@@ -52,7 +63,7 @@ def along_ground(track, still=None):
         moves = np.linalg.norm(track.v_e, axis=1) > still
     latitude, longitude = track.latitude.tolist(), track.longitude.tolist()
     for k in range(1, len(latitude)):
-        length = geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k])
+        length = ground_distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k])
         steps.append(length if moves[k - 1] or moves[k] else 0.0)
     return np.cumsum(steps)
 

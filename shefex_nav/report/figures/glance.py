@@ -40,12 +40,8 @@ def _sky(axes, seen):
 def _flight(axes, data, t_s):
     """Height over time in the colours of the phases."""
     path = flown.path(data)
-    for phase, piece in style.phase_pieces(data.truth):
-        start_s, end_s = data.truth.t_s[piece.start], data.truth.t_s[min(piece.stop, len(data.truth.t_s) - 1)]
-        rows = np.flatnonzero((path.t_s >= start_s) & (path.t_s <= end_s))
-        if len(rows):
-            rows = np.arange(rows[0], min(rows[-1] + 2, len(path.t_s)))  # as far as the next piece
-            axes.plot(path.t_s[rows], path.track.height[rows] / 1e3, color=style.PHASES[phase], lw=2.6)
+    for phase, rows in flown.by_phase(path, data.truth):
+        axes.plot(path.t_s[rows], path.track.height[rows] / 1e3, color=style.PHASES[phase], lw=2.6)
     _mark(axes, t_s)
     axes.set_title("height [km]; colours are the phases of the mission")
     axes.set_xlim(*style.whole(data))

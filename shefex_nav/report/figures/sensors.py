@@ -22,8 +22,8 @@ def imu(data):
     rate = np.degrees(blocks.dtheta_b.sum(axis=1) / duration[:, None])
     words = "IMU as measured: specific force and rates, means of each block"
     figure, rows = style.panels(data, 4, words, height=1.5)
-    _along_and_across(rows[0, 0], rows[1, 0], blocks.t_valid_s, force, "gee")
-    _along_and_across(rows[2, 0], rows[3, 0], blocks.t_valid_s, rate, "deg/s")
+    _along_and_across(rows[0, 0], rows[1, 0], blocks.t_valid_s, force)
+    _along_and_across(rows[2, 0], rows[3, 0], blocks.t_valid_s, rate)
     rows[0, 0].set_ylabel("force, x\n[gee]")
     rows[1, 0].set_ylabel("force, y z\n[gee]")
     rows[2, 0].set_ylabel("rate, x\n[deg/s]")
@@ -32,16 +32,21 @@ def imu(data):
         (blocks.saturated, style.ORANGE, "saturated"),
         (~blocks.valid, style.RED, "silent"),
     ):
-        for start, length in style.spans(blocks.t_valid_s, flags):
-            for axes in rows[:, 0]:
-                axes.axvspan(start, start + length, color=colour, alpha=0.4, lw=0, label=name)
-                name = None
+        _shade(rows, blocks.t_valid_s, flags, color=colour, alpha=0.4, label=name)
     style.legend_above(rows[0, 0])
     style.legend_above(rows[1, 0])
     return figure
 
 
-def _along_and_across(along, across, t_s, values, unit):
+def _shade(rows, t_s, flags, **look):
+    """Intervals of flagged samples in all panels; the first one has the label."""
+    for start, length in style.spans(t_s, flags):
+        for axes in rows[:, 0]:
+            axes.axvspan(start, start + length, lw=0, **look)
+            look["label"] = None
+
+
+def _along_and_across(along, across, t_s, values):
     style.curve(along, t_s, values[:, 0], color=style.BLUE, lw=0.9)
     for k, axis in ((1, "y"), (2, "z")):
         style.curve(
@@ -69,13 +74,7 @@ def gps(data):
         style.curve(axes, t_s, values, color=style.BLUE, **look)
         axes.set_ylabel(label)
         axes.set_ylim(0.0, 1.1 * float(np.nanmax(values, initial=0.0)) or 1.0)
-    first = True
-    for start, length in style.spans(t_s, ~valid):
-        for axes in rows[:, 0]:
-            axes.axvspan(
-                start, start + length, color=style.ORANGE, alpha=0.3, lw=0, label="no fix" if first else None
-            )
-            first = False
+    _shade(rows, t_s, ~valid, color=style.ORANGE, alpha=0.3, label="no fix")
     style.legend_above(rows[0, 0])
     return figure
 

@@ -15,9 +15,8 @@ import numpy as np
 
 from shefex_nav import files
 from shefex_nav.records import Phase
-from shefex_nav.report import scale
-from shefex_nav.report.figures.series import MOST_POINTS, envelope, gapped
-from shefex_nav.report.figures.steered import steered
+from shefex_nav.report import html
+from shefex_nav.report.figures.series import MOST_POINTS, cut, envelope, gapped
 from shefex_nav.report.local_level import is_replay
 from shefex_nav.report.pairing import stretches, whole_time
 
@@ -39,6 +38,7 @@ TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}  # of bl
 RIGHT, BOTTOM = 0.22, 0.55  # inches, margins of a figure
 WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
 STILL_KM = 0.2  # height that an axis shows at least
+_LEAST_S = 0.2  # of a part of a phase
 _FEW_DOTS = 200
 _DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
 _DPI = 160  # of pictures within figures
@@ -110,6 +110,21 @@ def constrained(width, height):
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def small_multiples(n, columns, width, height, margin):
+    """(Figure, list of its n Axes) in rows of so many. Inches: width of all, height of a row, above them"""
+    rows = -(-n // columns)
+    drawn = constrained(width, margin + height * rows)
+    axes = drawn.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for unused in axes[n:]:
+        unused.remove()
+    return drawn, axes[:n]
+
+
+def heading(figure, text):
+    """The line above a `constrained` figure that says what is seen."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=14, fontweight="bold")
 
 
 def title(figure, text):
@@ -232,6 +247,24 @@ def phase_pieces(truth):
     return [(Phase(int(truth.phase[a])), slice(a, b)) for a, b in pairwise(bounds)]
 
 
+def steered(events, phase, start, end):
+    """Parts of a phase by the tasks that steer in it: (name, begin, end) of each, s; its own name where none.
+
+    The events of a task are `NAME_start` and `NAME_end`.
+    """
+    if phase not in (Phase.MANOEUVRE, Phase.POINTING):
+        return [(phase.name.lower(), start, end)]
+    at = {event.name: event.t_s for event in events}
+    begun = sorted((t_s, name.removesuffix("_start")) for name, t_s in at.items() if name.endswith("_start"))
+    cuts = [start, *(t_s for t_s, _ in begun if start + _LEAST_S < t_s < end - _LEAST_S), end]
+    found = []
+    for begin, until in pairwise(cuts):
+        names = [name for t_s, name in begun if t_s < until - _LEAST_S]
+        name = names[-1] if names and at.get(f"{names[-1]}_end", end) > begin + _LEAST_S else None
+        found.append((phase.name.lower() if name is None else name.replace("_", " "), begin, until))
+    return found
+
+
 def phase_strip(axes, data, span_s):
     """Bars of the phases of the mission, named where there is room between the ends of span_s.
 
@@ -317,7 +350,7 @@ def limits(axes, values, *, margin=0.08, least=0.0):
 
 def cut_off(axes, values, unit):
     """End the y axis where a few of the values, (n,) of at least zero, would flatten the others; says so."""
-    found = scale.cut(values)
+    found = cut(values)
     if found is not None:
         axes.set_ylim(0.0, found.top)
         words = f"{found.count} of {len(values)} lie above, up to {found.largest:.4g} {unit}"
@@ -336,6 +369,11 @@ def svg(figure):
     out = BytesIO()
     figure.savefig(out, format="svg", dpi=_DPI, metadata={"Date": None})
     return re.sub(rb' d="[^"]*"', lambda found: _DIGITS.sub(rb"\1", found.group()), out.getvalue())
+
+
+def picture(figure, name, caption, alt=None):
+    """A figure within an HTML page, alt : instead of its caption where it is not seen. -> html.Safe"""
+    return html.picture(svg(figure), name, alt or caption, caption, figure.get_size_inches())
 
 
 @styled

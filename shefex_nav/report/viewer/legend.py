@@ -1,5 +1,28 @@
 """What colours, marks and axes on the pages of the viewer mean: a text beside each."""
 
+from typing import NamedTuple
+
+from shefex_nav.report.configured import configured
+
+
+class Limit(NamedTuple):
+    """The length of the table of detections, against the frames of a run."""
+
+    most: int  # objects of a frame, star_tracker.detection.most_objects
+    reached: int  # frames that have so many: there may have been more
+    frames: int  # that were searched
+
+
+def limit_of(data):
+    """Limit of a RunData; None where its scenario does not say, or cannot be read."""
+    scenario = configured(data).scenario
+    if scenario is None:
+        return None
+    most = scenario.star_tracker.detection.most_objects
+    reached = sum(len(fix.hip) >= most for fix in data.star_fixes)
+    return Limit(most, reached, len(data.star_fixes))
+
+
 ENTITY = "legend"
 AXES = "**Axes.** x is red, y green, z blue."
 _STATES = """**States.** Green: good or in use. Orange: not; *Events* say why. A name that has no room is

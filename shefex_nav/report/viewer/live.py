@@ -13,17 +13,7 @@ import numpy as np
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import join, together
 from shefex_nav.log.tail import Tail
-from shefex_nav.report.viewer import (
-    drawings,
-    flight,
-    layout,
-    legend,
-    navigation,
-    recording,
-    sensors,
-    stars,
-    world,
-)
+from shefex_nav.report.viewer import drawings, layout, legend, navigation, recording, sensors, stars, world
 from shefex_nav.report.viewer.sender import Sender
 
 ASKED_S = 0.1  # between two looks at the log
@@ -97,7 +87,7 @@ class Live:
         if self._held is not None:
             return
         self._look(data, part)
-        flight.send(self._sender, data)
+        world.send_curves(self._sender, data)
         sensors.send(self._sender, data)
         self._stars(data)
         navigation.send(self._sender, data)

@@ -9,9 +9,10 @@ import rerun.blueprint as rrb
 from shefex_nav.geometry import wgs84
 from shefex_nav.instruments import TABLE
 from shefex_nav.records import protected
-from shefex_nav.report import scale, trust
+from shefex_nav.report import trust
+from shefex_nav.report.figures import series
 from shefex_nav.report.navigation_errors import navigation_errors, normalised_errors
-from shefex_nav.report.viewer import counts, legend, world
+from shefex_nav.report.viewer import legend, world
 from shefex_nav.report.viewer.layout import (
     ERROR_PLOTS,
     MISSION,
@@ -121,7 +122,7 @@ def _star_tracker(data, seen, has):
 def _stars_title(data):
     """Of the plot of the stars; it says at which number the table of detections was full."""
     words = "Stars: detected (orange), identified (green)"
-    limit = counts.limit(data)
+    limit = legend.limit_of(data)
     return f"{words}; {limit.most} at most" if limit and limit.reached else words
 
 
@@ -158,8 +159,8 @@ def _levels(data, has):
     """A plot of the protection levels of each quantity; its title says what its scale cuts off."""
     white = "; error white" if has.errors else ""
     plots = []
-    for quantity, unit in trust.SHOWN if has.protection else ():
-        levels = trust.UNITS[quantity][1] * protected(data.nav, quantity).level
+    for quantity, (unit, factor) in trust.SHOWN.items() if has.protection else ():
+        levels = factor * protected(data.nav, quantity).level
         most = np.where(np.isfinite(levels), levels, 0.0).max(axis=1)
         top, cut = _better_part(most, float(most.max()))
         plots.append(
@@ -320,7 +321,7 @@ def _error_limits(data):
     limits = ABOVE * np.percentile(3.0 * sigma[t_s > 0.0], BETTER_PART, axis=0)
     largest = sizes.max(axis=0)
     unknown = np.isnan(limits)  # of software that says no sigmas
-    limits[unknown] = scale.ROOM * np.percentile(sizes[:, unknown], scale.BETTER_PART, axis=0)
+    limits[unknown] = series.ROOM * np.percentile(sizes[:, unknown], series.BETTER_PART, axis=0)
     limits[6:], largest[6:] = np.degrees(limits[6:]), np.degrees(largest[6:])
     shown = [_readable(limit) for limit in limits]
     return [

@@ -51,14 +51,17 @@ def path():
 def show(recording):
     """Open a recording in the viewer and wait until it is closed."""
     _check_screen(os.environ)
-    environment = {"RUST_LOG": "error", **os.environ}
-    command = [str(path()), str(recording), "--port", "auto"]
-    done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
-    if done.returncode != 0:
-        raise ViewerError(
-            f"the viewer could not open a window: {_reason(done.stderr, done.returncode)}\n"
-            f"On a machine without a screen, {INSTEAD}."
-        )
+    failed = _failed([str(recording), "--port", "auto"])
+    if failed:
+        words = f"the viewer could not open a window: {failed}"
+        raise ViewerError(f"{words}\nOn a machine without a screen, {INSTEAD}.")
+
+
+def _failed(options):
+    """Run the viewer to its end: why it failed, '' if it did not."""
+    told = {"RUST_LOG": "error", **os.environ}
+    done = subprocess.run([str(path()), *options], env=told, stderr=subprocess.PIPE, text=True, check=False)
+    return _reason(done.stderr, done.returncode) if done.returncode else ""
 
 
 def _check_screen(environment):
@@ -88,14 +91,8 @@ class Window:
         self._port = port = _free_port()
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self._web, self._said = web, tempfile.TemporaryFile("w+")
-        command = [str(path()), "--bind", "127.0.0.1", "--port", str(port)]
-        if web:
-            page = _free_port()
-            url = f"http://127.0.0.1:{page}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
-            print(f"open {url} in a browser; Ctrl-C ends it", file=sys.stderr)
-            command += ["--serve-web", "--web-viewer-port", str(page)]
-        else:
-            command += ["--hide-welcome-screen", "--expect-data-soon"]
+        options = _to_browsers(port) if web else ["--hide-welcome-screen", "--expect-data-soon"]
+        command = [str(path()), "--bind", "127.0.0.1", "--port", str(port), *options]
         told = {"RUST_LOG": "error", **environment}
         self._process = subprocess.Popen(command, env=told, stderr=self._said)
 
@@ -135,15 +132,18 @@ class Window:
 
 def serve(recording):
     """Serve a recording to browsers on this machine until interrupted; says where."""
-    grpc, web = _free_port(), _free_port()
-    url = f"http://127.0.0.1:{web}/?url=rerun%2Bhttp://127.0.0.1:{grpc}/proxy"
+    port = _free_port()
+    failed = _failed(["--bind", "127.0.0.1", "--port", str(port), *_to_browsers(port), str(recording)])
+    if failed:
+        raise ViewerError(f"the viewer could not be served: {failed}")
+
+
+def _to_browsers(port):
+    """Options of a viewer that listens at a port and serves itself to browsers; says where."""
+    page = _free_port()
+    url = f"http://127.0.0.1:{page}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
     print(f"open {url} in a browser; Ctrl-C ends it", file=sys.stderr)
-    command = [str(path()), "--serve-web", "--bind", "127.0.0.1", "--port", str(grpc)]
-    environment = {"RUST_LOG": "error", **os.environ}
-    command += ["--web-viewer-port", str(web), str(recording)]
-    done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
-    if done.returncode != 0:
-        raise ViewerError(f"the viewer could not be served: {_reason(done.stderr, done.returncode)}")
+    return ["--serve-web", "--web-viewer-port", str(page)]
 
 
 def take_picture(recording, picture, at_s):

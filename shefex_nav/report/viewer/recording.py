@@ -21,17 +21,7 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
 from shefex_nav.report import local_level
-from shefex_nav.report.viewer import (
-    counts,
-    drawings,
-    flight,
-    layout,
-    legend,
-    navigation,
-    sensors,
-    stars,
-    world,
-)
+from shefex_nav.report.viewer import drawings, layout, legend, navigation, sensors, stars, world
 from shefex_nav.report.viewer.program import ViewerError
 from shefex_nav.report.viewer.sender import Sender
 
@@ -127,7 +117,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     for data, name, (word, colour) in zip(runs[1:], others, colours, strict=False):
         overlay(sender, data, first.mission, name, colour)
         words.append((name + _elsewhere(data.mission, first.mission, seen.size), word))
-    legend.send(sender, own, words, counts.limit(first), has.errors)
+    legend.send(sender, own, words, legend.limit_of(first), has.errors)
     stream.flush()
     stream.disconnect()
 
@@ -185,7 +175,7 @@ def fill(stream, log_path, data):
     if not len(data.truth.t_s):
         _estimate_stands_in(sender)
     world.send(sender, shown)
-    flight.send(sender, shown)
+    world.send_curves(sender, shown)
     sensors.send(sender, data)
     stars.send(sender, data)
     navigation.send(sender, data)

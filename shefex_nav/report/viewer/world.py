@@ -6,10 +6,11 @@ from shefex_nav import event_words
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
-from shefex_nav.report.pairing import whole_time
+from shefex_nav.report.local_level import is_replay
+from shefex_nav.report.pairing import at_rows, whole_time
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer import layout, vehicle
-from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, VIOLET, WHITE, YELLOW
+from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, VIOLET, WHITE, YELLOW, plot_step
 
 _POINTS = 4000  # of the path, about
 _LINE_POINTS = 60  # of a meridian or parallel
@@ -42,7 +43,7 @@ def time_span(data):
 
 def thinned(truth, step):
     """Every so many samples of a TruthSample of arrays."""
-    return truth._make(np.ascontiguousarray(values[::step]) for values in truth)
+    return at_rows(truth, slice(None, None, step))
 
 
 def _step(data):
@@ -193,3 +194,32 @@ def _graticule(track):
     lines = [_on_ground(np.full(_LINE_POINTS, np.radians(a)), along_parallel) for a in parallels]
     lines += [_on_ground(along_meridian, np.full(_LINE_POINTS, np.radians(b))) for b in meridians]
     return lines, [bool(x % 10 == 0) for x in (*parallels, *meridians)]
+
+
+def send_curves(sender, data):
+    """Curves of the flight: height, speed, roll, what the attitude control does; the phases as a lane."""
+    motion(sender, data)
+    control(sender, data)
+    if is_replay(data):  # recorded data do not say the phases
+        return
+    phases = {phase.name.lower(): colour for phase, colour in PHASE_COLOURS.items()}
+    states = [Phase(p).name.lower() for p in data.truth.phase]
+    sender.lane("states/phase", data.truth.t_s, states, phases, time_span(data))
+
+
+def motion(sender, data):
+    """Height, speed against the Earth, roll rate."""
+    every = thinned(data.truth, plot_step(data.truth.t_s))
+    track = earth_fixed(data.mission.earth, every)
+    sender.curve("plots/height", every.t_s, track.height / 1e3, WHITE, "height [km]")
+    speed = np.linalg.norm(track.v_e, axis=1)
+    sender.curve("plots/speed", every.t_s, speed, YELLOW, "speed [m/s]")
+    roll_rate = np.degrees(every.omega_ib_b[:, 0])  # NaN in the truth of external data
+    sender.curve("plots/roll_rate", every.t_s, roll_rate, (150, 200, 255), "roll rate [deg/s]")
+
+
+def control(sender, data):
+    """Pointing error about each axis, and the gas."""
+    if len(data.control.t_s):
+        sender.axes("plots/pointing", data.control.t_s, np.degrees(data.control.pointing_error))
+        sender.curve("plots/gas", data.control.t_s, data.control.propellant_kg, WHITE, "gas [kg]")

@@ -2,7 +2,7 @@
 
 `design` has the table of the cells, `factors` and `happenings` say what its levels mean;
 `flight` flies one of them with its twin, in which nothing happens (together, until something differs),
-`innovations` and `detect` say from which instant on the fault could be noticed, `assess` what the solution
+`detect` says from which instant on the fault could be noticed, `assess` what the solution
 was worth; `store` keeps flights, `running` hands them to workers, `cells` sums up, `require` holds the sums
 against what is required, `show` and `page` print them; `random_faults` draws missions beside the design.
 """

@@ -11,8 +11,14 @@ two healthy filters does not exceed in 0.1 %.
 
 What readings tell by themselves (`shows`) can be noticed at once, whatever the innovations say: readings at
 the end of a range, samples that are missing, samples or fixes that repeat themselves to the last digit.
+
+The filter's records say of an innovation how large it is by its own covariance, not that covariance itself.
+Every linearisation passes through the filter's table of sensors, so that is where it is looked at
+(`watched`); the filter does what it did before.
 """
 
+from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -31,7 +37,7 @@ SLACK_S = 1e-6
 class Flown(NamedTuple):
     """Of a flight, what it takes to compare it with its twin."""
 
-    seen: dict  # of innovations.watched
+    seen: dict  # of `watched`
     gates: list  # GateResult
     health: list  # NavHealth
 
@@ -146,3 +152,37 @@ def _same_place(gate, own, others):
 
 def _key(gate):
     return gate.sensor, gate.t_valid_s
+
+
+class Innovation(NamedTuple):
+    """One innovation, when it met the gate."""
+
+    z: np.ndarray  # (m,)
+    S: np.ndarray  # (m, m)
+
+
+@contextmanager
+def watched(seen):
+    """While a filter flies in this process, `seen` is filled: dict, (sensor, t_valid_s) -> Innovation."""
+    from shefex_nav.onboard.navigation import fusion
+
+    table = fusion.table
+
+    def noting(params):
+        return {
+            name: sensor._replace(linearise=partial(_noted, name, sensor.linearise, seen))
+            for name, sensor in table(params).items()
+        }
+
+    fusion.table = noting
+    try:
+        yield
+    finally:
+        fusion.table = table
+
+
+def _noted(name, linearise, seen, nav, now, fix):
+    z, H, R = linearise(nav, now, fix)
+    if (name, fix.t_valid_s) not in seen:
+        seen[name, fix.t_valid_s] = Innovation(z.copy(), H @ now.P @ H.T + R)
+    return z, H, R

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.records import GateResult, NavHealth
 from shefex_nav.scenario.block import AUTOMATIC
-from shefex_nav.verify.robustness import design, factors, fixes, happenings, innovations, random_faults
+from shefex_nav.verify.robustness import design, detect, factors, fixes, happenings, random_faults
 from shefex_nav.verify.robustness.happenings import HAPPENS
 from shefex_nav.workers import collected_afterwards
 
@@ -190,7 +191,7 @@ class _Flight:
 
     def on(self, ticks):
         """On to the end of a tick."""
-        with innovations.watched(self._seen):
+        with detect.watched(self._seen):
             for record in self.route.on(ticks, stops=ticks == self.route.schedule.ticks):
                 self._kept.setdefault(type(record), []).append(record)
 
@@ -203,7 +204,6 @@ class _Flight:
     def end(self):
         """Fly to the end. -> Kept"""
         from shefex_nav import simulate
-        from shefex_nav.records import GateResult, NavHealth
 
         self.on(self.route.schedule.ticks)
         world = self.route.world
@@ -244,7 +244,7 @@ def _begun(job, scenario, world, vehicle):
     from shefex_nav.onboard.navigator import Columns
 
     seen = {}
-    with innovations.watched(seen):
+    with detect.watched(seen):
         route = simulate.Route(world, scenario, job.seed, until_s=last_s(vehicle), columns=Columns(EVERY))
     return _Flight(route, {}, seen)
 

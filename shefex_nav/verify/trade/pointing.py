@@ -1,4 +1,4 @@
-"""The largest errors of the phases POINTING, by which `report.while_pointing` judges a run, predicted.
+"""The largest errors of the phases POINTING, by which `report.error_figures` judges a run, predicted.
 
 The largest error over a time is larger than that of the worst instant, the more so the less errors of two
 instants have to do with each other: a constant error of the mounting does not add, noise of GPS does. So

@@ -13,7 +13,7 @@ from shefex_nav.clock import SAME_S, sample_s
 from shefex_nav.errors import UserError
 from shefex_nav.log import thinning
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import imu_range, metrics, programme, track
+from shefex_nav.report import metrics, programme, sensor_limits, track
 from shefex_nav.scenario import star_statistics, surroundings, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.dispersions import OF_FLIGHT
@@ -153,9 +153,9 @@ def _settled(scenario, shared, key, flight):
 
 
 def at_range(imu, motion, until_s):
-    """Whether a flight exceeds a range of the IMU up to a time. Section of a scenario, imu_range.Motion, s"""
+    """Whether a flight exceeds a range of the IMU up to a time. Its section, sensor_limits.Motion, s"""
     before = motion.t_s <= until_s
-    return any(True for _ in imu_range.beyond(imu, motion._make(column[before] for column in motion)))
+    return any(True for _ in sensor_limits.beyond(imu, motion._make(column[before] for column in motion)))
 
 
 def refuse(scenario):
@@ -246,7 +246,7 @@ def _stars(scenario, seed, flight, every_s):
 def _wanted(trajectory, earth):
     """Samples of ENTRY, if there is one, and of END: {index: ENTRY or END}."""
     truth = truth_of(trajectory, thinning.ticks(thinning.LOWEST_HZ))
-    entry = metrics.entry_index(truth.t_s, track.earth_fixed(earth, truth).height)
+    entry = metrics.entry_index(track.earth_fixed(earth, truth).height)
     whats = [END] if entry is None else [ENTRY, END]
     times = [truth.t_s[-1]] if entry is None else [truth.t_s[entry], truth.t_s[-1]]
     at = np.searchsorted(trajectory.t_s, np.array(times) - SAME_S)
