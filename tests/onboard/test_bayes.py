@@ -167,7 +167,7 @@ def test_scan_against_brute_force():
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
     seen, i, j = screen.new_seen(scene, scene.ellipses), 0, 1
-    T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
+    T, reach = screen.triad(u_c[i], u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
     two = screen.TwoSeen(T, reach, gate, (-1, -1), (i, j))
     angle = np.arccos(u_c[i] @ u_c[j])
@@ -293,7 +293,7 @@ def test_a_scan_in_pieces_finds_what_one_finds(need):
     stars, pairs = stars_and_pairs()
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
-    seen, T = screen.new_seen(scene, None), screen.triad(*u_c[0], *u_c[1])
+    seen, T = screen.new_seen(scene, None), screen.triad(u_c[0], u_c[1])
     two = screen.TwoSeen(T, lever.lever_of(scene, None, 0, 1, 0.5), (-0.8, 1.2), (-1, -1), (0, 1))
     frame = screen.frame_of(scene, scene.focal_px, 99, 5)
     first, last = 1001, 1001 + 3 * screen.AT_ONCE + 7

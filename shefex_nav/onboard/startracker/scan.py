@@ -49,13 +49,9 @@ def sequential(image_dn, blocks, background, sigma, rules):
     -------
     (n, COLUMNS) objects, brightest first
     """
-    rows, columns = blocks.shape
-    tile_px = rules.tile_px
-    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
-    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
-    tile = np.arange(max(rows, columns)) // tile_px
-    pixels = np.empty((rows * columns, 2), dtype=np.int32)
-    table, n_objects = np.empty((rules.max_objects, COLUMNS)), 0
+    (rows, columns), tile_px = blocks.shape, rules.tile_px
+    seed_limit, grow_limit, tile, pixels, table = _prepared(blocks, background, sigma, rules)
+    n_objects = 0
     for r in range(1, rows - 1):
         i = tile[r]
         for j in range(seed_limit.shape[1]):
@@ -78,14 +74,10 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
     As `sequential`, with which it shares all but the order: it needs a pass for every object, and its table
     is never too short for the object with the highest peak.
     """
-    rows, columns = blocks.shape
-    tile_px = rules.tile_px
+    (rows, columns), tile_px = blocks.shape, rules.tile_px
     level_of = np.floor(background).astype(np.int64)
-    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
-    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
-    tile = np.arange(max(rows, columns)) // tile_px
-    pixels = np.empty((rows * columns, 2), dtype=np.int32)
-    table, n_objects = np.empty((rules.max_objects, COLUMNS)), 0
+    seed_limit, grow_limit, tile, pixels, table = _prepared(blocks, background, sigma, rules)
+    n_objects = 0
     while n_objects < rules.max_objects:
         highest, row, column = -1, -1, -1
         for r in range(1, rows - 1):
@@ -103,6 +95,19 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
         level, noise = background[i, j], sigma[i, j]
         n_objects = _take(image_dn, blocks, level, noise, pixels[:n], rules, table, n_objects)
     return table[:n_objects]
+
+
+@inner
+def _prepared(blocks, background, sigma, rules):
+    """What a scan begins with: limits of seeds and of what is grown in each tile; row or column of tiles of
+    each row or column of pixels; room for the pixels of an object, and for the table of objects.
+    """
+    rows, columns = blocks.shape
+    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
+    tile = np.arange(max(rows, columns)) // rules.tile_px
+    pixels, table = np.empty((rows * columns, 2), dtype=np.int32), np.empty((rules.max_objects, COLUMNS))
+    return seed_limit, grow_limit, tile, pixels, table
 
 
 @inner

@@ -61,19 +61,26 @@ def spots_of(shape):
     return spots
 
 
+@inner(forceinline=True)
+def normal(z):
+    """Normal distribution and density at z, linear between the steps of a table."""
+    place = min(max((z + REACH) * PER_SIGMA, 0.0), 2.0 * REACH * PER_SIGMA)
+    index = np.uint64(place)
+    part = place - index
+    next_one = index + np.uint64(1)
+    c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
+    d = NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])
+    return c, d
+
+
 @inner
 def _edges(centre, first, n, sigma, share, slope):
     """Share of a spot's light in each of n pixels from `first` on, and its derivative to the centre."""
     inverse = 1.0 / sigma
     below_c, below_d = 0.0, 0.0
     for k in range(n + 1):
-        place = ((first + k - 0.5 - centre) * inverse + REACH) * PER_SIGMA
-        place = min(max(place, 0.0), 2.0 * REACH * PER_SIGMA)
-        index = np.uint64(place)
-        part = place - index
-        next_one = index + np.uint64(1)
-        above_c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
-        above_d = (NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])) * inverse
+        above_c, above_d = normal((first + k - 0.5 - centre) * inverse)
+        above_d *= inverse
         if k > 0:
             share[k - 1], slope[k - 1] = above_c - below_c, below_d - above_d
         below_c, below_d = above_c, above_d

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE
+from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE, is_bad
 from shefex_nav.onboard.startracker.matched import looks, threshold
 from shefex_nav.onboard.startracker.streak_fit import fit_one
 from shefex_nav.onboard.startracker.streak_light import (
@@ -172,8 +172,7 @@ def _strips(picture, path, s, across_px, values, ground):
             c = int(np.rint(path[X0] + along * path[TX] - across * path[TY]))
             r = int(np.rint(path[Y0] + along * path[TY] + across * path[TX]))
             if 0 <= c < columns and 0 <= r < rows and n < values.shape[0]:
-                p = r * columns + c
-                if not bad[p >> 3] >> (p & 7) & 1:
+                if not is_bad(bad, r * columns + c):
                     values[n] = image_dn[r, c]
                     n += 1
     if n < LEAST_STRIP:

@@ -23,8 +23,8 @@ import numpy as np
 
 from shefex_nav.geometry.shutter import RowTimes
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard.startracker.background import FrameStatistics
-from shefex_nav.onboard.startracker.binned import bad_map, in_noise, level_of
+from shefex_nav.onboard.startracker.background import FrameStatistics, bad_map
+from shefex_nav.onboard.startracker.binned import in_noise, level_of
 from shefex_nav.onboard.startracker.matched import (
     candidates,
     grid_of,

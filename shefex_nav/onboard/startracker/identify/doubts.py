@@ -9,7 +9,7 @@ beyond the model make an attitude of those stars that happen to fit. Each is ref
 import numpy as np
 
 from shefex_nav.compiled import inner
-from shefex_nav.onboard.startracker.identify.ellipses import between2, factor, weigh, weighted2
+from shefex_nav.onboard.startracker.identify.ellipses import apart, between2, factor, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.evidence import (
     GATE,
     NOISE_SCALES,
@@ -18,6 +18,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     information,
     jacobian,
     match,
+    slopes,
     sort,
 )
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX
@@ -44,7 +45,7 @@ def recall(task, n):
         view.det[s], view.distance2[s] = -1, 0.0
         for k in range(best.star.shape[0]):
             if best.star[k] == view.row[s]:
-                dx, dy = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
+                dx, dy = apart(scene.xy_px, k, view.xy_px, s)
                 view.det[s], view.distance2[s] = k, weighted2(scene.ellipses, k, dx, dy)
 
 
@@ -153,7 +154,7 @@ def _leverage(L, scene, view, s, focal_px, n_par):
     """Share h of the information that is one star's, L L' that of all: without it no variance grows beyond
     1 / (1 - h) times (trace of N^-1 J' W J: two rows of a factor of W times J).
     """
-    J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
+    J = jacobian(*slopes(scene, view.xy_px, s, focal_px))
     p, q, r = factor(scene.ellipses, view.det[s])
     total = 0.0
     for row in range(2):  # forward substitution; written out, as it is done for every star of every frame
@@ -171,7 +172,7 @@ def _leverage(L, scene, view, s, focal_px, n_par):
 @inner
 def _add(N, scene, view, s, focal_px, n_par, sign):
     """Add the information of a star [px^-2 rad^2], lower triangle."""
-    J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
+    J = jacobian(*slopes(scene, view.xy_px, s, focal_px))
     for a in range(n_par):
         ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
         ux, uy = weigh(scene.ellipses, view.det[s], ux, uy)
@@ -209,7 +210,7 @@ def has_second_image(task, n, noise_px):
     for p in range(m):
         alike = 0
         for q in range(m):
-            dx, dy = shift[p, 0] - shift[q, 0], shift[p, 1] - shift[q, 1]
+            dx, dy = apart(shift, p, shift, q)
             alike += between2(scene.ellipses, of_det[p], of_det[q], dx, dy) < gate2
         most = max(most, alike)
     return most >= IMAGE_STARS

@@ -9,10 +9,19 @@ here, and the attitude of it and of the star that is furthest from it is fitted 
 import numpy as np
 
 from shefex_nav.compiled import inner
+from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.startracker.identify.ellipses import apart
 from shefex_nav.onboard.startracker.identify.evidence import new_view
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, lever_of, widest_gate
-from shefex_nav.onboard.startracker.identify.screen import directions, join, put, triad
-from shefex_nav.onboard.startracker.identify.search import MAGNITUDE_GATE, WIDER, Task, look, new_best
+from shefex_nav.onboard.startracker.identify.screen import directions, join, triad
+from shefex_nav.onboard.startracker.identify.search import (
+    MAGNITUDE_GATE,
+    WIDER,
+    changed,
+    look,
+    new_best,
+    trace_between,
+)
 
 APART = 1.0 + 2.0 * np.cos(np.radians(0.1))  # [E] trace of the rotation between attitudes that differ
 
@@ -29,7 +38,7 @@ def is_named_for_a_neighbour(task, n):
         if view.det[s] < 0:
             continue
         for t in range(n):
-            dx, dy = view.xy_px[t, 0] - view.xy_px[s, 0], view.xy_px[t, 1] - view.xy_px[s, 1]
+            dx, dy = apart(view.xy_px, t, view.xy_px, s)
             if view.det[t] >= 0 or not dx * dx + dy * dy < REACH_PX * REACH_PX:
                 continue
             if abs(stars.vmag[view.row[t]] - stars.vmag[view.row[s]]) > width:
@@ -47,25 +56,18 @@ def _rivals(task, n, s, row):
     for p in range(n):
         j = view.det[p]
         if j >= 0 and p != s:
-            dx, dy = scene.xy_px[j, 0] - scene.xy_px[k, 0], scene.xy_px[j, 1] - scene.xy_px[k, 1]
+            dx, dy = apart(scene.xy_px, j, scene.xy_px, k)
             if dx * dx + dy * dy > furthest:
                 partner, furthest = p, dx * dx + dy * dy
     if partner < 0:
         return False
     j, focal_px = view.det[partner], best.score[4]
-    u_c, a, b = directions(scene, focal_px), stars.u_i[row], stars.u_i[view.row[partner]]
-    T = triad(u_c[k, 0], u_c[k, 1], u_c[k, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
-    other = Task(
-        stars, scene, task.prior, task.seen, new_best(len(best.star)), new_view(), task.min_stars,
-        task.threshold, task.strict,
-    )  # fmt: skip
-    put(other.best.trial_C, join(T, triad(a[0], a[1], a[2], b[0], b[1], b[2])))
+    u_c = directions(scene, focal_px)
+    other = changed(task, scene, task.seen, new_best(len(best.star)), new_view())
+    T = triad(t3.row(u_c, k), t3.row(u_c, j))
+    t3.store(other.best.trial_C, join(T, triad(t3.row(stars.u_i, row), t3.row(stars.u_i, view.row[partner]))))
     lever = lever_of(scene, scene.ellipses, k, j, scene.centroid_error)
     look(other, focal_px, widest_gate(scene, scene.ellipses, lever), lever, best.score[2] == 4.0)
     if other.best.score[0] < best.score[0] - task.threshold:
         return False
-    same = 0.0
-    for i in range(3):
-        for m in range(3):
-            same += other.best.C[i, m] * best.C[i, m]
-    return same < APART
+    return trace_between(other.best.C, best.C) < APART

@@ -16,7 +16,7 @@ import numpy as np
 from shefex_nav.compiled import inner
 from shefex_nav.geometry.rotation import quat_from_dcm, rotvec_from_quat
 from shefex_nav.onboard.startracker.identify.completeness import add_logs, completeness_odds
-from shefex_nav.onboard.startracker.identify.ellipses import log_area
+from shefex_nav.onboard.startracker.identify.ellipses import apart, log_area
 from shefex_nav.onboard.startracker.identify.evidence import (
     DEEPER,
     FOCAL_SHARE,
@@ -52,7 +52,8 @@ def crowding_of(scene, of_det):
             continue
         near, furthest2 = 0, 1.0  # px^2: one place, not a point
         for k in range(n):
-            d2 = (scene.xy_px[k, 0] - scene.xy_px[j, 0]) ** 2 + (scene.xy_px[k, 1] - scene.xy_px[j, 1]) ** 2
+            dx, dy = apart(scene.xy_px, k, scene.xy_px, j)
+            d2 = dx**2 + dy**2
             if k != j and d2 < within2:
                 near += 1
                 furthest2 = max(furthest2, d2)

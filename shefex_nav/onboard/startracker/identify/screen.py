@@ -118,15 +118,18 @@ def screen(stars, seen, C, frame, lever, a, b):
 
 
 @inner
-def triad(p0, p1, p2, q0, q1, q2):
+def angle_between(p, q):
+    """Angle between two unit vectors."""
+    return np.arccos(min(t3.dot(p, q), 1.0))
+
+
+@inner
+def triad(p, q):
     """Three unit vectors: along p + q, across in their plane, normal to it; 9 numbers for unit p and q."""
-    x, y, z = p0 + q0, p1 + q1, p2 + q2
-    norm = 1.0 / np.sqrt(x * x + y * y + z * z)
-    x, y, z = x * norm, y * norm, z * norm
-    u, v, w = p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
-    norm = 1.0 / np.sqrt(u * u + v * v + w * w)
-    u, v, w = u * norm, v * norm, w * norm
-    return x, y, z, v * z - w * y, w * x - u * z, u * y - v * x, u, v, w
+    along, normal = t3.plus(p, 1.0, q), t3.cross(p, q)
+    along = t3.scaled(1.0 / np.sqrt(t3.dot(along, along)), along)
+    normal = t3.scaled(1.0 / np.sqrt(t3.dot(normal, normal)), normal)
+    return along + t3.cross(normal, along) + normal
 
 
 @inner
@@ -181,8 +184,7 @@ def scan(stars, pairs, seen, two, frame, need, begin, end):
                 continue
             if is_filtered and not has_bits(np.uint64(partners[i, a] & partners[j, b]), need):
                 continue
-            S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
-            C = join(two.T, S)
+            C = join(two.T, triad(t3.row(u_i, a), t3.row(u_i, b)))
             hits, looked_at = screen(stars, seen, C, frame, two.lever, a, b)
             work += WORK_PER_TRIAL + looked_at
             if hits >= need:
@@ -208,11 +210,3 @@ def frame_of(scene, focal_px, patience, convincing):
     """The camera, the patience and what is convincing as `screen` takes them."""
     right, bottom = scene.width_px - 1.0, scene.height_px - 1.0
     return focal_px, scene.cx_px, scene.cy_px, right, bottom, scene.border_px, patience, convincing
-
-
-@inner
-def put(C, nine):
-    """Nine numbers into a matrix."""
-    for a in range(3):
-        for b in range(3):
-            C[a, b] = nine[3 * a + b]
