@@ -107,8 +107,7 @@ class Learnt:
             return np.inf
         then_s, r_i, v_i = self.velocity
         middle = 0.5 * (r_i + x[X_R])
-        gravity = -wgs84.GM / (middle @ middle) ** 1.5 * middle
-        gained = x[X_V] - v_i - (t_s - then_s) * gravity
+        gained = x[X_V] - v_i - (t_s - then_s) * (-wgs84.GM / (middle @ middle) ** 1.5 * middle)
         return float(np.sqrt(gained @ gained))
 
 

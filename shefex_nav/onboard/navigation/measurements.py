@@ -89,7 +89,7 @@ def _antenna(at, n, x, t_s, earth, l_ba_b, now):
     J_omega, J_f = calibration.jacobians_packed(at, n, x, sensed[:3], sensed[3:], now.vibration, now.drive)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
-    C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
+    C = t3.dcm_from_quat(t3.quaternion(x, X_Q.start))
     omega, delay = t3.vector(sensed, 0), x[X_LATENCY]
     r_i, v_i, f = t3.vector(x, X_R.start), t3.vector(x, X_V.start), t3.vector(sensed, 3)
     g = t3.plus(
