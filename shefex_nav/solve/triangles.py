@@ -16,7 +16,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.startracker.identify.screen import join, triad
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 from shefex_nav.solve.patterns import (
     CELL,
     COLUMNS,

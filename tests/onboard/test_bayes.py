@@ -10,16 +10,7 @@ from star_fields import CAMERA, IDENTIFY, MODEL, centroid_list, random_attitude,
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.onboard.startracker.identify import (
-    IDENTIFIERS,
-    bayes,
-    completeness,
-    evidence,
-    lever,
-    odds,
-    screen,
-    search,
-)
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, lever, odds, screen, search
 from shefex_nav.records import Reason
 
 PARAMS = replace(IDENTIFY, centroid_error=0.15, magnitude_error=0.2)
@@ -144,21 +135,21 @@ def test_completeness_against_plain_formulas():
         n = evidence.adjust(stars, scene, trial, view, 5.0, AT_REST, 4).n
         row, seen = view.row[:n], view.det[:n] >= 0
         zero = odds.zero_point(stars, scene, view, n)
-        counted = seen | np.array([completeness._is_due(scene, view, n, s) for s in range(n)])
+        counted = seen | np.array([odds._is_due(scene, view, n, s) for s in range(n)])
         terms = []
-        for step, limit_weight in zip(completeness.LIMITS, completeness.LIMIT_WEIGHTS, strict=True):
+        for step, limit_weight in zip(odds.LIMITS, odds.LIMIT_WEIGHTS, strict=True):
             limit = stars.vmag[-1] - step
             fainter = (scene.mag > zero + limit + 0.3).sum() if step > 0.0 else 0
-            for share, share_weight in zip(completeness.SHARES, completeness.SHARE_WEIGHTS, strict=True):
+            for share, share_weight in zip(odds.SHARES, odds.SHARE_WEIGHTS, strict=True):
                 p = share * (0.03 + 0.97 * expit((limit - stars.vmag[row]) / 0.17))
                 pattern = np.where(seen, np.log(p), np.log(1.0 - p))[counted].sum()
                 terms.append(np.log(limit_weight * share_weight) + pattern + fainter * np.log(0.5))
-        assert completeness.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
+        assert odds.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
 
 
 def test_priors_of_completeness_are_probabilities():
-    assert sum(completeness.LIMIT_WEIGHTS) == pytest.approx(1.0)
-    assert sum(completeness.SHARE_WEIGHTS) == pytest.approx(1.0)
+    assert sum(odds.LIMIT_WEIGHTS) == pytest.approx(1.0)
+    assert sum(odds.SHARE_WEIGHTS) == pytest.approx(1.0)
 
 
 def test_scan_against_brute_force():

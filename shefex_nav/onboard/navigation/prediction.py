@@ -21,7 +21,6 @@ from shefex_nav.onboard.navigation import (
     laws,
     momentary,
     process_noise,
-    rate_noise,
     strapdown,
     unknown_attitude,
 )
@@ -221,12 +220,13 @@ def _tell_noise(constants, memory, k, before):
     n, n_before = int(numbers[k, 2]), int(numbers[before, 2])
     T, T_before = n * numbers[k, 1], n_before * numbers[before, 1]
     for i in range(3):
-        now = w = rate_noise.mean(increments[k], BEFORE, n, i, T)
+        now = w = process_noise.measured_rate(increments[k], BEFORE, n, i, T)
         column = RATE_NOISE.start + i
         if n_before > 0:
-            w = rate_noise.mean(increments[before], BEFORE, n_before, i, T_before) - numbers[before, column]
+            w = process_noise.measured_rate(increments[before], BEFORE, n_before, i, T_before)
+            w -= numbers[before, column]
         extra = memory.extra[k, 0, i]
-        numbers[k, column] = rate_noise.of_tick(row, constants.momentary, extra, w, now, T)
+        numbers[k, column] = process_noise.noise_of_rate(row, constants.momentary, extra, w, now, T)
 
 
 @inner

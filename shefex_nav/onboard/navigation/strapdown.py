@@ -51,7 +51,7 @@ class ImuWindow(NamedTuple):
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
     extra: np.ndarray = NO_EXTRA  # (3, 3) white noise of more, body axes, as `integrity_imu.screen` says
     drive: np.ndarray = NO_DRIVE  # (6, m) what the last m errors drive, as in `calibration`
-    rate_noise: np.ndarray = NO_NOISE  # (3,) rad/s, what of the mean rate is noise, of `rate_noise`
+    rate_noise: np.ndarray = NO_NOISE  # (3,) rad/s, what of the mean rate is noise, of `process_noise`
 
     @property
     def dtheta_b(self):

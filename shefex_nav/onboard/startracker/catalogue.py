@@ -15,7 +15,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import at_epoch, photocentres, select, silicon_magnitude
 from shefex_nav.errors import UserError
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.startracker import kvector, tables
+from shefex_nav.onboard.startracker import tables
 from shefex_nav.onboard.startracker.settings import Catalogue
 from shefex_nav.settings import declared
 
@@ -57,7 +57,7 @@ class StarPairs(NamedTuple):
     cosine: np.ndarray  # (m,) ascending
     first: np.ndarray  # (m,) int64 row of the brighter star
     second: np.ndarray  # (m,) int64 row of the fainter star
-    index: kvector.KVector  # of cosine
+    index: tables.KVector  # of cosine
     quick: tuple  # (tables.Stars, tables.Pairs), the same for the search
     first_vmag: np.ndarray  # (m,) magnitude of `first`
     second_vmag: np.ndarray  # (m,) magnitude of `second`
@@ -233,7 +233,7 @@ def pair_table(stars, max_angle, radius=None):
             "length, or a fainter star_tracker.catalogue.faintest"
         )
         raise CatalogueError(words, ("star_camera", "optics", "focal_length"))
-    index = kvector.build(cosine)
+    index = tables.k_vector(cosine)
     radius = 0.5 * max_angle if radius is None else radius
     quick = tables.build(stars, radius, cosine, first, second, index)
     return StarPairs(stars, cosine, first, second, index, quick, stars.vmag[first], stars.vmag[second])

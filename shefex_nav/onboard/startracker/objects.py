@@ -32,7 +32,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard.startracker import centroid, fit, scan
+from shefex_nav.onboard.startracker import fit, scan
 from shefex_nav.onboard.startracker.background import FrameStatistics, survey
 from shefex_nav.onboard.startracker.methods import Table
 from shefex_nav.onboard.startracker.spot import Picture
@@ -128,9 +128,9 @@ def by_fit(settings, camera, image_dn, table):
 
 def by_scan(settings, camera, image_dn, table):
     """... as the scan found them."""
-    xy_px, flux_dn, P_px = centroid.weighted(table, 1.0 / camera.electrons_per_dn)
-    P_px = P_px * centroid.few_pixels(table, float(camera.psf_sigma))[:, None, None]
-    return xy_px, flux_dn, P_px + centroid.lost_covariance(table)
+    xy_px, flux_dn, P_px = scan.weighted(table, 1.0 / camera.electrons_per_dn)
+    P_px = P_px * scan.few_pixels(table, float(camera.psf_sigma))[:, None, None]
+    return xy_px, flux_dn, P_px + scan.lost_covariance(table)
 
 
 SCANS = Table("scan", sequential=scan.sequential, maximum=scan.maximum_search)
@@ -170,7 +170,7 @@ def as_spots(params, stars, memory, frame, context):
 
 def turning(highest_rate, frame, context):
     """How the camera may be turning: as the context says; of a rolling shutter, if that is too fast for any
-    attitude, hardly as well, for it may be a gyro that is wrong (`own_rate`). -> list of Context
+    attitude, hardly as well, for it may be a gyro that is wrong (`best_attitude`). -> list of Context
     """
     if frame.line_s == 0.0 or not context.rate > highest_rate:
         return [context]

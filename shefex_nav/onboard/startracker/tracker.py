@@ -21,7 +21,7 @@ import numpy as np
 
 from shefex_nav.fields import matrix, number, vector
 from shefex_nav.geometry.distortion import corner_angles
-from shefex_nav.onboard.startracker import best_attitude, objects, own_rate, single
+from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -85,7 +85,7 @@ class TrackerState(NamedTuple):
     exposure_s: float  # as commanded last
     memory: Any = None  # objects.Found.memory of the frame before
     misfits: float = 0.0  # share of late frames that were refused for their residuals, `denied`
-    attitude: own_rate.Seen = own_rate.NOTHING  # the last one, given out or not
+    attitude: best_attitude.Seen = best_attitude.NOT_SEEN  # the last one, given out or not
 
 
 def init(params, catalogue, julian_year):
@@ -211,8 +211,8 @@ def concluded(tracker, state, frame, context, seen, result):
     as `step`
     """
     settings, detections, mean_dn = tracker.params.settings, seen.detections, seen.statistics.mean_dn
-    now = own_rate.Seen(frame.t_valid_s, context.rate, result[2][0])
-    is_fast = own_rate.is_fast(settings.highest_rate, state.attitude, now)
+    now = best_attitude.Seen(frame.t_valid_s, context.rate, result[2][0])
+    is_fast = best_attitude.is_fast(settings.highest_rate, state.attitude, now)
     (found, reason, solution, stars), misfits = _given(
         tracker, state.misfits, frame, context, seen, is_fast, result
     )

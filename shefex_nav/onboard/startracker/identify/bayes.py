@@ -18,6 +18,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_fro
 from shefex_nav.onboard.startracker.identify.doubts import (
     fits_badly,
     has_second_image,
+    is_named_for_a_neighbour,
     leans_on_one_star,
     recall,
 )
@@ -33,7 +34,6 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, no_lever
-from shefex_nav.onboard.startracker.identify.neighbours import is_named_for_a_neighbour
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
 from shefex_nav.onboard.startracker.identify.search import (
     Task,

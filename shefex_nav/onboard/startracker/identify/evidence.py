@@ -16,7 +16,7 @@ from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, apart, log_area, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
 OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
@@ -216,28 +216,17 @@ def information(scene, view, n, focal_px, noise_px, N, g):
             continue
         x, y = slopes(scene, view.xy_px, s, focal_px)
         a, b, c, d, e, f, p, q = jacobian(x, y)
+        columns = (a, d), (b, e), (c, f), (p, q)
         one = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
         rx, ry = apart(scene.xy_px, k, view.xy_px, s)
         rx, ry = weigh(scene.ellipses, k, one * rx, one * ry)
         two = one * focal_px
-        ax, ay = weigh(scene.ellipses, k, two * a, two * d)
-        bx, by = weigh(scene.ellipses, k, two * b, two * e)
-        cx, cy = weigh(scene.ellipses, k, two * c, two * f)
-        px, py = weigh(scene.ellipses, k, two * p, two * q)
-        g[0] += a * rx + d * ry
-        g[1] += b * rx + e * ry
-        g[2] += c * rx + f * ry
-        g[3] += p * rx + q * ry
-        N[0, 0] += a * ax + d * ay
-        N[1, 0] += b * ax + e * ay
-        N[1, 1] += b * bx + e * by
-        N[2, 0] += c * ax + f * ay
-        N[2, 1] += c * bx + f * by
-        N[2, 2] += c * cx + f * cy
-        N[3, 0] += p * ax + q * ay
-        N[3, 1] += p * bx + q * by
-        N[3, 2] += p * cx + q * cy
-        N[3, 3] += p * px + q * py
+        for j in range(4):
+            ux, uy = columns[j]
+            wx, wy = weigh(scene.ellipses, k, two * ux, two * uy)
+            g[j] += ux * rx + uy * ry
+            for i in range(j, 4):
+                N[i, j] += columns[i][0] * wx + columns[i][1] * wy
 
 
 @inner

@@ -4,7 +4,7 @@ A pair of detections has an angle and a difference of brightness; the k-vector g
 have them too. Each is an attitude, and most are dismissed by the first few bright stars that it predicts and
 that are not there (`screen`). What survives is adjusted and weighed (`evidence`, `odds`). The number of
 attitudes looked at is bounded. The first pairs are the brightest. A frame that they do not solve is searched
-with those pairs of stars only that could belong to an attitude (`partners`), in turn by brightness and from
+with those pairs of stars only that could belong to an attitude (`screen`), in turn by brightness and from
 all (`from_all`): whatever noise it is, it is soon given up.
 """
 
@@ -19,13 +19,13 @@ from shefex_nav.onboard.startracker.identify.ellipses import along, apart
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Trial, View, adjust
 from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.odds import log_odds
-from shefex_nav.onboard.startracker.identify.partners import mark
 from shefex_nav.onboard.startracker.identify.screen import (
     Seen,
     TwoSeen,
     angle_between,
     directions,
     frame_of,
+    mark,
     scan,
     triad,
 )

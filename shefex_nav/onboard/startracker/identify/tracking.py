@@ -25,7 +25,7 @@ from shefex_nav.onboard.startracker.identify.search import (
     look,
     margin,
 )
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 
 MAX_PROPOSALS = 512  # detections near their predicted places; with more, the prediction is no help
 NOISES = (1.1, 3.4)  # times the centroid error, one after the other
