@@ -236,7 +236,7 @@ def checked(names, others=()):
 # ----------------------------------------------------------------------------------------------------------
 # What blocks from outside do to the increments of the IMU in a tick: coefficients for kernels.
 #
-# In: the blocks that a filter has (`blocks.Block`), and what the IMU has measured. Out: `drive` (6, m) of an
+# In: the blocks that a filter has (`Block`), and what the IMU has measured. Out: `drive` (6, m) of an
 # ImuWindow, rad/s and m/s^2 for each of the last m errors, those from outside; they are constant in a tick.
 
 

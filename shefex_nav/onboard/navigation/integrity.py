@@ -8,7 +8,7 @@ never gets through.
 
 Inside the gate a fix may be wrong, too, as long as the gate is wide: before the first star fix, and after a
 long time without stars. Then a star fix is held until a second one agrees with it through the gyros; the
-second is used, the first never.
+second is used, the first never. What a sensor that was believed has left open is in `Steps`.
 """
 
 from enum import IntEnum

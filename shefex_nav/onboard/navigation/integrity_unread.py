@@ -1,9 +1,10 @@
-"""What turns the attitude while the specific force is not read: gyros that answer to force, by G.
+"""What is owed for axes of the IMU that are not read: by force that turns gyros, and by gaps in a row.
 
-An accelerometer axis that cannot be read is off by a force m, and the rate by sigma_G m about each axis. Both
-last: the angle grows as sigma_G u, u the integral of m, and not as the root of the time. Since m was known
-last, m_0 at the time 0, it has run away by the rate c at most, and it is at most s, of what a sensor of
-that range is made for. Over the last t of a time T since then
+**Force.** Gyros that answer to it, by G, turn the attitude while it is not read. An accelerometer axis that
+cannot be read is off by a force m, and the rate by sigma_G m about each axis. Both last: the angle grows as
+sigma_G u, u the integral of m, and not as the root of the time. Since m was known last, m_0 at the time 0,
+it has run away by the rate c at most, and it is at most s, of what a sensor of that range is made for. Over
+the last t of a time T since then
 
     u(t) = t min(s, m_0 + c (tau + T - t/2)),        angle^2 = sigma_G^2 u^2,     tau as in `integrity_imu`.
 
@@ -96,7 +97,7 @@ def largest(rules, at_end):
 #
 # and at the end of a gap as much more is charged as V is less than S^2. Of readings that vibrate d has
 # either sign, and S^2 stays below V. A fix says the sum so far, but of the last second: a filter follows an
-# error that lasts with a lag (`integrity_unread`).
+# error that lasts with a lag as above.
 
 
 SIGN_S = 10.0  # [E] for how long the error of a sensor that cannot be trusted keeps its sign

@@ -1,7 +1,8 @@
-"""Windows over the innovations of a sensor: are they too large, and do they hang together?
+"""What shows that noise is larger than told: windows of innovations, the share of process noise, rest.
 
-Innovations of a filter whose model is right are white and as large as it says. With w = L^-1 z, S = L L^T,
-over the last n of them, d numbers each, three statistics say what is wrong::
+**Windows** over the innovations of a sensor: are they too large, and do they hang together? Innovations of a
+filter whose model is right are white and as large as it says. With w = L^-1 z, S = L L^T, over the last n of
+them, d numbers each, three statistics say what is wrong::
 
     size        sum |w_k|^2                                ~ chi-square, n d degrees of freedom
     run         |sum w_k|^2 / n                            ~ chi-square, d degrees of freedom

@@ -51,12 +51,10 @@ def densities(model, vibration, share, sample_s, duration_s, dtheta, dv, sensed)
     accel_along = slow * (model.accel_scale**2 * f2 + shaken)
     accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
     cross_along, cross_across = _cross(model, roll_rate, across_rate)
-    gyro_along, gyro_across = _rounding(
-        model.gyro_quantum, model.gyro_random_walk, sensed[0], sample_s, (roll_rate, across_rate)
-    )
-    force_along, force_across = _rounding(
-        model.accel_quantum, model.accel_random_walk, sensed[1], sample_s, (roll_rate, across_rate)
-    )
+    rates, of_gyro = (roll_rate, across_rate), (model.gyro_quantum, model.gyro_random_walk)
+    gyro_along, gyro_across = _rounding(*of_gyro, sensed[0], sample_s, rates)
+    of_accel = model.accel_quantum, model.accel_random_walk
+    force_along, force_across = _rounding(*of_accel, sensed[1], sample_s, rates)
     gyro_white = model.gyro_random_walk**2
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
     left_along, left_across, bias_walk = _left_out(model, rate, across_rate)

@@ -1,4 +1,7 @@
-"""What a sensor of the filter is: how it is linearised, gated and, after contradiction, believed."""
+"""What a sensor of the filter is: how it is linearised, gated and, after contradiction, believed.
+
+And what a recorder of the filter is told: each step of prediction and each correction that is final.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
@@ -115,10 +118,6 @@ def counted_covariance(nav, measurement, innovation):
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(Release(rejections=np.inf, duration=np.inf), None, None)
-
-
-# ----------------------------------------------------------------------------------------------------------
-# What a recorder of the filter is told: each step of prediction and each correction that is final.
 
 
 class Interval(NamedTuple):

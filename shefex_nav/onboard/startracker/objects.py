@@ -308,8 +308,7 @@ def predicted(params, stars, context):
     seen_px = farthest_px(camera, params.camera.distortion) + outside_px
     cosine = math.cos(math.atan(seen_px / camera.focal_length_px))
     ahead_i = stars.u_i[stars.u_i @ C_ci[2] > cosine]
-    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
-    u_c = np.ascontiguousarray(aberrate(ahead_i, velocity_i) @ C_ci.T)
+    u_c = np.ascontiguousarray(aberrate(ahead_i, params.velocity_i(context)) @ C_ci.T)
     ideal_px = pixels(camera, u_c)
     H = turn_jacobians(camera, ideal_px)
     P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.settings.centroid_floor**2 * np.eye(2)
@@ -337,13 +336,16 @@ def ideal(camera, detections):
     """
     if camera.distortion is None:
         return detections
-    hole, xy_px = camera.pinhole, np.ascontiguousarray(detections.xy_px, dtype=float)
-    xy_px = undistort(hole, camera.distortion, xy_px)
-    P_px = detections.P_px
+    xy_px, P_px = behind_pinhole(camera, detections.xy_px), detections.P_px
     if P_px is not None:
-        J = np.linalg.inv(slopes_at(hole, camera.distortion, xy_px))
+        J = np.linalg.inv(slopes_at(camera.pinhole, camera.distortion, xy_px))
         P_px = J @ P_px @ J.mT
     return detections._replace(xy_px=xy_px, P_px=P_px)
+
+
+def behind_pinhole(camera, xy_px):
+    """Places that a pinhole would show for those in the picture of a distorting lens. CameraModel, (n, 2)"""
+    return undistort(camera.pinhole, camera.distortion, np.ascontiguousarray(xy_px, dtype=float))
 
 
 def on_detector(camera, xy_px, P_px):
@@ -364,7 +366,7 @@ def at_instant_by_lens(camera, line_s, omega_c, xy_px, move):
     if camera.distortion is None:
         return move(xy_px)
     hole, k = camera.pinhole, camera.distortion
-    behind = undistort(hole, k, np.ascontiguousarray(xy_px, dtype=float))
+    behind = behind_pinhole(camera, xy_px)
     moved, seen_s = move(behind)
     late_s = line_s * (xy_px[:, 1] - behind[:, 1])  # seen later than the row of the pinhole says
     moved = moved - late_s[:, None] * (turn_jacobians(hole, behind) @ omega_c)
@@ -382,7 +384,7 @@ def of_streaks(camera, times, omega_c, xy_px, seen_s):
     if camera.distortion is None or times.line_s == 0.0:
         return xy_px
     hole, k = camera.pinhole, camera.distortion
-    behind = undistort(hole, k, np.ascontiguousarray(xy_px, dtype=float))
+    behind = behind_pinhole(camera, xy_px)
     said = turn_jacobians(hole, xy_px) @ omega_c
     true = np.einsum("nij,nj->ni", slopes_at(hole, k, behind), turn_jacobians(hole, behind) @ omega_c)
     return xy_px + seen_s[:, None] * (said - true)

@@ -111,8 +111,7 @@ def _ahead(params, stars, context):
     half_px = farthest_px(camera, params.camera.distortion)
     angle = 1.5 * math.atan(half_px / camera.focal_length_px)  # beyond the border, for a wide prior
     rows = np.flatnonzero(stars.u_i @ C_ci[2] > math.cos(angle))
-    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
-    seen_i = aberrate(stars.u_i[rows], velocity_i)
+    seen_i = aberrate(stars.u_i[rows], params.velocity_i(context))
     return rows, seen_i, pixels(camera, np.ascontiguousarray(seen_i @ C_ci.T))
 
 

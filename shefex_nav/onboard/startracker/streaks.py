@@ -191,7 +191,7 @@ def _detections(fitted, most_objects):
 
 
 # ----------------------------------------------------------------------------------------------------------
-# Streaks near predicted places: the fit of `streaks` without the search through the frame.
+# Streaks near predicted places: the fit without the search through the frame.
 #
 # In: the frame, the motion, predicted places with covariances. Out: the stars found there. Level and noise
 # come from two strips beside each streak, the noise as the median of all: 200 pixels tell it to 10 per cent

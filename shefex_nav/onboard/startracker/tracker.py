@@ -46,6 +46,10 @@ class TrackerParams(NamedTuple):
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
     vectors: bool = False  # near the predicted attitude, one or two stars are given as well
 
+    def velocity_i(self, context):
+        """(3,) m/s, of the vehicle by a Context; that of the Earth where it says none."""
+        return self.earth_velocity_i if context.velocity_i is None else context.velocity_i
+
 
 class Context(NamedTuple):
     """What the navigation knows at the time of the frame; NaN or None where it does not."""
@@ -321,7 +325,7 @@ def identified(tracker, detections, context, found, least, rate=None):
     if found.reason != Reason.NONE:
         return found, found.reason, NO_SOLUTION, NO_STARS
     params = tracker.params
-    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
+    velocity_i = params.velocity_i(context)
     n_used, *solution, stars = best_attitude.of_named(
         params, tracker.pairs.stars, found.star, detections, velocity_i, least, rate
     )

@@ -16,6 +16,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     NOISE_SCALES,
     Fit,
     cholesky,
+    gather_distances,
     information,
     jacobian,
     match,
@@ -89,14 +90,10 @@ def fits_badly(task, n, n_par):
     scene, view = task.scene, task.room
     widest_px = NOISE_SCALES[-1] * scene.centroid_error
     match(scene, view, n, around(scene, scene.ellipses), widest_px)
-    distance2, m, best = view.spare, 0, 0.0
-    for s in range(n):
-        if view.det[s] >= 0:
-            distance2[m] = view.distance2[s]
-            m += 1
-    sort(distance2, m)
+    m, best = gather_distances(view, n), 0.0
+    sort(view.spare, m)
     for k in range(int(np.ceil(KEPT * m))):
-        best += distance2[k]
+        best += view.spare[k]
     dof = max(2.0 * m - n_par, 1.0)
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3

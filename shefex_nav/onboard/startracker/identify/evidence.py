@@ -302,14 +302,21 @@ def median(values, m):
 
 
 @inner
-def noise_seen(scene, view, n):
-    """Noise of the centroids from the median distance of the matches, within what is thought possible."""
-    distance2, m = view.spare, 0
+def gather_distances(view, n):
+    """Write the squared distances of the matches among n stars to view.spare; how many there are."""
+    m = 0
     for s in range(n):
         if view.det[s] >= 0:
-            distance2[m] = view.distance2[s]
+            view.spare[m] = view.distance2[s]
             m += 1
-    seen = np.sqrt(median(distance2, m) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
+    return m
+
+
+@inner
+def noise_seen(scene, view, n):
+    """Noise of the centroids from the median distance of the matches, within what is thought possible."""
+    m = gather_distances(view, n)
+    seen = np.sqrt(median(view.spare, m) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
     return min(max(seen, scene.centroid_error), NOISE_SCALES[-1] * scene.centroid_error)
 
 

@@ -181,9 +181,10 @@ def window(pairs, u_c, i, j, tolerance):
 
 
 @inner
-def try_pair(task, pairs, u_c, i, j, begin, end, way):
-    """The catalogue pairs begin ... end as the detections i and j; work."""
-    stars, scene, best = task.stars, task.scene, task.best
+def try_pair(task, pairs, u_c, pair, tolerance, way):
+    """The catalogue pairs with the angle of a pair of detections, to a tolerance [rad]; work."""
+    stars, scene, best, i, j = task.stars, task.scene, task.best, pair[0], pair[1]
+    begin, end = window(pairs, u_c, i, j, tolerance)
     sigma_px, focal_px = way.noise * scene.centroid_error, way.focal * scene.focal_px
     lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
     frame = frame_of(scene, focal_px, way.patience, way.convincing)
@@ -278,9 +279,7 @@ def try_block(task, pairs, u_c, block, way, limit):
         if cost[k] == np.inf or work > limit:
             break
         cost[k] = np.inf
-        i, j = block[k, 0], block[k, 1]
-        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
-        work += try_pair(task, pairs, u_c, i, j, begin, end, way)
+        work += try_pair(task, pairs, u_c, block[k], tolerance * np.sqrt(spread[k]), way)
         if margin(task) >= task.threshold + SURE:
             break
     return work
@@ -302,9 +301,7 @@ def try_in_turn(task, pairs, u_c, order, size, way, limit):
             first += size
             continue
         cost[k] = np.inf
-        i, j = order[k, 0], order[k, 1]
-        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
-        more = try_pair(task, pairs, u_c, i, j, begin, end, way)
+        more = try_pair(task, pairs, u_c, order[k], tolerance * np.sqrt(spread[k]), way)
         work, ahead = work + more, ahead + (-more if is_bright else more)
         if margin(task) >= task.threshold + SURE:
             break
