@@ -32,7 +32,8 @@ ALTIMETER = "radar_altimeter: {rate: 5 Hz, bias: 1 m, noise: 2 m}"
 METHODS = """
 from dataclasses import replace
 
-from shefex_nav.onboard.startracker import centroid, scan
+from shefex_nav.onboard.startracker import (scan)
+from shefex_nav.onboard.startracker import scan
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.plugins import Method
 
@@ -42,7 +43,7 @@ def identify(settings, camera, pairs, u_c, flux, P_px=None):
 
 
 def centres(settings, camera, image_dn, table):
-    return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
+    return scan.weighted(table, 1.0 / camera.electrons_per_dn)
 
 
 def search(image_dn, blocks, background, sigma, rules):

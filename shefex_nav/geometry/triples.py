@@ -160,6 +160,18 @@ def vector(a, k):
 
 
 @kernel(forceinline=True)
+def quaternion(a, k):
+    """Four numbers of an array from k on."""
+    return a[k], a[k + 1], a[k + 2], a[k + 3]
+
+
+@kernel(forceinline=True)
+def row(a, k):
+    """Row k of an (n, 3) array, by elements: a view of it would be counted as a reference."""
+    return a[k, 0], a[k, 1], a[k, 2]
+
+
+@kernel(forceinline=True)
 def column(a, k):
     """Column k of a (3, n) array."""
     return a[0, k], a[1, k], a[2, k]

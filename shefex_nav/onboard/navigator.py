@@ -16,7 +16,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import covariance, fusion, mean_rate, search, solution, strapdown
+from shefex_nav.onboard.navigation import covariance, fusion, hypotheses, mean_rate, solution, strapdown
 from shefex_nav.onboard.navigation import ticks as filter_ticks
 from shefex_nav.onboard.navigation.state import ATT, MOUNTING, X_MOUNTING, X_Q, X_R, X_V
 from shefex_nav.onboard.startracker.tracker import Context
@@ -130,7 +130,7 @@ RECORDS, NOTHING = Records(), Nothing()
 
 def start(params, alignment, earth, telemetry=RECORDS):
     """Navigator at the instant of the alignment. NavParams, Alignment, EarthRotation -> Navigator"""
-    nav, bank = search.start(params, alignment, earth)
+    nav, bank = hypotheses.start(params, alignment, earth)
     return Navigator(nav, telemetry, bank)
 
 
@@ -149,7 +149,7 @@ class Navigator:
     def advance(self, blocks, first, last):
         """As of `driving.Software`."""
         if self.bank is not None:
-            search.advance(self.bank, blocks, first)
+            self.bank.advance(blocks, first)
             self._ticks += 1
             return 1, []
         blind = self.nav.watch.imu_blind  # until the last tick: it ends there if that changes
@@ -173,11 +173,10 @@ class Navigator:
         """`update` while an angle of the attitude is not known."""
         bank, outputs, found = self.bank, [], None
         if arrived:
-            outputs = search.fuse(bank, arrived)
-            found = search.settled(bank, self.nav.params, self.nav.earth)
+            outputs, found = bank.fuse(arrived), bank.settled()
         if found is None:
             self.nav = bank.best
-            return outputs + self._telemetry.now(search.mixed_filter(bank), self._ticks)
+            return outputs + self._telemetry.now(bank.mixed_filter(), self._ticks)
         self.nav, self.bank = found, None
         return outputs + self._telemetry.now(found, self._ticks)
 

@@ -14,7 +14,7 @@ from shefex_nav.errors import shown
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard import own_conventions, own_levels, own_records
+from shefex_nav.onboard import own_levels, own_records, own_software
 from shefex_nav.onboard.navigation.mean_rate import CHANGE, SEEN, SHARE
 from shefex_nav.onboard.navigation.solution import ENDS, FIELDS, LEVEL, S_R, derive
 from shefex_nav.onboard.navigator import COVARIANCE_TICKS, PREDICTION_FLOOR
@@ -242,12 +242,12 @@ class OwnNavigation:
         if self._alignment is None:
             return
         alignment, self._alignment = self._alignment, None
-        if self.now_s - alignment.t_valid_s > own_conventions.MEANT_S:
+        if self.now_s - alignment.t_valid_s > own_software.MEANT_S:
             return
         C_ei = frames.dcm_ie(self._mission.earth, self.now_s).T
-        words = own_conventions.of_start_attitude(given.q_ib, alignment) if attitude else ""
+        words = own_software.of_start_attitude(given.q_ib, alignment) if attitude else ""
         if not words and position:
-            words = own_conventions.of_start_position(given.r_i, alignment, self.now_s, C_ei)
+            words = own_software.of_start_position(given.r_i, alignment, self.now_s, C_ei)
         if words:
             raise self._error(f"its first {words}")
 

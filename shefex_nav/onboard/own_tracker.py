@@ -7,7 +7,7 @@ import numpy as np
 
 from shefex_nav.errors import shown
 from shefex_nav.fields import integer, matrix, member, number, vector
-from shefex_nav.onboard import own_conventions
+from shefex_nav.onboard import own_software
 from shefex_nav.onboard.own_software import MOST_WHOLE, OwnSoftware, covariance_fault, sealed
 from shefex_nav.onboard.startracker.tracker import NO_ATTITUDE, NO_COVARIANCE, TrackerState
 from shefex_nav.records import CameraCommand, Detections, Reason, StarFix
@@ -63,9 +63,9 @@ class OwnTracker:
 
     def _check_convention(self, fix, context):
         """SoftwareError for an attitude that is what the navigation predicts in another convention."""
-        is_known = context.P_c is not None and np.sqrt(np.trace(context.P_c)) < own_conventions.KNOWN
+        is_known = context.P_c is not None and np.sqrt(np.trace(context.P_c)) < own_software.KNOWN
         if fix.reason == Reason.NONE and is_known:
-            if words := own_conventions.of_attitude(fix.q_ic, context.q_ic):
+            if words := own_software.of_attitude(fix.q_ic, context.q_ic):
                 raise self._own.error(
                     fix.t_available_s, f"q_ic is the attitude that the navigation predicts {words}"
                 )

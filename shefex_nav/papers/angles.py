@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker import kvector
+from shefex_nav.onboard.startracker import tables
 
 
 class Table(NamedTuple):
@@ -82,7 +82,7 @@ def new_sides(u_c, tolerance, cos_error):
 def look_up(table, sides, i, j):
     """Catalogue pairs with the angle between detections i and j: (begin, end)."""
     if sides.begin[i, j] < 0:
-        begin, end = kvector.span(
+        begin, end = tables.span(
             table.count, table.slope, table.intercept, table.cosine, sides.low[i, j], sides.high[i, j]
         )
         sides.begin[i, j] = sides.begin[j, i] = begin

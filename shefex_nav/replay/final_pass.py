@@ -11,8 +11,8 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation import prediction
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.fusion import UNUSED
-from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import History
 from shefex_nav.onboard.navigation.integrity_drift import Followed
 from shefex_nav.onboard.navigation.state import X_Q

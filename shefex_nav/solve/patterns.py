@@ -20,7 +20,7 @@ from shefex_nav.environment.stars import (
     silicon_magnitude,
 )
 from shefex_nav.geometry.pinhole import solid_angle
-from shefex_nav.onboard.startracker import skygrid
+from shefex_nav.onboard.startracker import tables
 
 MAX_MAGNITUDE = 8.0
 SMALLEST, RATIO = np.radians(4.5), 1.34  # of S; a band reaches over RATIO
@@ -256,7 +256,7 @@ def _triangles(u_i, chosen, shortest, longest):
 @lru_cache(maxsize=1)
 def directions_of_cells():
     """Middle of each cell of the sky grid (n, 3), and the angle from there to its furthest corner (n,)."""
-    c = skygrid.CELLS
+    c = tables.CELLS
     middle, reach = np.empty((6 * c * c, 3)), np.empty(6 * c * c)
     at = (2.0 * np.arange(c) + 1.0) / c - 1.0
     a, b = (v.ravel() for v in np.meshgrid(at, at, indexing="ij"))

@@ -18,7 +18,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import select
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_from_quat
-from shefex_nav.onboard.startracker import skygrid
+from shefex_nav.onboard.startracker import tables
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, new_view
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
@@ -136,7 +136,7 @@ def stars_of(sky, C_ci):
     n = len(sky.vmag)
     start = np.concatenate([[0], np.cumsum(n * is_near)])
     row = np.tile(np.arange(n, dtype=np.uint16), is_near.sum())
-    return Stars(sky.u_i, sky.vmag, skygrid.log_density(sky.vmag), start, row)
+    return Stars(sky.u_i, sky.vmag, tables.log_density(sky.vmag), start, row)
 
 
 @lru_cache(maxsize=1)

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.startracker.identify.screen import join, triad
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 from shefex_nav.solve.patterns import (
     CELL,
     COLUMNS,
@@ -312,8 +313,8 @@ def _weigh(spots, band, at, u, t, focal_px):
 
     u : directions of these three detections
     """
-    T = triad(u[1][0], u[1][1], u[1][2], u[2][0], u[2][1], u[2][2])  # the longest side
+    T = triad(u[1], u[2])  # the longest side
     x, y, u_i = band.corner[t, 1], band.corner[t, 2], band.u_i
-    C = join(T, triad(u_i[x, 0], u_i[x, 1], u_i[x, 2], u_i[y, 0], u_i[y, 1], u_i[y, 2]))
+    C = join(T, triad(t3.row(u_i, x), t3.row(u_i, y)))
     middle = (spots.xy_px[at[0]] + spots.xy_px[at[1]] + spots.xy_px[at[2]]) / 3.0
     return compare(band, spots, C, focal_px, (middle[0], middle[1])), C

@@ -7,7 +7,7 @@ from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 from shefex_nav.onboard.navigation import adaptation, error_model, fusion
 from shefex_nav.onboard.navigation.gate import Verdict
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.recorded import Correction, Interval
+from shefex_nav.onboard.navigation.sensor import Correction, Interval
 
 SECONDS = 75
 TRUE = MODEL._replace(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navigation_flight import MODEL, PARAMS
 
-from shefex_nav.onboard.navigation.at_rest import FIXES, Still
+from shefex_nav.onboard.navigation.noise_evidence import FIXES, Still
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.world.imu import quantise
 

@@ -9,8 +9,8 @@ from navigation_flight import EARTH, PARAMS, alignment, fly
 from scipy import stats
 
 from shefex_nav.onboard.navigation import fusion, integrity_bank
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.gate import Verdict
-from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import Alarm, Stream
 

@@ -10,16 +10,7 @@ from star_fields import CAMERA, IDENTIFY, MODEL, centroid_list, random_attitude,
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.onboard.startracker.identify import (
-    IDENTIFIERS,
-    bayes,
-    completeness,
-    evidence,
-    lever,
-    odds,
-    screen,
-    search,
-)
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, lever, odds, screen, search
 from shefex_nav.records import Reason
 
 PARAMS = replace(IDENTIFY, centroid_error=0.15, magnitude_error=0.2)
@@ -144,21 +135,21 @@ def test_completeness_against_plain_formulas():
         n = evidence.adjust(stars, scene, trial, view, 5.0, AT_REST, 4).n
         row, seen = view.row[:n], view.det[:n] >= 0
         zero = odds.zero_point(stars, scene, view, n)
-        counted = seen | np.array([completeness._is_due(scene, view, n, s) for s in range(n)])
+        counted = seen | np.array([odds._is_due(scene, view, n, s) for s in range(n)])
         terms = []
-        for step, limit_weight in zip(completeness.LIMITS, completeness.LIMIT_WEIGHTS, strict=True):
+        for step, limit_weight in zip(odds.LIMITS, odds.LIMIT_WEIGHTS, strict=True):
             limit = stars.vmag[-1] - step
             fainter = (scene.mag > zero + limit + 0.3).sum() if step > 0.0 else 0
-            for share, share_weight in zip(completeness.SHARES, completeness.SHARE_WEIGHTS, strict=True):
+            for share, share_weight in zip(odds.SHARES, odds.SHARE_WEIGHTS, strict=True):
                 p = share * (0.03 + 0.97 * expit((limit - stars.vmag[row]) / 0.17))
                 pattern = np.where(seen, np.log(p), np.log(1.0 - p))[counted].sum()
                 terms.append(np.log(limit_weight * share_weight) + pattern + fainter * np.log(0.5))
-        assert completeness.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
+        assert odds.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
 
 
 def test_priors_of_completeness_are_probabilities():
-    assert sum(completeness.LIMIT_WEIGHTS) == pytest.approx(1.0)
-    assert sum(completeness.SHARE_WEIGHTS) == pytest.approx(1.0)
+    assert sum(odds.LIMIT_WEIGHTS) == pytest.approx(1.0)
+    assert sum(odds.SHARE_WEIGHTS) == pytest.approx(1.0)
 
 
 def test_scan_against_brute_force():
@@ -167,7 +158,7 @@ def test_scan_against_brute_force():
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
     seen, i, j = screen.new_seen(scene, scene.ellipses), 0, 1
-    T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
+    T, reach = screen.triad(u_c[i], u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
     two = screen.TwoSeen(T, reach, gate, (-1, -1), (i, j))
     angle = np.arccos(u_c[i] @ u_c[j])
@@ -293,7 +284,7 @@ def test_a_scan_in_pieces_finds_what_one_finds(need):
     stars, pairs = stars_and_pairs()
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
-    seen, T = screen.new_seen(scene, None), screen.triad(*u_c[0], *u_c[1])
+    seen, T = screen.new_seen(scene, None), screen.triad(u_c[0], u_c[1])
     two = screen.TwoSeen(T, lever.lever_of(scene, None, 0, 1, 0.5), (-0.8, 1.2), (-1, -1), (0, 1))
     frame = screen.frame_of(scene, scene.focal_px, 99, 5)
     first, last = 1001, 1001 + 3 * screen.AT_ONCE + 7

@@ -12,7 +12,7 @@ from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.onboard.startracker.identify import doubts, evidence, lever
 from shefex_nav.onboard.startracker.identify.ellipses import ellipses_of
 from shefex_nav.onboard.startracker.identify.evidence import Prior
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 
 SIGMA_PX = 0.2  # of `scene_of`
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shefex_nav.onboard.navigation import integrity_gaps
 from shefex_nav.onboard.navigation import integrity_imu as imu
+from shefex_nav.onboard.navigation import integrity_unread
 from shefex_nav.records import ImuBlock
 
 DT, N, TICK_S = 1.0 / 400.0, 4, 0.01
@@ -31,7 +31,7 @@ def flown(rate, is_lost, until_s=30.0, fixes=()):
         imu.screen(watch, block, readings, densities)
         off[k], given[k] = (readings[:, 0] - values[:, 0]).sum(), densities[0, 0] * TICK_S
         if k in fixes:
-            integrity_gaps.fixed(watch.axes[:3], TICK_S * (k + 1))
+            integrity_unread.fixed(watch.axes[:3], TICK_S * (k + 1))
     return off, given
 
 
@@ -63,7 +63,7 @@ def test_after_a_fix_the_gaps_before_it_are_known_but_for_the_last_second():
     axes = imu.start(RULES, N).axes[:3]
     axes["missed"], axes["lately"], axes["given"] = 0.3, 0.02, 0.1
     axes["ended_s"] = 5.0, 6.0, 7.0
-    integrity_gaps.fixed(axes, 6.5)
+    integrity_unread.fixed(axes, 6.5)
     assert axes["missed"].tolist() == [0.02, 0.02, 0.3]
     np.testing.assert_allclose(axes["given"], [4e-4, 4e-4, 0.1])
     off, given = flown(spin_up, lambda k: k > 300 and k % 2 == 0, fixes=range(0, 3000, 10))

@@ -7,11 +7,10 @@ import pytest
 from scipy import stats
 
 from shefex_nav.onboard.navigation import gate, integrity_gps
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.gate import Verdict
-from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import Corrections
-from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, GpsEvidence, Limits
-from shefex_nav.onboard.navigation.integrity_steps import Steps
+from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, GpsEvidence, Limits, Steps
 from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.records import GpsFix, Reason
 

@@ -5,7 +5,7 @@ import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.onboard.navigation import fusion, gate, integrity, integrity_watch
-from shefex_nav.onboard.navigation.grown import Grown, grown
+from shefex_nav.onboard.navigation.eskf import Grown, grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
 from shefex_nav.onboard.navigation.sensor import Trial

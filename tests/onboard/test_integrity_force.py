@@ -8,7 +8,7 @@ from scipy import integrate, stats
 from unpacked import propagate, window
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion, integrity_force, integrity_imu, integrity_watch
+from shefex_nav.onboard.navigation import fusion, integrity_imu, integrity_unread, integrity_watch
 from shefex_nav.onboard.navigation.state import ATT, NavState
 from shefex_nav.records import ImuBlock
 
@@ -19,7 +19,7 @@ RULES = integrity_imu.ImuRules(
     repeats=np.array([np.inf, 20.0]),
     range=np.array([np.inf, RANGE]),
     wrong=np.array([1.0, SPREAD]),
-    change=np.array([0.5, CHANGE / integrity_force.LIT]),
+    change=np.array([0.5, CHANGE / integrity_unread.LIT]),
     missed=np.array([1.0, 50.0]),
 )
 
@@ -28,14 +28,14 @@ RULES = integrity_imu.ImuRules(
 def test_the_force_runs_away_from_when_it_was_known(lasting_s, known_s, before):
     """Integral of m_0 + c (0.1 s + time) over the last of the time."""
     u, _ = integrate.quad(lambda t: before + 5.0 * (0.1 + t), known_s - lasting_s, known_s)
-    squared, change = plain(integrity_force.squared), 5.0 / integrity_force.LIT
+    squared, change = plain(integrity_unread.squared), 5.0 / integrity_unread.LIT
     assert squared(lasting_s, known_s, before, 1e3, change) == pytest.approx(u**2)
     assert squared(lasting_s, known_s, before, 0.5, change) == pytest.approx((0.5 * lasting_s) ** 2)
     assert squared(lasting_s, known_s, np.inf, 7.0, change) == pytest.approx((7.0 * lasting_s) ** 2)
 
 
 def test_what_a_force_can_be():
-    largest, rules = plain(integrity_force.largest), np.array(RULES)
+    largest, rules = plain(integrity_unread.largest), np.array(RULES)
     assert largest(rules, False) == RANGE / 3.0 and largest(rules, True) == RANGE
     rules[1, 1] = np.inf
     assert largest(rules, False) == SPREAD

@@ -7,7 +7,7 @@ import pytest
 
 from shefex_nav.onboard.navigation import adaptation, sensor
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.integrity_share import Share
+from shefex_nav.onboard.navigation.noise_evidence import Share
 
 
 def shared(q, told_q, r, n, seed):

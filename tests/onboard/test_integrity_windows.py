@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.onboard.navigation.integrity import chi_square_limit
-from shefex_nav.onboard.navigation.integrity_windows import CHANCE, LENGTHS, Window, neighbours
+from shefex_nav.onboard.navigation.noise_evidence import CHANCE, LENGTHS, Window, neighbours
 
 
 def findings(innovations):

@@ -6,7 +6,7 @@ from navigation_flight import DT, EARTH, PARAMS, STATES, alignment, fly
 from scipy.stats import chi2
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import fusion, lever_arm, measurements, momentary
+from shefex_nav.onboard.navigation import fusion, measurements, momentary
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
@@ -83,7 +83,7 @@ def test_noise_of_the_rate_is_that_of_the_antenna(noise, t_s):
     nav, now = filter_of(t_s, **{names[name]: value for name, value in noise.items()})
     now.vibration = 1.0 if "swing" in noise else 0.0
     H = antenna(nav, now).J_v
-    is_of(velocities(nav, now, noisy(nav, now, **noise)), lever_arm.of_velocity(nav, now, H))
+    is_of(velocities(nav, now, noisy(nav, now, **noise)), measurements.arm_in_velocity(nav, now, H))
 
 
 def test_the_rate_is_that_of_the_instant():
@@ -98,7 +98,7 @@ def test_the_rate_is_that_of_the_instant():
             middles = np.arange(-BEFORE, 4)[:, None] + 0.5 + 4 * tick
             increments[place, :, :3] = DT * (0.1 + alpha * middles * DT)
         late = now.sensed[0] - (0.1 + alpha * past * DT)
-        W = lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))
+        W = measurements.arm_in_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))
         if past < 8.0:
             assert np.abs(late).max() < 1e-9 and not W.any()
             continue
@@ -114,7 +114,7 @@ def test_an_error_that_is_no_state_counts_in_full():
     arm = C_ib @ rotation.skew(ARM)
     expected = (1e-3 * np.linalg.norm(omega_b[1:])) ** 2 * arm @ arm.T
     C_ei = frames.dcm_ie(EARTH, T_S).T
-    found = lever_arm.of_velocity(nav, now, antenna(nav, now).J_v)
+    found = measurements.arm_in_velocity(nav, now, antenna(nav, now).J_v)
     np.testing.assert_allclose(found, C_ei @ expected @ C_ei.T, rtol=1e-6, atol=1e-12)
 
 
@@ -129,14 +129,14 @@ def test_a_gyro_that_is_not_read_leaves_the_antenna_unknown():
     nav.history.increments[now.place, BEFORE + 1, 2] = -10.0 * DT
     C_eb = frames.dcm_ie(EARTH, T_S).T @ rotation.dcm_from_quat(now.x[X_Q])
     spread = C_eb @ np.cross(np.diag([0.0, 2.0, 7.0]), ARM).T
-    found = lever_arm.of_velocity(nav, now, antenna(nav, now).J_v)
+    found = measurements.arm_in_velocity(nav, now, antenna(nav, now).J_v)
     np.testing.assert_allclose(found, spread @ spread.T, rtol=1e-6, atol=1e-9)
 
 
 def test_vibration_swings_the_velocity_of_the_sensors():
     nav, now = filter_of(accel_vibration=0.3)
     now.vibration = 0.5
-    found = lever_arm.of_velocity(nav, now, antenna(nav, now).J_v)
+    found = measurements.arm_in_velocity(nav, now, antenna(nav, now).J_v)
     np.testing.assert_allclose(found, 0.15**2 * np.eye(3), rtol=1e-9, atol=1e-9)
 
 
@@ -149,10 +149,10 @@ def test_vibration_without_a_motor_swings_them_too():
     nav = nav._replace(constants=nav.constants._replace(momentary=momentary.of(params)))
     arm = rotation.dcm_from_quat(now.x[X_Q]) @ rotation.skew(ARM)
     rate2 = 2.0 * (angle / (2.0 * DT)) ** 2  # of the mean of two samples
-    found = lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))
+    found = measurements.arm_in_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))
     np.testing.assert_allclose(found, velocity**2 * np.eye(3) + rate2 * arm @ arm.T, rtol=1e-6, atol=1e-9)
     now.vibration = 1.0  # a motor's takes its place
-    assert np.abs(lever_arm.of_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))).max() < 1e-9
+    assert np.abs(measurements.arm_in_velocity(nav, now, np.eye(3, nav.layout.n, VEL.start))).max() < 1e-9
 
 
 def test_a_sample_beside_that_was_not_read_is_left_out():
@@ -181,15 +181,17 @@ def test_all_rows_see_the_same_antenna():
     """Rows of single satellites: what they share is the antenna's velocity along each line of sight."""
     nav, now = filter_of(gyro_random_walk=WALK)
     J, u = antenna(nav, now).J_v, np.random.default_rng(3).standard_normal((6, 3))
-    found = lever_arm.of_velocity(nav, now, u @ J)
-    np.testing.assert_allclose(found, u @ lever_arm.of_velocity(nav, now, J) @ u.T, rtol=1e-9, atol=1e-18)
+    found = measurements.arm_in_velocity(nav, now, u @ J)
+    np.testing.assert_allclose(
+        found, u @ measurements.arm_in_velocity(nav, now, J) @ u.T, rtol=1e-9, atol=1e-18
+    )
     assert np.linalg.matrix_rank(found, tol=1e-12) == 2
 
 
 def test_a_known_attitude_says_where_the_antenna_is():
     nav, now = filter_of(gyro_random_walk=WALK)
-    assert not lever_arm.of_position(nav, now, antenna(nav, now).J_r).any()
+    assert not measurements.arm_in_position(nav, now, antenna(nav, now).J_r).any()
     now.P[8, 8] = 1.0  # rad^2, of the heading
     J = antenna(nav, now)
-    assert np.linalg.eigvalsh(lever_arm.of_position(nav, now, J.J_r))[0] > 0.0
+    assert np.linalg.eigvalsh(measurements.arm_in_position(nav, now, J.J_r))[0] > 0.0
     assert np.allclose(J.J_r[:, POS], J.J_v[:, VEL])

@@ -11,7 +11,7 @@ from shefex_nav.onboard.navigation import (
     covariance,
     error_model,
     fusion,
-    lever_arm,
+    measurements,
     momentary,
     prediction,
     process_noise,
@@ -201,7 +201,7 @@ def test_they_are_noise_of_a_star_fix():
 def test_they_are_noise_of_a_gps_velocity():
     nav = quiet(accel_quantum=COUNT, gyro_random_walk=0.0, gyro_cross=0.0, gyro_g_sensitivity=0.0)
     nav = nav._replace(params=nav.params._replace(l_ba_b=np.zeros(3)))
-    R = lever_arm.of_velocity(nav, now_of(nav), np.eye(3, nav.layout.n, VEL.start))
+    R = measurements.arm_in_velocity(nav, now_of(nav), np.eye(3, nav.layout.n, VEL.start))
     np.testing.assert_allclose(R, (COUNT**2 / 12.0 + COAST[1] ** 2) * np.eye(3), rtol=1e-9, atol=1e-15)
 
 

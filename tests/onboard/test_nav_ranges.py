@@ -108,7 +108,7 @@ def rates_of(state, message):
 
 
 def test_a_swing_of_the_antenna_shows_in_all_satellites_by_the_rows_of_the_velocity():
-    """By those rows its noise goes into that of the range rates (`lever_arm.of_velocity`); linear to 1e-6."""
+    """By those rows its noise goes into that of the range rates (`arm_in_velocity`); linear to 1e-6."""
     state = state_of()
     message = measured(state)
     z, H, _ = rates_of(state, message)

@@ -12,12 +12,11 @@ from navigation_flight import MODEL, PARAMS
 
 from shefex_nav.onboard.navigation import adaptation, error_model
 from shefex_nav.onboard.navigation.adaptation import Noise
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.gate import Verdict
-from shefex_nav.onboard.navigation.grown import Grown
-from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
+from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, Steps
 from shefex_nav.onboard.navigation.integrity_bank import Stream
-from shefex_nav.onboard.navigation.integrity_share import Estimate
-from shefex_nav.onboard.navigation.integrity_steps import Steps
+from shefex_nav.onboard.navigation.noise_evidence import Estimate
 from shefex_nav.onboard.navigation.sensor import Innovation
 from shefex_nav.onboard.navigation.state import ATT, layout
 

@@ -8,7 +8,7 @@ from plain import plain
 from scipy import integrate, stats
 
 from shefex_nav.geometry.rotation import dcm_from_rotvec
-from shefex_nav.onboard.startracker.identify import bayes, completeness, evidence, odds, screen, verify
+from shefex_nav.onboard.startracker.identify import bayes, evidence, odds, screen, verify
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene
 from shefex_nav.records import Reason
 
@@ -131,8 +131,8 @@ def test_a_crowd_is_more_likely_chance_by_its_density(n, crowded):
 
 @pytest.mark.parametrize("a, b", [(0.0, -1.0), (-700.0, -3.0), (5.0, 5.0), (-np.inf, 2.0), (800.0, 790.0)])
 def test_sums_of_probabilities_are_told_by_their_logarithms(a, b):
-    assert plain(completeness.add_logs)(a, b) == pytest.approx(np.logaddexp(a, b))
-    assert plain(completeness.add_logs)(-np.inf, -np.inf) == -np.inf
+    assert plain(odds.add_logs)(a, b) == pytest.approx(np.logaddexp(a, b))
+    assert plain(odds.add_logs)(-np.inf, -np.inf) == -np.inf
 
 
 def test_stars_near_the_border_or_beside_a_brighter_one_may_be_missing():
@@ -142,7 +142,7 @@ def test_stars_near_the_border_or_beside_a_brighter_one_may_be_missing():
         (654.1, 70.0), (653.9, 170.0), (70.0, 484.1), (170.0, 483.9),
     ]  # fmt: skip
     view, scene = view_of(places, [-1] * len(places)), scene_of([(0.0, 0.0)])
-    due = [plain(completeness._is_due)(scene, view, len(places), s) for s in range(len(places))]
+    due = [plain(odds._is_due)(scene, view, len(places), s) for s in range(len(places))]
     assert due == [True, False, True, False, True, False, True, False, True, False, True]
 
 
@@ -150,7 +150,7 @@ def test_detection_falls_softly_with_magnitude():
     """A logistic of 0.17 mag: halves within 0.19 mag, and a few far fainter ones are seen."""
 
     def share(vmag, limit):
-        return plain(completeness.detectable)(np.exp((vmag - limit) / 0.17))
+        return plain(odds.detectable)(np.exp((vmag - limit) / 0.17))
 
     assert share(2.0, 6.0) == pytest.approx(1.0) and share(12.0, 6.0) == pytest.approx(0.03)
     assert share(6.0, 6.0) == pytest.approx(0.5 * 1.03)
@@ -170,14 +170,14 @@ def test_a_pattern_has_the_probability_of_each_star(n, has_flux):
     places = np.column_stack([20.0 + 60.0 * (np.arange(n) % 10), 20.0 + 30.0 * (np.arange(n) // 10)])
     mag = np.sort(rng.uniform(zero + 3.0, zero + 6.0, n // 2))
     stars, terms = SimpleNamespace(vmag=np.append(vmag, faintest)), []
-    for step, prior in zip(completeness.LIMITS, completeness.LIMIT_WEIGHTS, strict=True):
+    for step, prior in zip(odds.LIMITS, odds.LIMIT_WEIGHTS, strict=True):
         fainter = (mag > zero + faintest - step + 0.3).sum() if step > 0.0 and has_flux else 0
-        for share, weight in zip(completeness.SHARES, completeness.SHARE_WEIGHTS, strict=True):
+        for share, weight in zip(odds.SHARES, odds.SHARE_WEIGHTS, strict=True):
             p = share * (0.03 + 0.97 * stats.logistic(faintest - step, 0.17).sf(vmag))
             pattern = np.log(np.where(det >= 0, p, 1.0 - p)).sum()
             terms.append(np.log(prior * weight) + pattern + fainter * np.log(0.5))
     scene, view = scene_of(np.zeros((n // 2, 2)), mag, has_flux), view_of(places, det)
-    got = plain(completeness.completeness_odds)(stars, view, n, scene, zero)
+    got = plain(odds.completeness_odds)(stars, view, n, scene, zero)
     assert got == pytest.approx(np.logaddexp.reduce(terms), abs=1e-9)
 
 
@@ -186,7 +186,7 @@ def test_many_stars_that_are_missing_do_not_underflow():
     n = 150
     places = np.column_stack([20.0 + 60.0 * (np.arange(n) % 10), 20.0 + 30.0 * (np.arange(n) // 10)])
     stars, view = SimpleNamespace(vmag=np.append(np.full(n, 2.0), 9.0)), view_of(places, [-1] * n)
-    got = plain(completeness.completeness_odds)(stars, view, n, scene_of([(0.0, 0.0)], [-9.0]), -18.0)
+    got = plain(odds.completeness_odds)(stars, view, n, scene_of([(0.0, 0.0)], [-9.0]), -18.0)
     wanted = np.log(0.1) + n * np.log(0.45)
     assert got == pytest.approx(wanted, abs=0.3) and got < wanted
 

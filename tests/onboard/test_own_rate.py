@@ -5,7 +5,7 @@ import pytest
 from star_fields import TRACKER, all_stars, tracker_with
 
 from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
-from shefex_nav.onboard.startracker import objects, own_rate, tracker
+from shefex_nav.onboard.startracker import best_attitude, objects, tracker
 from shefex_nav.onboard.startracker.background import FrameStatistics
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import NO_STARS, Detections, Frame, Reason
@@ -23,9 +23,11 @@ def turned(deg, axis=(0.0, 0.6, 0.8)):
 
 def is_fast(rate_deg_s, turned_deg, since_s=0.1, q_ic=None, before_deg_s=None):
     before_deg_s = rate_deg_s if before_deg_s is None else before_deg_s
-    before = own_rate.Seen(7.0, np.radians(before_deg_s), START)
+    before = best_attitude.Seen(7.0, np.radians(before_deg_s), START)
     q_ic = turned(turned_deg) if q_ic is None else q_ic
-    return own_rate.is_fast(HIGHEST, before, own_rate.Seen(7.0 + since_s, np.radians(rate_deg_s), q_ic))
+    return best_attitude.is_fast(
+        HIGHEST, before, best_attitude.Seen(7.0 + since_s, np.radians(rate_deg_s), q_ic)
+    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])  # q and -q are one attitude
@@ -60,7 +62,7 @@ def test_one_attitude_alone_says_nothing_of_a_rate():
     assert is_fast(15.0, 0.0, since_s=1.6)  # too long ago
     assert is_fast(15.0, 0.0, since_s=0.0)
     assert is_fast(15.0, 0.0, q_ic=np.full(4, np.nan))
-    assert own_rate.is_fast(HIGHEST, own_rate.NOTHING, own_rate.Seen(7.0, 0.3, START))
+    assert best_attitude.is_fast(HIGHEST, best_attitude.NOT_SEEN, best_attitude.Seen(7.0, 0.3, START))
 
 
 def test_the_chain_goes_on_where_a_gyro_jumps_and_the_camera_rests():

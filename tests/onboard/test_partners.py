@@ -5,7 +5,7 @@ import pytest
 from star_fields import CAMERA, MODEL, centroid_list, random_attitude, ready_tracker
 
 from shefex_nav.geometry.pinhole import pixels
-from shefex_nav.onboard.startracker.identify import bayes, evidence, partners, screen, search
+from shefex_nav.onboard.startracker.identify import bayes, evidence, screen, search
 
 SIZE = np.array([CAMERA.width_px, CAMERA.height_px]) - 1.0
 
@@ -37,7 +37,7 @@ def test_partners_against_brute_force():
         for j in range(i):
             entries = search.window(pairs, u_c, i, j, tolerance)
             fainter = mag[j] - mag[i]
-            partners.mark(pairs, found, (i, j), entries, (fainter - width, fainter + width))
+            screen.mark(pairs, found, (i, j), entries, (fainter - width, fainter + width))
     angle = np.arccos(np.clip(stars.u_i @ stars.u_i.T, -1.0, 1.0))
     for i in range(n):
         for j in range(n):

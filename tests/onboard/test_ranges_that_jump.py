@@ -8,8 +8,7 @@ from test_nav_ranges import EARTH, LAYOUT, antenna_of, measured, ranges_of, stat
 
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import gate, integrity, measure_ranges, sensors
-from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, Limits, RangeEvidence
-from shefex_nav.onboard.navigation.integrity_steps import Steps
+from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, Limits, RangeEvidence, Steps
 from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.onboard.navigation.state import POS, VEL
 from shefex_nav.records import GpsRanges

@@ -9,7 +9,7 @@ from plain import plain
 from scipy import stats
 from unpacked import propagate, window
 
-from shefex_nav.onboard.navigation import fusion, momentary, prediction, rate_noise
+from shefex_nav.onboard.navigation import fusion, momentary, prediction, process_noise
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.records import ImuBlock
 
@@ -74,7 +74,7 @@ def test_a_turn_shows_the_scale_factors_at_any_rate(largest):
 def followed(rates, sigma):
     """The rate that drives, of measured ones whose noise has a sigma in a tick."""
     row = SimpleNamespace(gyro_random_walk=sigma * np.sqrt(T))
-    w, out, of_tick = rates[0], [], plain(rate_noise.of_tick)
+    w, out, of_tick = rates[0], [], plain(process_noise.noise_of_rate)
     for rate in rates:
         w = rate - of_tick(row, momentary.NONE, 0.0, w, rate, T)
         out.append(w)
@@ -83,14 +83,14 @@ def followed(rates, sigma):
 
 def test_noise_moves_the_rate_that_drives_by_what_is_left_of_a_mean():
     rates = 2.0 * np.random.default_rng(2).standard_normal(30_000)
-    wanted = 2.0 * np.sqrt(T / (2.0 * rate_noise.FOLLOWS_S))
+    wanted = 2.0 * np.sqrt(T / (2.0 * process_noise.FOLLOWS_S))
     assert followed(rates, 2.0)[1000:].std() == pytest.approx(wanted, rel=0.1)
 
 
 def test_a_turn_is_followed_at_once_and_in_the_end_all_of_it():
     rates = np.where(np.arange(1000) < 200, 0.0, 100.0)
     driven = followed(rates, 2.0)
-    np.testing.assert_allclose(driven[200], 100.0 - rate_noise.BAND * 2.0)
+    np.testing.assert_allclose(driven[200], 100.0 - process_noise.BAND * 2.0)
     assert driven[-1] == pytest.approx(100.0, abs=0.01)
     assert np.abs(followed(1e3 * rates, 0.0) - 1e3 * rates).max() == 0.0
 
@@ -101,8 +101,8 @@ def test_rounding_and_swinging_at_rest_widen_the_band():
     for column in (momentary.ROUNDING, momentary.COAST):
         errors[:] = 0.0
         errors[momentary.ATTITUDE, column] = 3e-3**2
-        noise = plain(rate_noise.of_tick)(row, errors, 0.0, 0.0, 100.0, T)
-        assert noise == pytest.approx(rate_noise.BAND * np.sqrt(2.0) * 3e-3 / T)
+        noise = plain(process_noise.noise_of_rate)(row, errors, 0.0, 0.0, 100.0, T)
+        assert noise == pytest.approx(process_noise.BAND * np.sqrt(2.0) * 3e-3 / T)
 
 
 def test_a_tick_has_the_noise_of_its_own_axes_and_keeps_it():
@@ -116,13 +116,13 @@ def test_a_tick_has_the_noise_of_its_own_axes_and_keeps_it():
         number, motors = nav.history.newest + 1, nav.params.motors
         prediction.enter(nav.constants, nav.history.arrays, number, motors, k * T, DT, 4)
         nav.history.extend([k * T])
-    band = rate_noise.BAND * WALK / np.sqrt(T)
-    within = -7.0 * (1.0 - T / rate_noise.FOLLOWS_S)  # of a band of 8 rad/s
+    band = process_noise.BAND * WALK / np.sqrt(T)
+    within = -7.0 * (1.0 - T / process_noise.FOLLOWS_S)  # of a band of 8 rad/s
     np.testing.assert_allclose(nav.history.imu(-1).rate_noise, [band, within, band], rtol=1e-9)
 
 
 def test_noise_of_more_widens_the_band():
     """A gyro that is not read: its rate, put in its place, is no turn."""
     row = SimpleNamespace(gyro_random_walk=0.0)
-    noise = plain(rate_noise.of_tick)(row, momentary.NONE, 25.0 * T, 0.0, 100.0, T)
-    assert noise == pytest.approx(rate_noise.BAND * 5.0)
+    noise = plain(process_noise.noise_of_rate)(row, momentary.NONE, 25.0 * T, 0.0, 100.0, T)
+    assert noise == pytest.approx(process_noise.BAND * 5.0)

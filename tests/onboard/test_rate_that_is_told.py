@@ -5,7 +5,7 @@ import pytest
 from navigation_flight import DEG, DT, EARTH, PARAMS, alignment, fly
 from test_nav_ticks import WATCHED
 
-from shefex_nav.onboard.navigation import adaptation, fusion, lever_arm, solution
+from shefex_nav.onboard.navigation import adaptation, fusion, measurements, solution
 
 BLOCKS, STATES = fly(1.0)
 RANGE = 100.0 * DEG
@@ -46,7 +46,7 @@ def test_a_rate_that_is_not_read_is_not_known(read, axes):
     assert np.all(error < 3.0 * told.sigma_omega_b)
     assert np.all(told.sigma_omega_b[good] < 0.1 * DEG)
     bias = nav.history.P[9:12, 9:12].diagonal()  # as the lever arm has it, but for what is known of the gyros
-    more = lever_arm._unread(nav.history.imu(-1), LIMITED)
+    more = measurements._unread(nav.history.imu(-1), LIMITED)
     np.testing.assert_allclose(told.sigma_omega_b[axes] ** 2, (more + bias)[axes], rtol=1e-3)
 
 

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from star_fields import ready_tracker
 
-from shefex_nav.onboard.startracker import skygrid
+from shefex_nav.onboard.startracker import tables
 
 RADIUS = np.radians(9.0)
 
 
 def test_every_star_within_the_radius_is_in_the_list():
     stars = ready_tracker().pairs.stars
-    grid = skygrid.build(stars.u_i, stars.vmag, RADIUS)
+    grid = tables.by_direction(stars.u_i, stars.vmag, RADIUS)
     rng = np.random.default_rng(1)
     corners = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
     for direction in np.vstack([rng.standard_normal((500, 3)), corners]):
         direction /= np.linalg.norm(direction)
-        cell = skygrid.cell_of(*direction)
+        cell = tables.cell_of(*direction)
         listed = grid.row[grid.start[cell] : grid.start[cell + 1]]
         near = np.flatnonzero(stars.u_i @ direction > np.cos(RADIUS))
         assert set(near) <= set(listed)
@@ -28,12 +28,10 @@ def test_every_star_within_the_radius_is_in_the_list():
 def test_lists_are_those_of_a_search_among_all_stars(radius):
     """Blocks of cells only save time. The middle of a cell is seen from each of its corners."""
     u_i = ready_tracker().pairs.stars.u_i
-    grid = skygrid.build(u_i, np.linspace(1.0, 5.0, len(u_i)), radius)
-    edges = np.linspace(-1.0, 1.0, skygrid.CELLS + 1)
+    grid = tables.by_direction(u_i, np.linspace(1.0, 5.0, len(u_i)), radius)
+    edges = np.linspace(-1.0, 1.0, tables.CELLS + 1)
     rng = np.random.default_rng(3)
-    for face, i, j in zip(
-        *(rng.integers(n, size=300) for n in (6, skygrid.CELLS, skygrid.CELLS)), strict=True
-    ):
+    for face, i, j in zip(*(rng.integers(n, size=300) for n in (6, tables.CELLS, tables.CELLS)), strict=True):
         axis, sign = face // 2, 1.0 if face % 2 == 0 else -1.0
         middle, *corners = (
             np.insert([a, b], axis, sign) / np.sqrt(1.0 + a * a + b * b)
@@ -44,7 +42,7 @@ def test_lists_are_those_of_a_search_among_all_stars(radius):
         )
         limit = min(max(np.arccos(middle @ one) for one in corners) + radius, np.pi)
         angle = np.arccos(np.clip(u_i @ middle, -1.0, 1.0))
-        cell = (face * skygrid.CELLS + i) * skygrid.CELLS + j
+        cell = (face * tables.CELLS + i) * tables.CELLS + j
         listed = grid.row[grid.start[cell] : grid.start[cell + 1]]
         assert set(np.flatnonzero(angle < limit - 1e-6)) <= set(listed)
         assert (angle[listed] < limit + 1e-6).all()
@@ -53,6 +51,6 @@ def test_lists_are_those_of_a_search_among_all_stars(radius):
 def test_density_of_magnitudes_is_a_density():
     vmag = np.sort(np.random.default_rng(2).uniform(1.0, 5.0, 3000))
     u_i = np.tile([0.0, 0.0, 1.0], (3000, 1))
-    grid = skygrid.build(u_i, vmag, RADIUS)
+    grid = tables.by_direction(u_i, vmag, RADIUS)
     assert np.exp(grid.log_density).mean() == pytest.approx(0.25, rel=0.05)
     assert np.abs(np.exp(grid.log_density) - 0.25).max() < 0.06

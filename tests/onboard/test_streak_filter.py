@@ -12,7 +12,8 @@ from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.shutter import row_start_s, row_times
 from shefex_nav.geometry.streak import place_at
 from shefex_nav.onboard.startracker import matched
-from shefex_nav.onboard.startracker.binned import BIN, bad_map, in_noise, level_of
+from shefex_nav.onboard.startracker.background import bad_map
+from shefex_nav.onboard.startracker.binned import BIN, in_noise, level_of
 from shefex_nav.onboard.startracker.streak_light import PIXEL_VARIANCE, draw, first_of, light_at, memory_of
 from shefex_nav.onboard.startracker.streak_path import NUMBERS, Turning, path_of
 from shefex_nav.onboard.startracker.streaks import detect_streaks

@@ -11,8 +11,7 @@ from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import navigator
 from shefex_nav.onboard.navigation import fusion, integrity_gyro, integrity_watch
-from shefex_nav.onboard.navigation.integrity import HEALTHY
-from shefex_nav.onboard.navigation.integrity_steps import Steps
+from shefex_nav.onboard.navigation.integrity import HEALTHY, Steps
 from shefex_nav.onboard.navigation.state import ATT, X_R, layout
 from shefex_nav.records import Doubt
 

@@ -8,10 +8,9 @@ from scipy import stats
 from test_noise_that_counts import NOW_S, USED, P, alike, filter_of, white
 
 from shefex_nav.onboard.navigation import adaptation
-from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.integrity_share import Share
-from shefex_nav.onboard.navigation.integrity_windows import Finding, Window
+from shefex_nav.onboard.navigation.noise_evidence import Finding, Share, Window
 from shefex_nav.onboard.navigation.sensor import Innovation
 
 LIMITS = {dof: stats.chi2.isf(1e-9, dof) for dof in (3, 60, 180)}

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import adaptation, integrity_readings
 from shefex_nav.onboard.navigation.blocks import Block
-from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_drift import Followed

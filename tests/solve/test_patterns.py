@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment.stars import photocentres, select
-from shefex_nav.onboard.startracker import skygrid
+from shefex_nav.onboard.startracker import tables
 from shefex_nav.solve import patterns
 
 
@@ -17,7 +17,7 @@ def stars():
 
 
 def test_lists_of_stars_are_those_of_the_star_tracker(stars):
-    reference = skygrid.build(stars.u_i, np.sort(stars.vmag), 0.2)
+    reference = tables.by_direction(stars.u_i, np.sort(stars.vmag), 0.2)
     start, row = patterns.sky_lists(stars.u_i, 0.2)
     np.testing.assert_array_equal(start, reference.start)
     np.testing.assert_array_equal(row, reference.row)

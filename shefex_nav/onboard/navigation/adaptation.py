@@ -1,15 +1,15 @@
 """The filter concludes that its own model is at fault: noise that is larger than it was told.
 
 Three things show it. **Innovations** of the velocity that are too large and hang together, or keep their sign
-(`integrity_windows`): the noise of the IMU. **Resets**: a sensor that was believed after it had contradicted
+(`noise_evidence`): the noise of the IMU. **Resets**: a sensor that was believed after it had contradicted
 the filter, and contradicts it again within `LOOP_S`: then it is not the sensor. **Rest**: the vehicle
-stands still, and its readings scatter more than they should (`at_rest`). Innovations that are too large and
+stands still, and its readings scatter more than they should (likewise). Innovations that are too large and
 white are the noise of the sensor itself.
 
-What follows is said, logged, and bounded by `MOST`: from that tick on the noise of the IMU counts `imu` times
-(a row of `error_model.record`, which the smoother gets, too), the covariance grows as if it always had, that
-of calibration errors to `MOST` times their sigma at the start, and the share of process noise in the
-innovations says whether that was right (`integrity_share`). The factor rises at once and falls slowly. It
+What follows is said, logged, and bounded by `MOST_GROWN`: from that tick on the noise of the IMU counts `imu`
+times (a row of `error_model.record`, which the smoother gets, too), the covariance grows as if it always had,
+that of calibration errors to `MOST_GROWN` times their sigma at the start, and the share of process noise in
+the innovations says whether that was right (`noise_evidence`). The factor rises at once and falls slowly. It
 never falls below 1: noise that is told too large costs accuracy, and a covariance that shrinks by what
 innovations say may be too small.
 
@@ -20,11 +20,10 @@ from collections import deque
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import at_rest, error_model, eskf, integrity_learnt, integrity_watch
-from shefex_nav.onboard.navigation.grown import MOST
+from shefex_nav.onboard.navigation import error_model, eskf, integrity_learnt, integrity_watch, noise_evidence
+from shefex_nav.onboard.navigation.eskf import MOST_GROWN
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.integrity_share import Share
-from shefex_nav.onboard.navigation.integrity_windows import LENGTHS, WHITE, Window, neighbours
+from shefex_nav.onboard.navigation.noise_evidence import LENGTHS, WHITE, Share, Window, neighbours
 from shefex_nav.onboard.navigation.quantity import POSITION, RATES, VECTORS, VELOCITY, fix_of
 from shefex_nav.onboard.navigation.sensor import counted_covariance
 from shefex_nav.records import NavHealth
@@ -62,7 +61,7 @@ class Noise:
         self.windows = {name: Window() for name in WATCHED}
         self.by_noise = {name: deque(maxlen=60) for name in WATCHED}  # share of the sensor's noise in S
         self.recent, self.resets, self.share = {}, {}, None
-        self.still = at_rest.Still()
+        self.still = noise_evidence.Still()
         self.told = ""  # the last remark on the IMU
         self.confirmed = False  # whether innovations have told the factor of the IMU
 
@@ -127,7 +126,7 @@ def _second_reset(nav, now, name, verdict):
         why = "contradicted from the start"
     else:
         why = "second reset" if again else "contradicted by little"
-    return widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
+    return widen(nav, now, float(np.clip(largest, STEP, MOST_GROWN)), verdict, why)
 
 
 def too_large_again(nav, now, factor, verdict, streams):
@@ -178,7 +177,7 @@ def _blame_if_white(nav, position, own, velocity):
     noise = nav.noise
     if len(position) < FEW or own <= OWN_SHARE or noise.confirmed:
         return False
-    if min(noise.of_sensor(name) for name in WATCHED) >= MOST:
+    if min(noise.of_sensor(name) for name in WATCHED) >= MOST_GROWN:
         return False
     size, of_velocity = float(np.mean(np.square(position))), float(np.mean(np.square(velocity)))
     growth = 1.0 + (size - 1.0) / own
@@ -241,9 +240,9 @@ def widen(nav, now, step, verdict, why):
     noise, before = nav.noise, nav.noise.imu
     for window in noise.windows.values():
         window.forget()
-    if min(before * step, MOST) == before:
+    if min(before * step, MOST_GROWN) == before:
         return verdict
-    _count(nav, min(before * step, MOST), noise.rest)
+    _count(nav, min(before * step, MOST_GROWN), noise.rest)
     if noise.share is None:
         noise.share = Share(nav.history)
     noise.share.begin(SETTLING)
@@ -312,7 +311,7 @@ def _learn(nav, now, innovation, measurement, fate):
     best = noise.imu * np.sqrt(max(found.growth, 0.01))
     far = found.share > LEAST_SHARE and abs(found.growth - 1.0) > 2.0 * found.sigma
     if far or found.count >= ENOUGH:
-        _refine(nav, found, float(np.clip(best, SLOW * noise.imu, MOST)) if far else noise.imu)
+        _refine(nav, found, float(np.clip(best, SLOW * noise.imu, MOST_GROWN)) if far else noise.imu)
 
 
 def _refine(nav, found, factor):
@@ -340,7 +339,7 @@ def _refine(nav, found, factor):
 def _blame(nav, name, found, own):
     """The noise of a sensor by its innovations: more at once, and less and less where that was too much.
 
-    found : integrity_windows.Finding;  own : share of the sensor's noise in its innovations
+    found : noise_evidence.Finding;  own : share of the sensor's noise in its innovations
     """
     noise = nav.noise
     before = noise.sensors.get(name, 1.0)
@@ -353,7 +352,7 @@ def _blame(nav, name, found, own):
 
 def _count_sensor(nav, name, factor):
     """The noise of a sensor counts so many times from the next fix on."""
-    noise, factor = nav.noise, float(min(factor, MOST))
+    noise, factor = nav.noise, float(min(factor, MOST_GROWN))
     noise.sensors[name] = factor
     noise.windows[name].forget()
     noise.by_noise[name].clear()
@@ -367,7 +366,7 @@ def _rest(nav, fix):
     rest = noise.still.look(nav.history, nav.params, fix)
     if rest is None:
         return
-    rest = tuple(min(max(found, old), MOST) for found, old in zip(rest, noise.rest, strict=True))
+    rest = tuple(min(max(found, old), MOST_GROWN) for found, old in zip(rest, noise.rest, strict=True))
     if rest == noise.rest:
         return
     _count(nav, noise.imu, rest)

@@ -49,34 +49,21 @@ def _response(scale, misalignment, column):
 
 
 @inner(forceinline=True)
-def gyro_inverse(x):
-    """A_g^-1 of packed nominal values, as nine numbers."""
-    k = X_GM
-    misalignment = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5]
-    return t3.inverse(_response(t3.vector(x, X_GS), misalignment, t3.vector(x, X_ROLL)))
+def triads(x):
+    """A_g^-1, A_a^-1 and G [rad/s per m/s^2] of packed nominal values, nine numbers each."""
+    A_g = _response(t3.vector(x, X_GS), t3.vector(x, X_GM) + t3.vector(x, X_GM + 3), t3.vector(x, X_ROLL))
+    A_a = _response(t3.vector(x, X_AS), t3.vector(x, X_AM) + t3.vector(x, X_AM + 3), (0.0, 0.0, 0.0))
+    G = t3.vector(x, X_GG) + t3.vector(x, X_GG + 3) + t3.vector(x, X_GG + 6)
+    return t3.inverse(A_g), t3.inverse(A_a), G
 
 
 @inner(forceinline=True)
-def accel_inverse(x):
-    """A_a^-1 of packed nominal values, as nine numbers."""
-    k = X_AM
-    misalignment = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5]
-    return t3.inverse(_response(t3.vector(x, X_AS), misalignment, (0.0, 0.0, 0.0)))
-
-
-@inner(forceinline=True)
-def g_sensitivity(x):
-    """G of packed nominal values, rad/s per m/s^2, as nine numbers."""
-    k = X_GG
-    return x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5], x[k + 6], x[k + 7], x[k + 8]
-
-
-@inner(forceinline=True)
-def free_increment(x, M, A, G, increments, n, duration_s):
-    """Sample n of (N, 6) increments free of the estimated sensor errors; M, A, G as nine numbers.
+def free_increment(x, inverses, increments, n, duration_s):
+    """Sample n of (N, 6) increments free of the estimated sensor errors; inverses : of `triads`
 
     -> dtheta_b (3,) rad, dv_b (3,) m/s
     """
+    M, A, G = inverses
     dv = t3.rotated(A, t3.plus(t3.vector(increments[n], 3), -duration_s, t3.vector(x, X_BA)))
     w = t3.plus(t3.vector(increments[n], 0), -duration_s, t3.vector(x, X_BG))
     return t3.rotated(M, t3.plus(w, -1.0, t3.rotated(G, dv))), dv
@@ -89,12 +76,12 @@ def correct_increments(x, increments, duration_s):
     x : (n,) packed nominal values
     increments : (N, 6) rad, m/s as measured, each over duration_s -> (N, 6)
     """
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    inverses = triads(x)
     out = np.empty(increments.shape)
     for n in range(increments.shape[0]):
-        dtheta, dv = free_increment(x, M, A, G, increments, n, duration_s)
-        out[n, 0], out[n, 1], out[n, 2] = dtheta
-        out[n, 3], out[n, 4], out[n, 5] = dv
+        dtheta, dv = free_increment(x, inverses, increments, n, duration_s)
+        t3.put(out[n], dtheta)
+        t3.put(out[n, 3:], dv)
     return out
 
 
@@ -139,9 +126,10 @@ def jacobians(layout, x, omega_b, f_b, vibration, drive=NO_DRIVE):
 def jacobians_packed(at, n, x, omega_b, f_b, vibration, drive):
     """`jacobians` with the fields of the Layout and the packed nominal values."""
     M, A, G = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    t3.store(M, gyro_inverse(x))
-    t3.store(A, accel_inverse(x))
-    t3.store(G, g_sensitivity(x))
+    inverses = triads(x)
+    t3.store(M, inverses[0])
+    t3.store(A, inverses[1])
+    t3.store(G, inverses[2])
     weights = 1.0, omega_b[0], omega_b[1], omega_b[2], f_b[0], f_b[1], f_b[2]
     J_omega, J_f = np.zeros((3, n)), np.zeros((3, n))
     for i in range(3):

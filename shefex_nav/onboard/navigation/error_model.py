@@ -13,7 +13,7 @@ dtheta, dv (Groves, 2nd ed., section 14.2.4; Sola, arXiv:1711.02508, section 5 f
 
 with s, s_r of `strapdown`; J, D in `derivatives`. What an error of calibration does to the increments
 (`calibration`) is a fixed direction times a weight: the duration for a bias, an angle for scale factor and
-misalignment of the gyros (without its noise, `rate_noise`), a gain of velocity for those of the
+misalignment of the gyros (without its noise, `process_noise`), a gain of velocity for those of the
 accelerometers and for the g-sensitivity::
 
     d dtheta = -(T, dtheta_x, dtheta_y, dtheta_z, dv_x, dv_y, dv_z) e,    d dv = -(T, dv_x, dv_y, dv_z) e

@@ -19,10 +19,10 @@ from shefex_nav.compiled import entry
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     adaptation,
+    blocks,
     error_model,
     eskf,
     gate,
-    imu_drive,
     integrity,
     integrity_bank,
     integrity_gps,
@@ -36,8 +36,7 @@ from shefex_nav.onboard.navigation import (
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, about, fix_of
-from shefex_nav.onboard.navigation.recorded import Correction, Interval
-from shefex_nav.onboard.navigation.sensor import Measurement, counted_noise
+from shefex_nav.onboard.navigation.sensor import Correction, Interval, Measurement, counted_noise
 from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
 from shefex_nav.onboard.navigation.state import (
     ATT,
@@ -130,7 +129,7 @@ def advance(nav, block):
     readings = history.increments[place, BEFORE : BEFORE + n]
     nav.watch.screen(block, readings, history.extra[place])
     if nav.constants.driving:
-        history.drives[place] = imu_drive.coefficients(nav, readings, now_s, block.dt_s)
+        history.drives[place] = blocks.drive_of_tick(nav, readings, now_s, block.dt_s)
     new = history.newest + 1
     prediction.enter(nav.constants, history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.extend([now_s])

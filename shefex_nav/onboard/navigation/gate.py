@@ -23,7 +23,7 @@ from shefex_nav.onboard.navigation import (
     integrity_rows,
     integrity_watch,
 )
-from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_gyro import StarSight
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, PLACE, POSITION, VELOCITY, about, fix_of

@@ -96,7 +96,7 @@ class History:
     oldest, newest : numbers of the first and of the last tick
     x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
-    numbers : (size, 7) mission time of the end [s], s of a sample, number of samples, vibration, `rate_noise`
+    numbers : (size, 7) mission time of the end [s], s of a sample, number of samples, vibration, rate noise
     increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 3, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
     arrays : these and x, P as `prediction.propagate` takes them, Memory

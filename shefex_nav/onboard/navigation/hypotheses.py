@@ -11,6 +11,9 @@ Kirubarajan, Estimation with Applications to Tracking and Navigation, 11.6.2). M
 independent than a likelihood takes them to be, and one wrong fix must not decide: hence TEMPER and MOST_NIS.
 It is settled when the filters that have weight agree: mean and covariance of the mixture are then those of a
 single filter, which is started from them.
+
+On board a Bank stands in the place of the filter: tick by tick all its filters get the same, the one with
+most weight stands for them towards the star tracker, and what is told is the mixture of all.
 """
 
 from typing import NamedTuple
@@ -19,7 +22,8 @@ import numpy as np
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.elementary import exp, log
-from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation import fusion, ticks
+from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import ATT, BG, POS, VEL, X_BG, X_Q, X_R, X_V
 from shefex_nav.records import Alignment
 
@@ -36,6 +40,9 @@ CLOSE = np.radians(
 OTHERS = 1e-4  # [E] weight that other answers may have
 NARROW = np.radians(12.0)  # [E] sigma of the mixture's attitude at which it is settled, each axis
 APART = 2.0  # factor by which blocks of a covariance grow when the ties between two of them are cut
+
+
+KNOWN = BG.stop  # errors that the mixture knows
 
 
 class Part(NamedTuple):
@@ -109,6 +116,17 @@ def _rotated(alignment, turn_b):
     return alignment._replace(q_ib=q_ib, P_theta_b=C.T @ alignment.P_theta_b @ C, P_with_biases=P)
 
 
+def start(params, alignment, earth):
+    """Filter of the best member, and the Bank; a filter of its own and None where one is enough.
+
+    NavParams, Alignment, EarthRotation -> fusion.Filter, Bank or None
+    """
+    if not is_wide(alignment):
+        return fusion.start(params, alignment, earth), None
+    bank = Bank(params, alignment, earth)
+    return bank.best, bank
+
+
 class Bank:
     """Filters from the parts of one alignment; changed in place.
 
@@ -154,15 +172,42 @@ class Bank:
             member for member, weight in zip(self.members, self.weights, strict=True) if weight > LEAST
         ]
 
+    def advance(self, blocks, k):
+        """One tick on with all filters. blocks : ImuBlock of arrays, of which row k is meant"""
+        for member in self.members:
+            ticks.advance(member.nav, blocks, k, k + 1)
+
+    def fuse(self, arrived):
+        """Give all filters what has arrived. -> list of GateResult of the one that is best afterwards"""
+        results = {member.number: fusion.take(member.nav, arrived) for member in self.members}
+        self.prune()
+        return results[self.best_member.number]
+
+    def settled(self):
+        """Filter that goes on where the filters agree; None if they do not."""
+        mixture, best = self.mixture(), self.best
+        return fusion.start(best.params, mixture.alignment(), best.earth) if mixture.is_settled else None
+
+    def mixed_filter(self):
+        """Filter that holds the mixture at the last tick, to be told of; not to be advanced."""
+        best = self.best
+        tick = best.history[-1]
+        P = tick.P.copy()
+        P[:KNOWN] = 0.0
+        P[:, :KNOWN] = 0.0
+        P[:KNOWN, :KNOWN] = self.mixture().about_best
+        driving = best.history.drives.shape[2]
+        return best._replace(history=History(Tick(tick.t_s, tick.x, P, tick.imu), driving=driving))
+
     def mixture(self):
         """Mean and covariance of the members at their last tick: Mixture."""
         weights = self.weights
         best = self.members[int(np.argmax(weights))].nav.history
         d = np.array([_difference(best.x, member.nav.history.x) for member in self.members])
         mean = weights @ d
-        P = np.zeros((12, 12))
+        P = np.zeros((KNOWN, KNOWN))
         for weight, away, member in zip(weights, d - mean, self.members, strict=True):
-            P += weight * (member.nav.history.P[:12, :12] + np.outer(away, away))
+            P += weight * (member.nav.history.P[:KNOWN, :KNOWN] + np.outer(away, away))
         far = np.linalg.norm(d[:, ATT], axis=1)
         own = np.sqrt([np.linalg.eigvalsh(member.nav.history.P[ATT, ATT])[-1] for member in self.members])
         others = float(weights[far > np.maximum(CLOSE, 4.0 * own)].sum())
@@ -215,7 +260,7 @@ class Mixture(NamedTuple):
 
 def _difference(x, other):
     """Error of packed values x if others were true: position, velocity, attitude, gyro bias. -> (12,)"""
-    out = np.empty(12)
+    out = np.empty(KNOWN)
     out[POS], out[VEL] = other[X_R] - x[X_R], other[X_V] - x[X_V]
     q = rotation.quat_multiply(rotation.quat_conjugate(x[X_Q]), other[X_Q])
     out[ATT] = rotation.rotvec_from_quat(q)

@@ -8,7 +8,7 @@ never gets through.
 
 Inside the gate a fix may be wrong, too, as long as the gate is wide: before the first star fix, and after a
 long time without stars. Then a star fix is held until a second one agrees with it through the gyros; the
-second is used, the first never.
+second is used, the first never. What a sensor that was believed has left open is in `Steps`.
 """
 
 from enum import IntEnum
@@ -247,11 +247,8 @@ def gps_fixes_agree(earlier, later, slack):
     Two fixes with the very same position are one fix repeated, and prove nothing.
     """
     dt_s = later.t_valid_s - earlier.t_valid_s
-    if not 0.0 < dt_s <= LONGEST_PAIR_S or np.array_equal(earlier.r_ea_e, later.r_ea_e):
-        return False
     gap = later.r_ea_e - earlier.r_ea_e - 0.5 * dt_s * (earlier.v_ea_e + later.v_ea_e)
-    variance = np.trace(earlier.R_r_e + later.R_r_e)
-    return float(gap @ gap) <= 9.0 * (variance + (slack * dt_s) ** 2)
+    return _is_within(gap, earlier, later, slack)
 
 
 def positions_agree(earlier, later, slack):
@@ -260,11 +257,15 @@ def positions_agree(earlier, later, slack):
     A filter that is off by a constant is off by the same vector twice; slack, m per second between them, is
     also what its velocity may be wrong by. A fix repeated proves nothing, as in `gps_fixes_agree`.
     """
-    dt_s = later.fix.t_valid_s - earlier.fix.t_valid_s
-    if not 0.0 < dt_s <= LONGEST_PAIR_S or np.array_equal(earlier.fix.r_ea_e, later.fix.r_ea_e):
+    return _is_within(later.z - earlier.z, earlier.fix, later.fix, slack)
+
+
+def _is_within(gap, earlier, later, slack):
+    """Whether (3,) m, by which two GpsFix do not agree, is 3 sigma at most, and neither repeats the other."""
+    dt_s = later.t_valid_s - earlier.t_valid_s
+    if not 0.0 < dt_s <= LONGEST_PAIR_S or np.array_equal(earlier.r_ea_e, later.r_ea_e):
         return False
-    gap = later.z - earlier.z
-    variance = np.trace(earlier.fix.R_r_e + later.fix.R_r_e)
+    variance = np.trace(earlier.R_r_e + later.R_r_e)
     return float(gap @ gap) <= 9.0 * (variance + (slack * dt_s) ** 2)
 
 
@@ -301,3 +302,74 @@ def star_fixes_agree(earlier, later, P_rate, limit, noise=0.0):
     drift = np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 + noise * dt_s
     S = earlier.R_i + later.R_i + drift * np.eye(3)
     return float(d @ np.linalg.solve(S, d)) <= limit
+
+
+# ----------------------------------------------------------------------------------------------------------
+# Steps by which a sensor was believed against the filter: what of them is still open.
+#
+# Nothing on board says whether the sensor or the filter was wrong, so each step stays open until it is
+# taken back. A receiver that is off by A and steps by B besides is still off by A when B is taken back; so
+# the steps are kept one by one, and what takes back all of them together ends them all.
+
+
+BACK = 0.3  # [E] share of a step, to within which one back ends it
+
+
+class Steps:
+    """Memory, changed in place.
+
+    kept : list of (d,) m or m/s, oldest first
+    """
+
+    def __init__(self):
+        self.kept = []
+
+    def __bool__(self):
+        return bool(self.kept)
+
+    @property
+    def largest(self):
+        """The most that the sensor or the filter is wrong by, m or m/s; 0 without a step."""
+        if not self.kept:
+            return 0.0
+        return max(float(np.linalg.norm(one)) for one in (*self.kept, self._whole()))
+
+    def is_back(self, z):
+        """Whether an innovation (d,) takes a step back, or all of them."""
+        return self._without(z) is not None
+
+    def add(self, z):
+        """A step (d,) that takes nothing back."""
+        self.kept.append(z.copy())
+
+    def take_back(self, z):
+        """Forget what an innovation (d,) takes back. -> whether it does"""
+        left = self._without(z)
+        if left is None:
+            return False
+        self.kept = left
+        return True
+
+    def forget(self):
+        """It is known who was wrong."""
+        self.kept = []
+
+    def _whole(self):
+        """The sum of the steps of as many numbers as the last has."""
+        return np.sum([one for one in self.kept if len(one) == len(self.kept[-1])], axis=0)
+
+    def _without(self, z):
+        """The steps that an innovation leaves: list, None if it takes none back."""
+        if not self.kept:
+            return None
+        if is_back(self._whole(), z):
+            return []
+        for k in reversed(range(len(self.kept))):
+            if is_back(self.kept[k], z):
+                return self.kept[:k] + self.kept[k + 1 :]
+        return None
+
+
+def is_back(step, z):
+    """Whether an innovation takes a step back. (d,), (d,) -> bool"""
+    return len(step) == len(z) and bool(np.linalg.norm(step + z) < BACK * np.linalg.norm(step))

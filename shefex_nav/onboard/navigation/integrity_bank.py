@@ -33,10 +33,9 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
-from shefex_nav.onboard.navigation.grown import MOST as MOST_LEARNT
-from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.eskf import MOST_GROWN, Grown
 from shefex_nav.onboard.navigation.integrity import Fate, Innovations, chi_square_limit
-from shefex_nav.onboard.navigation.integrity_windows import CHANCE
+from shefex_nav.onboard.navigation.noise_evidence import CHANCE
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, fix_of
 
 WINDOWS = np.array([3, 4, 6, 8, 12, 16, 24, 32, 48, 64])  # innovations
@@ -251,7 +250,7 @@ class Bank:
         else:
             doubts = integrity_learnt.by_stars(nav, now, alarm.mean, False)
         if verdict.fate != Fate.RESET:
-            admitted = integrity_learnt.widened(nav, now.P, alarm.factor, 1.0 if of_receiver else MOST_LEARNT)
+            admitted = integrity_learnt.widened(nav, now.P, alarm.factor, 1.0 if of_receiver else MOST_GROWN)
             verdict = verdict._replace(fate=Fate.RESET, admitted=admitted, note="what was learnt is doubted")
         return verdict._replace(doubts=doubts)
 

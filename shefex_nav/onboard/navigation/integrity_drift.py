@@ -158,7 +158,7 @@ class Drift:
         self.J += h * h / S[0, 0]
         self.J_told += whole * h / S[0, 0]
         self.y += h * z[0] / S[0, 0]
-        size = np.divide(self.y**2, self.J, out=np.zeros(len(self.J)), where=self.J > 0.0)
+        size = _over(self.y**2, self.J, 0.0)
         k = int(np.argmax(size))
         if size[k] <= self.limit:
             return None
@@ -168,8 +168,7 @@ class Drift:
     def passes_gate(self, t_s, H, S, limit, bend=0.0):
         """A reading that is used but not judged. H (1, n), S (1, 1);  limit : of the gate, chi-square"""
         h = np.abs(self._sure(t_s, self.shown(t_s, H, own=True, bend=bend)[0]))
-        rate = np.divide(np.sqrt(limit * S[0, 0]), h, out=np.full(len(h), np.inf), where=h > 0.0)
-        self.gated = np.minimum(self.gated, rate)
+        self.gated = np.minimum(self.gated, _over(np.sqrt(limit * S[0, 0]), h, np.inf))
 
     def judge_refused(self, seen):
         """Readings that the gate refuses, of which one would be believed: whether they go on moving.
@@ -214,8 +213,8 @@ class Drift:
 
     def _passes(self):
         """Fastest drift that passes, of each time at which it may have begun: (m,), perhaps infinite"""
-        squares = np.divide(self.limit, self.J, out=np.full(len(self.J), np.inf), where=self.J > 0.0)
-        return np.minimum(np.minimum(np.sqrt(squares), self.gated), self.rule.fastest)
+        fastest = np.sqrt(_over(self.limit, self.J, np.inf))
+        return np.minimum(np.minimum(fastest, self.gated), self.rule.fastest)
 
     def worst(self, axes):
         """What a drift that passes may have done along the nine axes of `protected`: (9,), or infinite."""
@@ -223,6 +222,11 @@ class Drift:
             return np.zeros(protected.N_FOLLOWED)  # of one that was found the covariance says it
         along = np.abs(_along(self.B, axes))
         return np.multiply(along, self._passes(), out=np.zeros(along.shape), where=along != 0.0).max(axis=1)
+
+
+def _over(a, b, otherwise):
+    """a / b where b (m,) is above zero, else another value: (m,)"""
+    return np.divide(a, b, out=np.full(len(b), otherwise), where=b > 0.0)
 
 
 @kernel

@@ -233,13 +233,16 @@ def _remember(rows, n, A, seen):
     row[Q_STARS] = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(z))
     if n > 0:
         row[PUSH] = rows[n - 1, PUSH] + (seen.t_s - rows[n - 1, T]) * np.sqrt((seen.f_b**2).sum())
-        turned = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_IB]), q_ib)
-        v = rotation.rotvec_from_quat(turned)
-        row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
-        by_stars = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_STARS]), row[Q_STARS])
-        u = rotation.rotvec_from_quat(by_stars)
-        row[PATH_STARS] = rows[n - 1, PATH_STARS] + np.sqrt((u**2).sum())
+        row[PATH] = rows[n - 1, PATH] + _turned(rows[n - 1, Q_IB], q_ib)
+        row[PATH_STARS] = rows[n - 1, PATH_STARS] + _turned(rows[n - 1, Q_STARS], row[Q_STARS])
     row[Q_IB] = q_ib
+
+
+@inner
+def _turned(before, after):
+    """Angle from one attitude (4,) to another."""
+    v = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(before), after))
+    return np.sqrt((v**2).sum())
 
 
 @inner
@@ -271,15 +274,11 @@ def _covariance(rows, f, l, noise):
 @inner
 def _steady(rows, first, middle, last, noise, limits):
     """Whether D grows steadily: both halves are significant, and the first is its share of the whole."""
-    D, D_middle, rest = (
-        _between(rows, first, last),
-        _between(rows, first, middle),
-        _between(rows, middle, last),
-    )
-    if D_middle @ np.linalg.solve(_covariance(rows, first, middle, noise), D_middle) < limits[3]:
-        return False
-    if rest @ np.linalg.solve(_covariance(rows, middle, last, noise), rest) < limits[3]:
-        return False
+    D, D_middle = _between(rows, first, last), _between(rows, first, middle)
+    for f, l in ((first, middle), (middle, last)):
+        half = _between(rows, f, l)
+        if half @ np.linalg.solve(_covariance(rows, f, l, noise), half) < limits[3]:
+            return False
     T_s = rows[last, T] - rows[first, T]
     share = (rows[middle, T] - rows[first, T]) / T_s
     white = noise[0] * T_s * share * (1.0 - share) + SLACK**2 * (D**2).sum()

@@ -22,7 +22,7 @@ the variance of the time before is made up for at once. Once a fix has said wher
 instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: less than noise that knows of no
 bound on the rate would add.
 
-Faults that follow each other, as blocks lost now and then, err to one side (`integrity_gaps`).
+Faults that follow each other, as blocks lost now and then, err to one side (`integrity_unread`).
 
 An axis that is wrong but looks alive is seen by stars and GPS alone, which then contradict the strapdown.
 """
@@ -33,9 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, rows
-from shefex_nav.onboard.navigation import integrity_force, integrity_gaps
-from shefex_nav.onboard.navigation.integrity_force import FORCE, ROLL
-from shefex_nav.onboard.navigation.integrity_gaps import SIGN_S
+from shefex_nav.onboard.navigation import integrity_unread
 from shefex_nav.onboard.navigation.integrity_readings import (
     END,
     GOOD,
@@ -50,6 +48,7 @@ from shefex_nav.onboard.navigation.integrity_readings import (
     of_block,
     read_axis,
 )
+from shefex_nav.onboard.navigation.integrity_unread import FORCE, ROLL, SIGN_S
 from shefex_nav.records import NavHealth
 
 CALM_S = 1.0  # [E] an axis that vibrates into the end of its range has left it after so long without
@@ -90,7 +89,7 @@ AXIS = rows(
         ("charged", float),  # rad^2 or m^2/s^2, variance that the filter has been given for it
         ("at_end_s", float),  # time at the end of its range, in all or since a fix
         ("fixed_s", float),  # when a fix last said what the integral was; NaN: not since it began
-        ("missed", float),  # rad or m/s, S of `integrity_gaps`
+        ("missed", float),  # rad or m/s, S of `integrity_unread`
         ("lately", float),  # the same of the last second
         ("given", float),  # rad^2 or m^2/s^2, V of it
         ("ended_s", float),  # when the last fault was over
@@ -105,7 +104,7 @@ class ImuWatch(NamedTuple):
     rules: np.ndarray  # (6, 2) the ImuRules
     last: np.ndarray  # (n, 6) the block before, as it was read; NaN at the start
     axes: np.ndarray  # (6,) of AXIS, gyros first
-    forces: np.ndarray  # (3,) of `integrity_force.FORCE`, of the accelerometers
+    forces: np.ndarray  # (3,) of `integrity_unread.FORCE`, of the accelerometers
     sensed: float  # rad/s per m/s^2, sigma of the g-sensitivity of the gyros
     alike: np.ndarray  # (2,) of `integrity_readings.of_block`
 
@@ -164,7 +163,7 @@ def turned(watch, t_valid_s, now_s):
     """A star fix of t_valid_s has been used: what a force that is not read has turned counts from there."""
     for axis, force in zip(watch.axes[3:], watch.forces, strict=True):
         if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
-            age_s = max(now_s - t_valid_s, 0.0) + integrity_force.FOLLOWED_S
+            age_s = max(now_s - t_valid_s, 0.0) + integrity_unread.FOLLOWED_S
             force["lasting_s"] = min(age_s, force["lasting_s"])
             seen_s = age_s - force["lasting_s"]  # of that time GPS has shown the rest
             force["shown"] = min(force["shown"], force["before"] * seen_s) if seen_s > 0.0 else 0.0
@@ -233,7 +232,7 @@ def screen_packed(watch, block, readings, densities):
         # if the unit does not say which axis is at the end of its range, it may be any
         at_end = at_range(readings, k, end) or (block.saturated and not anywhere)
         kept = _kept(axis)
-        integrity_gaps.fade(axis, n * dt_s)
+        integrity_unread.fade(axis, n * dt_s)
         if whole == GOOD:
             limit = limit_of_run(rules[0, k // 3], axes, k // 3)
             code, age_s = read_axis(readings, last[n - 1, k], axis, k, limit, END * end, dt_s)
@@ -244,7 +243,7 @@ def screen_packed(watch, block, readings, densities):
             changed |= 1 << k
         if code == GOOD:
             if k >= 3 and axis.state != GOOD:
-                u2 += integrity_force.paid(watch.forces[k - 3])
+                u2 += integrity_unread.paid(watch.forces[k - 3])
             owed = _ran_away(axis, kept, last[:, k], readings[:, k], dt_s, t_end_s)
             densities[k // 3, k % 3] = owed / (n * dt_s)
             _found(axis)
@@ -255,16 +254,16 @@ def screen_packed(watch, block, readings, densities):
         axis.state = code
         throughout = at_end and (not anywhere or at_range_throughout(readings, k, end))
         if code == SATURATED:
-            missed = integrity_force.largest(rules, True) if throughout and k >= 3 else rules[4, k // 3]
+            missed = integrity_unread.largest(rules, True) if throughout and k >= 3 else rules[4, k // 3]
             added = _charge_at_end(missed, axis, n * dt_s) if at_end else 0.0
         else:
             added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
         densities[k // 3, k % 3] = added / (n * dt_s)
         if k >= 3:
-            u2 += integrity_force.paid(watch.forces[k - 3]) + unseen
+            u2 += integrity_unread.paid(watch.forces[k - 3]) + unseen
             if code != SATURATED or throughout:
-                most = integrity_force.largest(rules, code == SATURATED)
-                u2 += integrity_force.added(watch.forces[k - 3], most, rules[3, 1], unread_s)
+                most = integrity_unread.largest(rules, code == SATURATED)
+                u2 += integrity_unread.added(watch.forces[k - 3], most, rules[3, 1], unread_s)
     densities[2, :] = watch.sensed**2 * u2 / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
@@ -282,7 +281,7 @@ def _turns_bad(watch, k, code, reading, age_s, t_end_s, tick_s):
     axis = watch.axes[k]
     if axis.state == GOOD:
         if k >= 3:
-            integrity_force.begin(watch.forces[k - 3], code != SATURATED and np.isfinite(axis.mean_rate))
+            integrity_unread.begin(watch.forces[k - 3], code != SATURATED and np.isfinite(axis.mean_rate))
         return _lost(axis, code, reading, age_s, t_end_s), max(age_s, tick_s)
     if axis.state == SATURATED and code != SATURATED:  # what is held was not right, and counts anew
         axis.fixed_s, axis.charged = t_end_s - age_s, 0.0
@@ -315,7 +314,7 @@ def _ran_away(axis, kept, last, now, dt_s, t_end_s):
     The truth went from the last reading to the present one: what was held is off by the larger of their
     differences from it at most, for as long as no fix has said otherwise.
 
-    With it comes what it owes together with the faults before (`integrity_gaps`).
+    With it comes what it owes together with the faults before (`integrity_unread`).
 
     kept : what was held;  last, now : (n,) increments of the block before the fault and of the present one
     """
@@ -328,7 +327,7 @@ def _ran_away(axis, kept, last, now, dt_s, t_end_s):
     own = max((max(abs(before), abs(after)) * unread_s) ** 2, axis.charged)
     if not np.isfinite(own):
         return 0.0
-    more = integrity_gaps.closed(axis, 0.5 * (before + after) * unread_s, own, t_end_s - block_s)
+    more = integrity_unread.closed(axis, 0.5 * (before + after) * unread_s, own, t_end_s - block_s)
     return own - axis.charged + more
 
 

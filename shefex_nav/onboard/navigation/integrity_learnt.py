@@ -49,7 +49,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard.navigation import eskf
 from shefex_nav.onboard.navigation.blocks import STATES
-from shefex_nav.onboard.navigation.grown import MOST, grown
+from shefex_nav.onboard.navigation.eskf import MOST_GROWN, grown
 from shefex_nav.onboard.navigation.state import (
     ATT,
     NOMINAL,
@@ -107,9 +107,13 @@ class Learnt:
             return np.inf
         then_s, r_i, v_i = self.velocity
         middle = 0.5 * (r_i + x[X_R])
-        gravity = -wgs84.GM / (middle @ middle) ** 1.5 * middle
-        gained = x[X_V] - v_i - (t_s - then_s) * gravity
+        gained = x[X_V] - v_i - (t_s - then_s) * (-wgs84.GM / (middle @ middle) ** 1.5 * middle)
         return float(np.sqrt(gained @ gained))
+
+
+def learnt_blocks(layout):
+    """Names and places among the errors of the learnt blocks of a Layout: list."""
+    return [(name, layout.places[name]) for name in LEARNT if layout.places[name] is not None]
 
 
 def doubts(params, layout, then, x, P):
@@ -118,10 +122,8 @@ def doubts(params, layout, then, x, P):
     NavParams, Layout;  then : Kept, or None: the start;  x, P : (93,), (n, n) of now
     """
     added = {}
-    for name in LEARNT:
-        place, nominal = layout.places[name], NOMINAL[name]
-        if place is None:
-            continue
+    for name, place in learnt_blocks(layout):
+        nominal = NOMINAL[name]
         before, value = _at_start(params, name), 0.0
         if then is not None:
             before, value = then.variances[place], then.x[nominal]
@@ -139,15 +141,14 @@ def _at_start(params, name):
     return initial_covariance(params, name).diagonal()
 
 
-def widened(nav, P, factor, learnt=MOST):
+def widened(nav, P, factor, learnt=MOST_GROWN):
     """What a covariance that was too small all along grows by, learnt errors to so many sigmas of the start.
 
     Filter, (n, n), float, float -> Grown
     """
     most = np.full(nav.layout.n, np.inf)
-    for name in LEARNT:
-        if nav.layout.places[name] is not None:
-            most[nav.layout.places[name]] = learnt * np.sqrt(_at_start(nav.params, name))
+    for name, place in learnt_blocks(nav.layout):
+        most[place] = learnt * np.sqrt(_at_start(nav.params, name))
     return grown(P, factor, most)
 
 
@@ -205,16 +206,14 @@ def by_surprise(nav, now, excess):
     -> {block: (size,) sigma}
     """
     sigmas = np.sqrt((excess - 1.0) * now.P.diagonal())
-    of_blocks = nav.layout.places
-    return {name: sigmas[of_blocks[name]] for name in ("attitude", *LEARNT) if of_blocks[name] is not None}
+    return {name: sigmas[place] for name, place in (("attitude", ATT), *learnt_blocks(nav.layout))}
 
 
 def places(layout):
     """(n,) bool, errors of learnt blocks. Layout"""
     learnt = np.zeros(layout.n, dtype=bool)
-    for name in LEARNT:
-        if layout.places[name] is not None:
-            learnt[layout.places[name]] = True
+    for _, place in learnt_blocks(layout):
+        learnt[place] = True
     return learnt
 
 

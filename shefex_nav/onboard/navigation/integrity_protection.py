@@ -46,7 +46,7 @@ from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.elementary import log
 from shefex_nav.late_packages import special
 from shefex_nav.onboard.navigation import integrity_rows, protected, quantity
-from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.protected import (
     ATTITUDE,
@@ -113,8 +113,8 @@ LEFT_STARS = 4  # share of those of star fixes
 MOST = 5  # that an older error can have been, of the attitude one of other sensors
 
 
-@inner
-def _table(P_before, P_after, limit, confirmed, axes):
+@kernel
+def _slope(P_before, P_after, limit, confirmed, axes):
     """Table of a `Slope` whose rows were gated together, of a sensor that is no star tracker.
 
     P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
@@ -136,11 +136,6 @@ def _table(P_before, P_after, limit, confirmed, axes):
         if j >= BODY.start:
             out[LEFT_STARS, j] = 1.0
     return out
-
-
-@kernel
-def _slope(P_before, P_after, limit, confirmed, axes):
-    return _table(P_before, P_after, limit, confirmed, axes)
 
 
 @inner
@@ -176,7 +171,7 @@ def _bound(table, P, H, R, H_block, limit, first, axes):
 @kernel
 def _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
     """Table of a `Slope` of a star fix, whose three rows, H (3, n) and R (3, 3), are about the body axes."""
-    out = _table(P_before, P_after, limit, confirmed, axes)
+    out = _slope(P_before, P_after, limit, confirmed, axes)
     for i in range(3):
         before, j = _seen(P_before, H[i]), BODY.start + i
         if confirmed:
@@ -191,7 +186,7 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
 @kernel
 def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
     """Table of a `Slope` of stars gated one by one, two rows each; mounting: its first error, or -1."""
-    out, row = _table(P_before, P_after, limit, False, axes), np.empty(P_before.shape[0])
+    out, row = _slope(P_before, P_after, limit, False, axes), np.empty(P_before.shape[0])
     integrity_rows.worst_of(P_before, H, R, limit, 2, axes, out[WORST])
     for i in range(3):  # what stars have misled is attitude and mounting together
         row[:] = 0.0
@@ -205,7 +200,7 @@ def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
 @kernel
 def _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes):
     """Table of a `Slope` of rows that were gated in groups of `size`, such as one a satellite."""
-    out = _table(P_before, P_after, limit, confirmed, axes)
+    out = _slope(P_before, P_after, limit, confirmed, axes)
     worst = np.empty(N_FOLLOWED)
     integrity_rows.worst_of(P_before, H, R, limit, size, axes, worst)
     out[WORST] = np.minimum(worst, out[WORST]) if confirmed else worst

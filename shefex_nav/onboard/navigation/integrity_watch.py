@@ -12,15 +12,14 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     integrity_constants,
     integrity_drift,
-    integrity_gaps,
     integrity_gps,
     integrity_gyro,
     integrity_imu,
     integrity_learnt,
     integrity_protection,
+    integrity_unread,
 )
-from shefex_nav.onboard.navigation.integrity import chi_square_limit
-from shefex_nav.onboard.navigation.integrity_steps import BACK, Steps
+from shefex_nav.onboard.navigation.integrity import BACK, Steps, chi_square_limit
 from shefex_nav.onboard.navigation.quantity import (
     ATTITUDE,
     BESIDE,
@@ -189,7 +188,7 @@ class Watch:
         if quantity not in MEASURES or not self.gaps:
             return
         triad = 3 * MEASURES[quantity]
-        integrity_gaps.fixed(self.imu.axes[triad : triad + 3], t_valid_s)
+        integrity_unread.fixed(self.imu.axes[triad : triad + 3], t_valid_s)
         if not self.unread:
             return
         integrity_imu.fixed(self.imu, MEASURES[quantity], t_valid_s, now_s)
@@ -235,7 +234,7 @@ class Watch:
 
         {sensor: Health};  imu_blind : as the attribute, None: as it is now. While the gyros do not measure
         all three run away, without specific force position and velocity alone: the attitude is what gyros
-        and stars say, and its level knows what the force turns gyros by (`integrity_force`). A star tracker
+        and stars say, and its level knows what the force turns gyros by (`integrity_unread`). A star tracker
         that contradicts says that the attitude is wrong, or itself; position and velocity are checked by GPS,
         where there is any. A GPS velocity contradicts an attitude as well, by the direction of the thrust:
         any other sensor makes all three doubtful. A GPS position whose velocity goes on contradicts the

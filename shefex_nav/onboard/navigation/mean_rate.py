@@ -13,15 +13,14 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import inner
 from shefex_nav.geometry import rotation
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import momentary
 from shefex_nav.onboard.navigation.calibration import (
-    accel_inverse,
     acting,
     correct_increments,
     free_increment,
-    g_sensitivity,
-    gyro_inverse,
     jacobians_packed,
+    triads,
 )
 from shefex_nav.onboard.navigation.state import MOUNTING
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -123,14 +122,15 @@ def _unsteady(model, samples, acts, attitude2, omega_b, interval_s):
     fixes must be independent. The rate is then taken to change by no more than itself in a second.
     """
     begin_s, end_s, instant_s = interval_s
-    n, angle = len(samples.dt_s), np.zeros(3)
+    n, angle = len(samples.dt_s), (0.0, 0.0, 0.0)
     times, angles = np.empty(n + 1), np.zeros((n + 1, 3))
     times[0] = samples.end_s - samples.dt_s.sum()
-    M, A, G = gyro_inverse(acts), accel_inverse(acts), g_sensitivity(acts)
+    inverses = triads(acts)
     for k in range(n):
-        dtheta, _ = free_increment(acts, M, A, G, samples.increments, k, samples.dt_s[k])
-        angle[0], angle[1], angle[2] = angle[0] + dtheta[0], angle[1] + dtheta[1], angle[2] + dtheta[2]
-        times[k + 1], angles[k + 1] = times[k] + samples.dt_s[k], angle
+        dtheta, _ = free_increment(acts, inverses, samples.increments, k, samples.dt_s[k])
+        angle = t3.plus(angle, 1.0, dtheta)
+        times[k + 1] = times[k] + samples.dt_s[k]
+        t3.put(angles[k + 1], angle)
     inside = np.empty(n + 3)
     m = 0
     for k in range(n + 1):

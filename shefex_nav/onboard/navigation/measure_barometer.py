@@ -87,6 +87,11 @@ def thicknesses(height):
     return parts
 
 
+def _layer(height):
+    """Number of the layer in which a height lies; the lowest one goes on below sea level."""
+    return max(int(np.searchsorted(LAYERS, height, side="right")) - 1, 0)
+
+
 def white(model):
     """Standard deviation of the white noise of a reading, quanta included, Pa. Model"""
     return math.hypot(model.settings.noise, model.settings.quantum / math.sqrt(12.0))
@@ -114,9 +119,8 @@ def expected(model, air, bias, warmth):
     level = sensed - bias[1] - float(warmth @ parts)
     density, pressure, _, _ = atmosphere.us76(level)
     g = atmosphere.G_0 * (atmosphere.EARTH_RADIUS / (atmosphere.EARTH_RADIUS + level)) ** 2
-    layer = max(int(np.searchsorted(LAYERS, sensed, side="right")) - 1, 0)
     flow = at_port(model, air.mach) * air.dynamic_pressure
-    return Expected(pressure + bias[0] + flow, -density * g, parts, 1.0 - float(warmth[layer]))
+    return Expected(pressure + bias[0] + flow, -density * g, parts, 1.0 - float(warmth[_layer(sensed)]))
 
 
 def expect(model, here, reading):
@@ -162,7 +166,7 @@ def _left(day, height):
         var = V(x) - (x/t) (V(x) + V(t) - V(t - x)) + (x/t)^2 V(t).
     """
     depth = day.depth
-    layer = max(int(np.searchsorted(LAYERS, height, side="right")) - 1, 0)
+    layer = _layer(height)
     top = LAYERS[layer + 1] if layer + 1 < len(LAYERS) else LAST_TOP
     t = float(top - LAYERS[layer])
     x = min(max(height - float(LAYERS[layer]), 0.0), t)

@@ -11,7 +11,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import calibration
+from shefex_nav.onboard.navigation import calibration, error_model, mean_rate, momentary, unknown_attitude
 from shefex_nav.onboard.navigation.state import (
     ATT,
     GRAVITY,
@@ -89,7 +89,7 @@ def _antenna(at, n, x, t_s, earth, l_ba_b, now):
     J_omega, J_f = calibration.jacobians_packed(at, n, x, sensed[:3], sensed[3:], now.vibration, now.drive)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
-    C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
+    C = t3.dcm_from_quat(t3.quaternion(x, X_Q.start))
     omega, delay = t3.vector(sensed, 0), x[X_LATENCY]
     r_i, v_i, f = t3.vector(x, X_R.start), t3.vector(x, X_V.start), t3.vector(sensed, 3)
     g = t3.plus(
@@ -295,3 +295,73 @@ def understood(told, message):
     return message._replace(
         t_valid_s=t_valid_s, R_r_e=whole**2 * message.R_r_e, R_v_e=fast**2 * message.R_v_e
     )
+
+
+# ----------------------------------------------------------------------------------------------------------
+# What the lever arm of the GPS antenna adds to the noise of a measurement, and what vibration does.
+#
+# The strapdown knows the IMU; GPS sees the antenna, C_ib l away from it, whose velocity against the IMU is
+# C_ib (omega_ib_b x l). That of the noise in the rate is noise of the predicted velocity,
+#
+#     C_ib [l x] Q [l x]^T C_ib^T,    Q the variances of the rate,
+#
+# which are those of `mean_rate.rate_noise` and what may be missed of a gyro that cannot be read. The rate
+# is a mean over the time of one sample, centred on the instant of the fix. As a rule half of it comes from
+# the sample before the instant and half from the one after it. Where that one has not been measured yet,
+# the rate is that of the last sample, and half of its change counts as noise. The velocity of the sensors
+# has its errors of the moment (`momentary`). All satellites of a set see the same antenna, so their range
+# rates err together.
+#
+# What is not linear while the attitude is hardly known is in `unknown_attitude.of_arm`.
+
+
+ALL_READ = np.zeros(3)
+
+
+def arm_in_position(nav, now, H):
+    """Noise of the rows H (m, n) that measure the position of the antenna: (m, m).
+
+    nav : fusion.Filter;  now : Moment
+    """
+    return unknown_attitude.of_arm(now.P, nav.params.l_ba_b) * (H[:, POS] @ H[:, POS].T)
+
+
+def arm_in_velocity(nav, now, H):
+    """Likewise of the rows that measure its velocity."""
+    arm, x, sensed, about = nav.params.l_ba_b, now.x, now.sensed_packed, now.about()
+    more = _unread(now.imu, nav.watch.params.imu) if now.extra[0].any() else ALL_READ
+    mean_s = about.dt_s / ((1.0 - about.share) ** 2 + about.share**2)  # over which white noise is as large
+    velocity2, attitude2 = momentary.variances(nav.constants.momentary, now.vibration)
+    tick = nav.history.ends_s[now.k], mean_s, now.vibration
+    W = _swung(nav.constants.model, x, sensed, tick, more + 2.0 * attitude2 / mean_s**2, arm)
+    W += velocity2 * np.eye(3)
+    if about.missed.any():
+        missed_i = rotation.quat_rotate(x[X_Q], rotation.cross(about.missed[:3] / about.dt_s, arm))
+        W += np.outer(missed_i, missed_i)
+    if not unknown_attitude.is_known(now.P):
+        W += unknown_attitude.of_arm(now.P, rotation.cross(sensed[:3], arm)) * np.eye(3)
+    return H[:, VEL] @ W @ H[:, VEL].T
+
+
+def _unread(imu, rules):
+    """Variances of the rate that gyros which cannot be read may have: (3,) rad^2/s^2; as `mean_rate.unread`.
+
+    imu : ImuWindow;  rules : ImuRules
+    """
+    at_end = (np.abs(imu.dtheta_b) >= mean_rate.AT_END * rules.range[0] * imu.dt_s).any(axis=0)
+    return np.where(imu.extra[0] > 0.0, np.where(at_end, rules.missed[0], rules.wrong[0]), 0.0) ** 2
+
+
+@kernel
+def _swung(model, x, sensed, tick, more, arm_b):
+    """Covariance of the velocity of the antenna by what is not known of the motion of the IMU.
+
+    model : `error_model.record`;  x : (X,) packed values;  sensed : (6,) corrected rate and specific force
+    tick : its end, duration whose mean has the white noise of `sensed`, vibration
+    more : (3,) rad^2/s^2, variances of the rate besides;  arm_b : (3,) m -> (3, 3) m^2/s^2, inertial axes
+    """
+    t_end_s, mean_s, vibration = tick
+    row = model[error_model.valid(model, t_end_s)]
+    rate2 = more + mean_rate.rate_noise(row, sensed[:3], sensed[3:], vibration, mean_s)
+    arm_i = rotation.dcm_from_quat(x[X_Q]) @ rotation.skew(arm_b)
+    return arm_i * rate2 @ arm_i.T

@@ -16,16 +16,15 @@ from shefex_nav.compiled import inner, kernel, lent
 from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import (
+    calibration,
     error_model,
     laws,
     momentary,
     process_noise,
-    rate_noise,
     strapdown,
     unknown_attitude,
 )
 from shefex_nav.onboard.navigation.blocks import WEIGHTS
-from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
 from shefex_nav.onboard.navigation.laws import SIZES
 from shefex_nav.onboard.navigation.state import (
     BA,
@@ -167,7 +166,7 @@ def _propagate_ticks(constants, memory, first, begin_s, last, end_s, work):
             row = error_model.valid(model, numbers[k, 0])
             bias_walk, angle, speed = interval(constants, model[row], x, imu, begin_s, until_s, work)
             carry_covariance(constants, model[row], P, work, bias_walk, until_s - begin_s)
-            q_ib = x[6], x[7], x[8], x[9]
+            q_ib = t3.quaternion(x, X_Q.start)
             unknown_attitude.widen(P, angle, speed, extra, until_s - begin_s, q_ib)
         if until_s == length_s:
             _keep(x, P, memory.xs[k], memory.Ps[k])
@@ -221,12 +220,13 @@ def _tell_noise(constants, memory, k, before):
     n, n_before = int(numbers[k, 2]), int(numbers[before, 2])
     T, T_before = n * numbers[k, 1], n_before * numbers[before, 1]
     for i in range(3):
-        now = w = rate_noise.mean(increments[k], BEFORE, n, i, T)
+        now = w = process_noise.measured_rate(increments[k], BEFORE, n, i, T)
         column = RATE_NOISE.start + i
         if n_before > 0:
-            w = rate_noise.mean(increments[before], BEFORE, n_before, i, T_before) - numbers[before, column]
+            w = process_noise.measured_rate(increments[before], BEFORE, n_before, i, T_before)
+            w -= numbers[before, column]
         extra = memory.extra[k, 0, i]
-        numbers[k, column] = rate_noise.of_tick(row, constants.momentary, extra, w, now, T)
+        numbers[k, column] = process_noise.noise_of_rate(row, constants.momentary, extra, w, now, T)
 
 
 @inner
@@ -269,38 +269,30 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
 
     -> m^2/s^5, random walk of the accelerometer bias; rad, m/s, sums of the corrected increments
     """
-    responses, top, Q, at, earth, h = (
-        work.responses,
-        work.top,
-        work.Q,
-        constants.at,
-        constants.earth,
-        imu.dt_s,
-    )
+    (responses, top, Q, _), at, earth, h = work, constants.at, constants.earth, imu.dt_s
     length_s = h * (imu.increments.shape[0] - BEFORE)
     t_s = imu.t_end_s - length_s + begin_s
     r, v, T = t3.vector(x, X_R.start), t3.vector(x, X_V.start), end_s - begin_s
-    C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
+    C = t3.dcm_from_quat(t3.quaternion(x, X_Q.start))
     angle_0, rate = earth.angle_0, earth.rate
     g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), earth.C_iq, earth.C_re)
     g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    M, A, G = calibration.triads(x)
     error_model.begin(responses, at, G)
     u, u_r, angle, speed = strapdown.propagate(x, imu, begin_s, end_s, g, responses)
     laws.drift(x, noise, constants.F, T)
-    q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
-    C_bi = t3.transposed(t3.dcm_from_quat(q_after))
+    C_bi = t3.transposed(t3.dcm_from_quat(t3.quaternion(x, X_Q.start)))
     for k in range(WEIGHTS):
         if responses.by_gyro[k]:
             t3.store(responses.gyro[k, 2], t3.product(C_bi, t3.matrix(responses.gyro[k, 2])))
     top[:] = 0.0
     error_model.put_motion(top, r, u, u_r, C, C_bi, T)
     error_model.put_gravity(top, at, T)
-    triads = np.empty((3, 3, 3))
-    t3.store(triads[0], M)
-    t3.store(triads[1], A)
-    t3.store(triads[2], t3.product(M, t3.product(G, A)))
-    error_model.put_imu(top, at, responses, triads, imu.vibration, imu.drive)
+    inverses = np.empty((3, 3, 3))
+    t3.store(inverses[0], M)
+    t3.store(inverses[1], A)
+    t3.store(inverses[2], t3.product(M, t3.product(G, A)))
+    error_model.put_imu(top, at, responses, inverses, imu.vibration, imu.drive)
     share = T / length_s
     sensed = _across(imu.increments, h)
     along, across, bias_walk = process_noise.densities(

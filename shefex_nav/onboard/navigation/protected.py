@@ -38,20 +38,29 @@ def _level_axes(C_iq, C_re, angle_0, rate, t_s, x, out):
     """`level_axes` with the fields of EarthRotation; out is written."""
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
-    r_e = np.empty(3)
-    t3.put(r_e, t3.rotated(C_ei, t3.vector(x, X_R.start)))
+    r_e = np.array(t3.rotated(C_ei, t3.vector(x, X_R.start)))
+    put_level_axes(C_ei, r_e, t3.vector(frames.omega_ie_i(earth), 0), out)
+
+
+@inner
+def put_level_axes(C_ei, r_e, turn, out):
+    """Write `level_axes` of a place r_e (3,) into out (4, 3); the turn of the Earth as three numbers.
+
+    -> C_ni, nine numbers as C_ei
+    """
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
     C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
     t3.store(out[:3], C_ni)
-    t3.put(out[3], t3.vector(frames.omega_ie_i(earth), 0))
+    t3.put(out[3], turn)
+    return C_ni
 
 
 @inner
 def gradients(axes, out):
     """Errors north, east, down of position and velocity by those in inertial axes: out (6, 6) is written."""
-    turn = t3.vector(axes[3], 0)
+    turn = t3.row(axes, 3)
     for k in range(3):
-        row = t3.vector(axes[k], 0)
+        row = t3.row(axes, k)
         turned = t3.cross(turn, row)  # row . (dv - omega x dr) = row . dv + (omega x row) . dr
         for i in range(3):
             out[k, i], out[k, 3 + i] = row[i], 0.0
@@ -64,10 +73,9 @@ def variances(P, axes, out):
 
     -> those of north and east together, of position and of velocity
     """
-    turn, both_r, both_v = (axes[3, 0], axes[3, 1], axes[3, 2]), 0.0, 0.0
-    east = axes[1, 0], axes[1, 1], axes[1, 2]
+    east, turn, both_r, both_v = t3.row(axes, 1), t3.row(axes, 3), 0.0, 0.0
     for k in range(3):
-        row = axes[k, 0], axes[k, 1], axes[k, 2]
+        row = t3.row(axes, k)
         seen = _by(P, POS.start, POS.start, row)
         out[k] = t3.dot(seen, row)
         turned = t3.cross(turn, row)  # as in `gradients`

@@ -17,7 +17,6 @@ from shefex_nav.onboard.navigation import (
     calibration,
     integrity,
     integrity_watch,
-    lever_arm,
     measure_ranges,
     measure_stars,
     measurements,
@@ -43,23 +42,23 @@ def _antenna(nav, now):
 def _gps_position(nav, now, fix):
     linearise = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
     z, H, R = linearise(fix, _antenna(nav, now))
-    return z, H, R + lever_arm.of_position(nav, now, H)
+    return z, H, R + measurements.arm_in_position(nav, now, H)
 
 
 def _gps_velocity(nav, now, fix):
     z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
-    return z, H, R + lever_arm.of_velocity(nav, now, H)
+    return z, H, R + measurements.arm_in_velocity(nav, now, H)
 
 
 def _gps_range(nav, now, fix):
     sigma_bias = nav.params.range_bias_sigma
     z, H, R = measure_ranges.pseudoranges(nav.layout, now.state, fix, _antenna(nav, now), sigma_bias)
-    return z, H, R + lever_arm.of_position(nav, now, H)
+    return z, H, R + measurements.arm_in_position(nav, now, H)
 
 
 def _gps_range_rate(nav, now, fix):
     z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, _antenna(nav, now))
-    return z, H, R + lever_arm.of_velocity(nav, now, H)
+    return z, H, R + measurements.arm_in_velocity(nav, now, H)
 
 
 def straightened(nav, arrival, index, fix):

@@ -10,16 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, lent
-from shefex_nav.geometry import frames, wgs84
+from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import error_model, integrity_protection, mean_rate, momentary, protected
 from shefex_nav.onboard.navigation.calibration import (
-    accel_inverse,
     acting,
     free_increment,
-    g_sensitivity,
-    gyro_inverse,
     jacobians_packed,
+    triads,
 )
 from shefex_nav.onboard.navigation.covariance import as_reported
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
@@ -173,9 +171,8 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
     dt_s, n, vibration = memory.numbers[place, 1], int(memory.numbers[place, 2]), memory.numbers[place, 3]
     drive, increments = memory.drives[place], memory.increments[place, : BEFORE + n]
     sample, before = increments[BEFORE - 1 + n], increments[BEFORE - 2 + n]
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
-    out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
+    dtheta, dv = free_increment(acting(x, vibration, drive), triads(x), sample.reshape(1, 6), 0, dt_s)
+    t3.put(out[OMEGA:R_E], t3.scaled(1.0 / dt_s, dtheta))
     sensed = np.array(dtheta + dv) / dt_s
     J_omega, _ = jacobians_packed(at, P.shape[0], x, sensed[:3], sensed[3:], vibration, drive)
     row, moment2, gyros = noise
@@ -205,20 +202,17 @@ def _of_state(x, P, t_s, earth, out, axes):
     """The part of `_derive` that follows from position, velocity and attitude."""
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     turn = t3.vector(frames.omega_ie_i(earth), 0)
-    C_ib = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
+    C_ib = t3.dcm_from_quat(t3.quaternion(x, X_Q.start))
     r_i = t3.vector(x, X_R.start)
     u_i = t3.plus(t3.vector(x, X_V.start), -1.0, t3.cross(turn, r_i))  # against the air
     out[: X_Q.stop] = x[: X_Q.stop]
-    out[R_E], out[R_E + 1], out[R_E + 2] = t3.rotated(C_ei, r_i)
-    out[V_E], out[V_E + 1], out[V_E + 2] = t3.rotated(C_ei, u_i)
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(out[R_E : R_E + 3])
-    C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
-    t3.store(axes[:3], C_ni)
-    t3.put(axes[3], turn)
+    t3.put(out[R_E:V_E], t3.rotated(C_ei, r_i))
+    t3.put(out[V_E:ANGLES], t3.rotated(C_ei, u_i))
+    C_ni = protected.put_level_axes(C_ei, out[R_E:V_E], turn, axes)
     _angles(out, C_ni, C_ib, u_i, turn, P)
     g = np.zeros(ATT.stop)
     for k in range(3):
-        row = C_ei[3 * k], C_ei[3 * k + 1], C_ei[3 * k + 2]
+        row = t3.vector(C_ei, 3 * k)
         _put(g, (0.0, 0.0, 0.0), row)
         out[S_R + k] = np.sqrt(_variance(g, P, 0))
         _put(g, row, t3.cross(turn, row))
@@ -246,16 +240,16 @@ def _angles(out, C_ni, C_ib, u_i, turn, P):
         (0, zero, path_i), (1, attack_b, t3.rotated(C_ib, attack_b)), (2, slip_b, t3.rotated(C_ib, slip_b))
     ):  # fmt: skip
         _put(g, dv_i, t3.cross(turn, dv_i))  # dv_i . (-omega x dr) = (omega x dv_i) . dr
-        g[ATT.start], g[ATT.start + 1], g[ATT.start + 2] = t3.cross(u_b, v_b)  # = u . (v_b x dtheta)
+        t3.put(g[ATT], t3.cross(u_b, v_b))  # = u . (v_b x dtheta)
         out[S_ANGLES + k] = min(pi, np.sqrt(_variance(g, P, 0)))
 
 
 @inner(forceinline=True)
 def _put(g, dv, dr):
     """A gradient with respect to velocity and position, none to the attitude."""
-    g[POS.start], g[POS.start + 1], g[POS.start + 2] = dr
-    g[VEL.start], g[VEL.start + 1], g[VEL.start + 2] = dv
-    g[ATT.start], g[ATT.start + 1], g[ATT.start + 2] = 0.0, 0.0, 0.0
+    t3.put(g[POS], dr)
+    t3.put(g[VEL], dv)
+    g[ATT] = 0.0
 
 
 @inner

@@ -29,12 +29,10 @@ from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation import error_model
 from shefex_nav.onboard.navigation.calibration import (
     NO_DRIVE,
-    accel_inverse,
     acting,
     correct_increments,
     free_increment,
-    g_sensitivity,
-    gyro_inverse,
+    triads,
 )
 from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 
@@ -53,7 +51,7 @@ class ImuWindow(NamedTuple):
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
     extra: np.ndarray = NO_EXTRA  # (3, 3) white noise of more, body axes, as `integrity_imu.screen` says
     drive: np.ndarray = NO_DRIVE  # (6, m) what the last m errors drive, as in `calibration`
-    rate_noise: np.ndarray = NO_NOISE  # (3,) rad/s, what of the mean rate is noise, of `rate_noise`
+    rate_noise: np.ndarray = NO_NOISE  # (3,) rad/s, what of the mean rate is noise, of `process_noise`
 
     @property
     def dtheta_b(self):
@@ -147,16 +145,16 @@ def propagate(x, imu, begin_s, end_s, g, responses):
     angle, speed : sums of the corrected increments, rad, m/s
     """
     increments, h = imu.increments, imu.dt_s
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    inverses = triads(x)
     r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
-    q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
+    q = t3.quaternion(x, X_Q.start)
     u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
     m, weights = np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
     known, noise = acting(x, imu.vibration, imu.drive), t3.vector(imu.rate_noise, 0)
-    last = free_increment(known, M, A, G, increments, 0, h)
-    before = free_increment(known, M, A, G, increments, 1, h)
+    last = free_increment(known, inverses, increments, 0, h)
+    before = free_increment(known, inverses, increments, 1, h)
     for n in range(BEFORE, increments.shape[0]):
-        sample = free_increment(known, M, A, G, increments, n, h)
+        sample = free_increment(known, inverses, increments, n, h)
         x0, x1 = max(begin_s / h - (n - BEFORE), 0.0), min(end_s / h - (n - BEFORE), 1.0)
         if x1 - x0 >= LEAST:
             piece = cut(last, before, sample, h, x0, x1)
@@ -171,7 +169,7 @@ def propagate(x, imu, begin_s, end_s, g, responses):
             v = t3.plus(t3.plus(v, 1.0, u), T, g)
             q = t3.quat_multiply(q, t3.quat_from_rotvec(phi))
         last, before = before, sample
-    x[0], x[1], x[2], x[3], x[4], x[5] = r[0], r[1], r[2], v[0], v[1], v[2]
+    x[0], x[1], x[2], x[3], x[4], x[5] = r + v
     x[6], x[7], x[8], x[9] = t3.quat_normalise(q)
     return u_sum, u_r_sum, angle, speed
 

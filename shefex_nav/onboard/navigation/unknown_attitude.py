@@ -116,13 +116,20 @@ def _is_bent(P, speed, T):
     length2 = t3.dot(speed, speed)
     if length2 == 0.0:
         return False
-    along = 0.0
-    for i in range(3):
-        for j in range(3):
-            along += speed[i] * P[a + i, a + j] * speed[j]
+    along = _form(P, a, speed)
     lost = 0.5 * (P[a, a] + P[a + 1, a + 1] + P[a + 2, a + 2] - along / length2) * LASTS / T
     least = min(P[v, v], P[v + 1, v + 1], P[v + 2, v + 2])
     return lost * lost * length2 > SMALL * SMALL * least
+
+
+@inner(forceinline=True)
+def _form(P, first, u):
+    """u^T P u of the block (3, 3) of P that begins at error `first`."""
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            total += u[i] * P[first + i, first + j] * u[j]
+    return total
 
 
 @inner
@@ -171,10 +178,8 @@ def _lose_across(P, variance, axis, speed, q_ib):
     gained2 = t3.dot(across, across)
     if gained2 == 0.0:
         return
-    v, known2 = VEL.start, 0.0
-    for i in range(3):
-        for j in range(3):
-            known2 += across[i] * P[v + i, v + j] * across[j]
+    v = VEL.start
+    known2 = _form(P, v, across)
     # (sigma + size)^2 - sigma^2 along a unit vector, of which `across` is the length
     size, sigma = np.sqrt(lost2), np.sqrt(max(known2, 0.0)) / gained2
     for i in range(3):

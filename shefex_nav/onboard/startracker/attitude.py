@@ -10,6 +10,7 @@ on from here.
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
     quat_from_rotvec,
@@ -115,18 +116,8 @@ def _closed_form(B):
         for c in range(3):
             M[r, c] -= z[r] * z[c]
     e = _null_vector(M)
-    q = quat_normalise(np.array([z[0] * e[0] + z[1] * e[1] + z[2] * e[2], a * e[0], a * e[1], a * e[2]]))
+    q = quat_normalise(np.array([t3.dot(z, e), a * e[0], a * e[1], a * e[2]]))
     return _turn_back(q, turned) if turned >= 0 else q
-
-
-@inner
-def _transposed_times(C, B):
-    """C' B of (3, 3) matrices; a call of BLAS would cost more."""
-    A = np.empty((3, 3))
-    for r in range(3):
-        for c in range(3):
-            A[r, c] = C[0, r] * B[0, c] + C[1, r] * B[1, c] + C[2, r] * B[2, c]
-    return A
 
 
 @inner
@@ -139,7 +130,7 @@ def _polish(q, B):
     """
     first_step = np.inf
     for k in range(POLISH_STEPS):
-        A = _transposed_times(dcm_from_quat(q), B)
+        A = product(dcm_from_quat(q).T, B)
         xx, yy, zz = A[1, 1] + A[2, 2], A[0, 0] + A[2, 2], A[0, 0] + A[1, 1]
         xy, xz, yz = -0.5 * (A[0, 1] + A[1, 0]), -0.5 * (A[0, 2] + A[2, 0]), -0.5 * (A[1, 2] + A[2, 1])
         wx, wy, wz = A[2, 1] - A[1, 2], A[0, 2] - A[2, 0], A[1, 0] - A[0, 1]
@@ -194,7 +185,7 @@ def _null_vector(M):
     best, length2 = np.zeros(3), -1.0
     for k in range(3):
         p, q = M[k], M[(k + 1) % 3]
-        w = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
+        w = np.array(t3.cross(p, q))
         norm2 = (w * w).sum()
         if norm2 > length2:
             best, length2 = w, norm2
@@ -246,6 +237,26 @@ def product(A, B):
             for j in range(B.shape[1]):
                 out[i, j] += A[i, k] * B[k, j]
     return out
+
+
+@inner
+def times(A, v):
+    """A v, as `product`."""
+    out = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[i] += A[i, j] * v[j]
+    return out
+
+
+@inner
+def det3(A):
+    """Determinant of a (3, 3) matrix."""
+    return (
+        A[0, 0] * (A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1])
+        - A[0, 1] * (A[1, 0] * A[2, 2] - A[1, 2] * A[2, 0])
+        + A[0, 2] * (A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0])
+    )
 
 
 @inner

@@ -53,11 +53,24 @@ def _survey_kernel(image_dn, bad_pixels, tile_px, repaired, blocks):
     """`survey` but for the two that are written."""
     repair(image_dn, bad_pixels, repaired)
     _block_sums_kernel(repaired, blocks)
-    if blocks.itemsize == 2:
-        background, sigma, mean_dn = _tiles_by_count(blocks, tile_px)
-    else:
-        background, sigma, mean_dn = _tiles_by_order(blocks, tile_px)
+    background, sigma, mean_dn = tile_statistics(blocks, tile_px)
     return background, sigma, mean_dn, np.median(background) / N_BLOCK, np.median(sigma) / BLOCK
+
+
+@kernel
+def bad_map(rows, columns, bad_pixels):
+    """One bit a pixel, set for the (n, 2) row, column of bad ones; as large as the frame it were slow."""
+    bad = np.zeros(rows * columns // 8 + 1, dtype=np.uint8)
+    for k in range(bad_pixels.shape[0]):
+        p = bad_pixels[k, 0] * columns + bad_pixels[k, 1]
+        bad[p >> 3] |= 1 << (p & 7)
+    return bad
+
+
+@inner(forceinline=True)
+def is_bad(bad, p):
+    """Whether pixel p of a frame, row by row, is bad. bad : of `bad_map`"""
+    return bad[p >> 3] >> (p & 7) & 1 != 0
 
 
 @inner
@@ -68,19 +81,13 @@ def repair(image_dn, bad_pixels, repaired):
         row, row_kept = image_dn[r], repaired[r]  # an assignment of arrays takes ten times as long
         for c in range(columns):
             row_kept[c] = row[c]
-    bad = np.zeros(
-        rows * columns // 8 + 1, dtype=np.uint8
-    )  # one bit a pixel: as large as the frame it were slow
-    for k in range(bad_pixels.shape[0]):
-        p = bad_pixels[k, 0] * columns + bad_pixels[k, 1]
-        bad[p >> 3] |= 1 << (p & 7)
+    bad = bad_map(rows, columns, bad_pixels)
     for k in range(bad_pixels.shape[0]):
         r, c = bad_pixels[k, 0], bad_pixels[k, 1]
         total, n = 0, 0
         for y in range(max(0, r - 1), min(rows, r + 2)):
             for x in range(max(0, c - 1), min(columns, c + 2)):
-                p = y * columns + x
-                if not bad[p >> 3] >> (p & 7) & 1:
+                if not is_bad(bad, y * columns + x):
                     total += np.int64(image_dn[y, x])
                     n += 1
         repaired[r, c] = (total + n // 2) // n if n > 0 else 0
@@ -117,13 +124,15 @@ def _block_sums_kernel(image_dn, blocks):
             sums[c] = column[c - 1] + column[c] + column[c + 1]
 
 
+@kernel
 def tile_statistics(blocks, tile_px):
     """Background and noise of the block sums in each tile, from blocks that do not overlap.
 
     The background is the median, the noise its distance from the quantile one sigma below: stars and spikes
     raise neither, as they only populate the upper end. Both are quantiles of a continuous variable of which
     a block shows the nearest whole number. Where grey value 0 cuts the noise off, `whole_sigma`
-    makes it whole.
+    makes it whole. A 16-bit frame has half a million possible values: those within NARROW of the least of a
+    tile are counted, a quantile beyond them is selected.
 
     Parameters
     ----------
@@ -135,69 +144,19 @@ def tile_statistics(blocks, tile_px):
     background, sigma : (tile rows, tile columns) of block sums
     mean_dn : mean grey value of all pixels
     """
-    if blocks.dtype == np.int16:
-        return _tiles_by_count(blocks, tile_px)
-    return _tiles_by_order(blocks, tile_px)
-
-
-@kernel
-def _tiles_by_count(blocks, tile_px):
-    """As `tile_statistics`, of 8-bit frames: their few possible values are counted."""
-    rows, columns = blocks.shape
-    n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
-    background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
-    counts = np.empty(N_BLOCK * 255 + 1, dtype=np.int32)
-    total, n_total = 0, 0
-    for i in range(n_r):
-        for j in range(n_c):
-            counts[:] = 0
-            n = 0
-            for r in range(i * tile_px + 1, min((i + 1) * tile_px, rows - 1), BLOCK):
-                row = blocks[r, j * tile_px + 1 : min((j + 1) * tile_px, columns - 1) : BLOCK]
-                for value in row:
-                    counts[np.uint16(value)] += 1  # unsigned: no check for an index from the end
-                    total += value
-                n += len(row)
-            n_total += n
-            if n == 0:  # a sliver of one pixel along the border
-                background[i, j], sigma[i, j] = background[max(i - 1, 0), max(j - 1, 0)], np.inf
-                continue
-            below, k = 0, 0
-            quantile = np.zeros(2)
-            for which in range(2):
-                target = n * (SIGMA_QUANTILE if which == 0 else 0.5)
-                while below + counts[k] < target:
-                    below += counts[k]
-                    k += 1
-                quantile[which] = k - 0.5 + (target - below) / counts[k]
-            background[i, j] = quantile[1]
-            sums = blocks[
-                i * tile_px + 1 : min((i + 1) * tile_px, rows - 1),
-                j * tile_px + 1 : min((j + 1) * tile_px, columns - 1),
-            ]
-            sigma[i, j] = whole_sigma(quantile[1], quantile[1] - quantile[0], N_BLOCK, sums, BLOCK)
-    return background, sigma, total / (N_BLOCK * n_total)
-
-
-@kernel
-def _tiles_by_order(blocks, tile_px):
-    """As `tile_statistics`, of 16-bit frames: half a million possible values.
-
-    Those within NARROW of the least of a tile are counted; a quantile beyond them is selected.
-    """
     rows, columns = blocks.shape
     n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
     background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
     values = np.empty((tile_px // BLOCK + 1) ** 2, dtype=np.int32)
-    counts = np.empty(NARROW, dtype=np.int32)
+    counts, inside = np.empty(NARROW, dtype=np.int32), blocks[1 : rows - 1, 1 : columns - 1]
     total, n_total = 0, 0
     for i in range(n_r):
         for j in range(n_c):
-            n = 0
-            for r in range(i * tile_px + 1, min((i + 1) * tile_px, rows - 1), BLOCK):
-                for c in range(j * tile_px + 1, min((j + 1) * tile_px, columns - 1), BLOCK):
-                    values[n] = blocks[r, c]
-                    total += blocks[r, c]
+            sums, n = inside[i * tile_px : (i + 1) * tile_px - 1, j * tile_px : (j + 1) * tile_px - 1], 0
+            for r in range(0, sums.shape[0], BLOCK):
+                for value in sums[r, ::BLOCK]:
+                    values[n] = value
+                    total += value
                     n += 1
             n_total += n
             if n == 0:  # a sliver of one pixel along the border
@@ -206,12 +165,20 @@ def _tiles_by_order(blocks, tile_px):
             least = _count(values[:n], counts)
             background[i, j] = _counted(values[:n], counts, least, 0.5)
             below = _counted(values[:n], counts, least, SIGMA_QUANTILE)
-            sums = blocks[
-                i * tile_px + 1 : min((i + 1) * tile_px, rows - 1),
-                j * tile_px + 1 : min((j + 1) * tile_px, columns - 1),
-            ]
             sigma[i, j] = whole_sigma(background[i, j], background[i, j] - below, N_BLOCK, sums, BLOCK)
     return background, sigma, total / (N_BLOCK * n_total)
+
+
+@inner
+def place_of_quantile(counts, target, k, below):
+    """Where so many of counted values lie below: the step, the share of it; how many lie below the step.
+
+    k, below : step from which on it may be, and how many lie below that
+    """
+    while below + counts[k] < target:
+        below += counts[k]
+        k += 1
+    return k, (target - below) / counts[k] if counts[k] > 0 else 0.0, below
 
 
 @inner
@@ -257,7 +224,7 @@ def _count(values, counts):
     counts[:] = 0
     for value in values:
         if value - least < len(counts):
-            counts[value - least] += 1
+            counts[np.uint32(value - least)] += 1  # unsigned: no check for an index from the end
     return least
 
 

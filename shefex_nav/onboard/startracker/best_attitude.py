@@ -7,7 +7,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.likelihood import (
@@ -62,11 +62,13 @@ def focal_covariance(params, xy_px):
 
 def with_rate(params, detections, P_px, rate):
     """Covariance of each centroid with what the error of the rate does to it; rate as in `of_named`."""
-    if rate is None:
-        return P_px
-    t_s, P_omega = rate
-    S = t_s[:, None, None] * turn_jacobians(params.camera.pinhole, detections.xy_px)
-    return P_px + S @ P_omega @ S.transpose(0, 2, 1)
+    return P_px if rate is None else P_px + by_rate(params.camera.pinhole, detections.xy_px, rate)
+
+
+def by_rate(camera, xy_px, rate):
+    """What the error of a rate (t_s (n,), P_omega (3, 3)) does to places: (n, 2, 2) px^2. Pinhole, (n, 2)"""
+    S = rate[0][:, None, None] * turn_jacobians(camera, xy_px)
+    return S @ rate[1] @ S.transpose(0, 2, 1)
 
 
 def of_named(params, stars, star, detections, velocity_i, least, rate=None):
@@ -199,3 +201,44 @@ def denied(share, reason):
     if reason not in (Reason.NONE, Reason.RESIDUALS):
         return share > MOST_REFUSED, share
     return share > MOST_REFUSED, share + ((reason == Reason.RESIDUALS) - share) / RECENT
+
+
+# ----------------------------------------------------------------------------------------------------------
+# How fast the camera turns by its own attitudes, where the gyros say too fast for any.
+#
+# A gyro that is suddenly off by more than the highest rate would take the stars from the filter at the
+# instant at which they alone show that it is wrong. Stars that were identified in two frames, one soon
+# after the other, and have turned far less than the gyros say, are believed: two frames are not mistaken
+# for the same wrong sky. The gyros have to say too fast at both, for a camera that has just begun to turn
+# has not turned much. The filter then has fixes that contradict its gyros, and finds out which of them it
+# is.
+
+
+LONGEST_S = 1.5  # [E] between two frames, in which a camera does not turn there and back
+LESS = 0.5  # [E] of the rate of the gyros, below which the stars contradict it
+
+
+class Seen(NamedTuple):
+    """The attitude of a frame, whether it was given out or not."""
+
+    t_valid_s: float
+    rate: float  # rad/s, by the gyros; NaN: not known
+    q_ic: np.ndarray  # (4,), NaN: none
+
+
+NOT_SEEN = Seen(np.nan, np.nan, np.full(4, np.nan))
+
+
+def is_fast(highest, before, now):
+    """Whether a frame was taken while the camera turned too fast; not if its rate is not known.
+
+    highest : rad/s, for which the tracker is made
+    before, now : Seen of the last attitude and of the frame
+    """
+    if not now.rate > highest:
+        return False
+    since_s, least = now.t_valid_s - before.t_valid_s, min(before.rate, now.rate)
+    if not (0.0 < since_s <= LONGEST_S and least > highest) or np.isnan(now.q_ic[0]):
+        return True
+    turned = np.linalg.norm(rotvec_between(before.q_ic, now.q_ic))
+    return bool(turned >= since_s * min(highest, LESS * least))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE, whole_sigma
+from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE, is_bad, place_of_quantile, whole_sigma
 
 BIN = 2  # px
 N_BIN = BIN * BIN
@@ -60,16 +60,6 @@ def level_of(image_dn, bad, tile_px):
 
 
 @kernel
-def bad_map(rows, columns, bad_pixels):
-    """One bit a pixel, set for the (n, 2) row, column of bad ones."""
-    bad = np.zeros(rows * columns // 8 + 1, dtype=np.uint8)
-    for k in range(bad_pixels.shape[0]):
-        p = bad_pixels[k, 0] * columns + bad_pixels[k, 1]
-        bad[p >> 3] |= 1 << (p & 7)
-    return bad
-
-
-@kernel
 def _bin_kernel(image_dn, sums):
     """Write the sums; returns the sum of all."""
     total = 0
@@ -101,8 +91,7 @@ def _repair_kernel(image_dn, bad, sums):
             total, n = 0, 0
             for y in range(2 * r, 2 * r + 2):
                 for x in range(2 * c, 2 * c + 2):
-                    p = y * columns + x
-                    if not bad[p >> 3] >> (p & 7) & 1:
+                    if not is_bad(bad, y * columns + x):
                         total += np.int64(image_dn[y, x])
                         n += 1
             sums[r, c] = (4 * total + n // 2) // n if n > 0 else sums[r, c - 1 if c > 0 else c + 1]
@@ -144,16 +133,10 @@ def _two_quantiles(part, counts):
         for value in part[r]:
             step = (value - low) >> shift
             counts[np.uint32(min(max(step, 0), LEVELS - 1))] += 1
-    below, k = 0, 0
-    result = np.empty(2)
-    for which in range(2):
-        target = n * (SIGMA_QUANTILE if which == 0 else 0.5)
-        while below + counts[k] < target:
-            below += counts[k]
-            k += 1
-        place = k + (target - below) / counts[k]
-        result[which] = low + place * (1 << shift) - 0.5
-    return result[1], result[0]
+    first, part_first, below = place_of_quantile(counts, n * SIGMA_QUANTILE, 0, 0)
+    middle, part_middle, _ = place_of_quantile(counts, n * 0.5, first, below)
+    step = 1 << shift
+    return low + (middle + part_middle) * step - 0.5, low + (first + part_first) * step - 0.5
 
 
 def in_noise(sums, level, clip, pad):

@@ -14,7 +14,8 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import at_epoch, photocentres, select, silicon_magnitude
 from shefex_nav.errors import UserError
-from shefex_nav.onboard.startracker import kvector, tables
+from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.startracker import tables
 from shefex_nav.onboard.startracker.settings import Catalogue
 from shefex_nav.settings import declared
 
@@ -56,7 +57,7 @@ class StarPairs(NamedTuple):
     cosine: np.ndarray  # (m,) ascending
     first: np.ndarray  # (m,) int64 row of the brighter star
     second: np.ndarray  # (m,) int64 row of the fainter star
-    index: kvector.KVector  # of cosine
+    index: tables.KVector  # of cosine
     quick: tuple  # (tables.Stars, tables.Pairs), the same for the search
     first_vmag: np.ndarray  # (m,) magnitude of `first`
     second_vmag: np.ndarray  # (m,) magnitude of `second`
@@ -208,9 +209,7 @@ def _spread_kernel(u_i, n_keep, n_stars, cos_separation):
             break
         free = True
         for j in range(n):
-            t = taken[j]
-            cosine = u_i[k, 0] * u_i[t, 0] + u_i[k, 1] * u_i[t, 1] + u_i[k, 2] * u_i[t, 2]
-            if cosine > cos_separation:
+            if t3.dot(t3.row(u_i, k), t3.row(u_i, taken[j])) > cos_separation:
                 free = False
                 break
         if free:
@@ -234,7 +233,7 @@ def pair_table(stars, max_angle, radius=None):
             "length, or a fainter star_tracker.catalogue.faintest"
         )
         raise CatalogueError(words, ("star_camera", "optics", "focal_length"))
-    index = kvector.build(cosine)
+    index = tables.k_vector(cosine)
     radius = 0.5 * max_angle if radius is None else radius
     quick = tables.build(stars, radius, cosine, first, second, index)
     return StarPairs(stars, cosine, first, second, index, quick, stars.vmag[first], stars.vmag[second])
@@ -248,7 +247,7 @@ def _pairs_kernel(u_i, cos_max_angle):
     first, second = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
     for i in range(u_i.shape[0]):
         for j in range(i + 1, u_i.shape[0]):
-            cosine = u_i[i, 0] * u_i[j, 0] + u_i[i, 1] * u_i[j, 1] + u_i[i, 2] * u_i[j, 2]
+            cosine = t3.dot(t3.row(u_i, i), t3.row(u_i, j))
             if cosine < cos_max_angle:
                 continue
             if n == size:

@@ -14,9 +14,8 @@ larger.
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.centroid import weighted
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
-from shefex_nav.onboard.startracker.scan import FLUX, X, Y
+from shefex_nav.onboard.startracker.scan import FLUX, X, Y, weighted
 from shefex_nav.onboard.startracker.shape import measure
 from shefex_nav.onboard.startracker.spot import (
     LARGEST_REACH,

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel, lent
+from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry.pinhole import turn_slopes
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
-from shefex_nav.onboard.startracker.attitude import inverse3, product
+from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply, quat_normalise
+from shefex_nav.onboard.startracker.attitude import inverse3, product, times
 
 REFINE_STEPS = 10  # bound only: two or three are usual
 REFINED = 1e-10  # rad; far below any centroid
@@ -87,12 +88,10 @@ def _observe(camera, q_ic, xy_px, v_i, t_s):
     """
     n = xy_px.shape[0]
     residual, G = np.empty((n, 2)), np.empty((n, 2, UNKNOWNS))
-    C = dcm_from_quat(q_ic)
+    C_ci = t3.transposed(t3.dcm_from_quat(q_ic))
     f = camera.focal_length_px
     for k in range(n):
-        X = C[0, 0] * v_i[k, 0] + C[1, 0] * v_i[k, 1] + C[2, 0] * v_i[k, 2]
-        Y = C[0, 1] * v_i[k, 0] + C[1, 1] * v_i[k, 1] + C[2, 1] * v_i[k, 2]
-        Z = C[0, 2] * v_i[k, 0] + C[1, 2] * v_i[k, 1] + C[2, 2] * v_i[k, 2]
+        X, Y, Z = t3.rotated(C_ci, t3.row(v_i, k))
         x, y = (X / Z, Y / Z) if Z > 0.0 else (np.nan, np.nan)
         residual[k, 0] = xy_px[k, 0] - camera.cx_px - f * x
         residual[k, 1] = xy_px[k, 1] - camera.cy_px - f * y
@@ -143,18 +142,8 @@ def _normal(G, residual, P_px, P_common):
     P_c_BD = product(P_c, BD)
     P = np.empty((UNKNOWNS, UNKNOWNS))
     P[:3, :3], P[:3, 3:], P[3:, :3], P[3:, 3:] = P_c, -P_c_BD, -P_c_BD.T, D + product(BD.T, P_c_BD)
-    d = _times(D, b[3:])
-    return P, b[:3] - _times(M[:3, 3:], d), d, chi2 - (b[3:] * d).sum()
-
-
-@inner
-def _times(A, v):
-    """A v, as `product`."""
-    out = np.zeros(A.shape[0])
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            out[i] += A[i, j] * v[j]
-    return out
+    d = times(D, b[3:])
+    return P, b[:3] - times(M[:3, 3:], d), d, chi2 - (b[3:] * d).sum()
 
 
 @inner
@@ -219,7 +208,7 @@ def refine(camera, q_ic, xy_px, v_i, P_px, common=None):
     for _ in range(REFINE_STEPS):
         residual, G = _observe(camera, q_ic, xy_px, v_i, errors.t_s)
         P, g, _, _ = _normal(G, residual, P_px, P_common)
-        d = _times(P[:3, :3], g)
+        d = times(P[:3, :3], g)
         P_c = _less_constant(P, errors.sigma_focal)
         q_ic = quat_multiply(q_ic, quat_from_rotvec(d))
         if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 > REFINED**2:
@@ -299,7 +288,7 @@ def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, common=No
     P_all, _, d, _ = _normal(G, residual, P_px, _covariance(errors))
     worst, largest = -1, 2.0 * np.log(n / false_alarm)
     for k in range(n):
-        rest = residual[k] - _times(G[k, :, 3:], d)
+        rest = residual[k] - times(G[k, :, 3:], d)
         test = _form2(_inverse2(P_px[k] - product(product(G[k], P_all), G[k].T)), rest)
         if test > largest:
             worst, largest = k, test

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE
+from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE, place_of_quantile
 from shefex_nav.onboard.startracker.binned import BIN
 from shefex_nav.onboard.startracker.streak_path import LENGTH, NUMBERS, TX, TY, place_of_middle
 
@@ -345,16 +345,11 @@ def _maxima(values, least, tile, lines, raw, n_raw):
 def _spread(histogram):
     """Standard deviation and median of the filtered frame from quantiles that stars do not raise."""
     n = histogram.sum()
-    below, k = 0, 0
-    quantile = np.zeros(2)
-    for which in range(2):
-        target = n * (SIGMA_QUANTILE if which == 0 else 0.5)
-        while below + histogram[k] < target:
-            below += histogram[k]
-            k += 1
-        share = (target - below) / histogram[k] if histogram[k] > 0 else 0.0
-        quantile[which] = (k + share - 0.5 * HISTOGRAM) * STEP
-    return max(quantile[1] - quantile[0], 0.5), quantile[1]
+    first, part_first, below = place_of_quantile(histogram, n * SIGMA_QUANTILE, 0, 0)
+    middle, part_middle, _ = place_of_quantile(histogram, n * 0.5, first, below)
+    low = (first + part_first - 0.5 * HISTOGRAM) * STEP
+    level = (middle + part_middle - 0.5 * HISTOGRAM) * STEP
+    return max(level - low, 0.5), level
 
 
 @inner

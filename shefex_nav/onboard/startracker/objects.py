@@ -32,7 +32,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
 from shefex_nav.geometry.unsteady import STEADY
-from shefex_nav.onboard.startracker import centroid, fit, scan
+from shefex_nav.onboard.startracker import fit, scan
 from shefex_nav.onboard.startracker.background import FrameStatistics, survey
 from shefex_nav.onboard.startracker.methods import Table
 from shefex_nav.onboard.startracker.spot import Picture
@@ -128,9 +128,9 @@ def by_fit(settings, camera, image_dn, table):
 
 def by_scan(settings, camera, image_dn, table):
     """... as the scan found them."""
-    xy_px, flux_dn, P_px = centroid.weighted(table, 1.0 / camera.electrons_per_dn)
-    P_px = P_px * centroid.few_pixels(table, float(camera.psf_sigma))[:, None, None]
-    return xy_px, flux_dn, P_px + centroid.lost_covariance(table)
+    xy_px, flux_dn, P_px = scan.weighted(table, 1.0 / camera.electrons_per_dn)
+    P_px = P_px * scan.few_pixels(table, float(camera.psf_sigma))[:, None, None]
+    return xy_px, flux_dn, P_px + scan.lost_covariance(table)
 
 
 SCANS = Table("scan", sequential=scan.sequential, maximum=scan.maximum_search)
@@ -170,7 +170,7 @@ def as_spots(params, stars, memory, frame, context):
 
 def turning(highest_rate, frame, context):
     """How the camera may be turning: as the context says; of a rolling shutter, if that is too fast for any
-    attitude, hardly as well, for it may be a gyro that is wrong (`own_rate`). -> list of Context
+    attitude, hardly as well, for it may be a gyro that is wrong (`best_attitude`). -> list of Context
     """
     if frame.line_s == 0.0 or not context.rate > highest_rate:
         return [context]
@@ -308,8 +308,7 @@ def predicted(params, stars, context):
     seen_px = farthest_px(camera, params.camera.distortion) + outside_px
     cosine = math.cos(math.atan(seen_px / camera.focal_length_px))
     ahead_i = stars.u_i[stars.u_i @ C_ci[2] > cosine]
-    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
-    u_c = np.ascontiguousarray(aberrate(ahead_i, velocity_i) @ C_ci.T)
+    u_c = np.ascontiguousarray(aberrate(ahead_i, params.velocity_i(context)) @ C_ci.T)
     ideal_px = pixels(camera, u_c)
     H = turn_jacobians(camera, ideal_px)
     P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.settings.centroid_floor**2 * np.eye(2)
@@ -337,13 +336,16 @@ def ideal(camera, detections):
     """
     if camera.distortion is None:
         return detections
-    hole, xy_px = camera.pinhole, np.ascontiguousarray(detections.xy_px, dtype=float)
-    xy_px = undistort(hole, camera.distortion, xy_px)
-    P_px = detections.P_px
+    xy_px, P_px = behind_pinhole(camera, detections.xy_px), detections.P_px
     if P_px is not None:
-        J = np.linalg.inv(slopes_at(hole, camera.distortion, xy_px))
+        J = np.linalg.inv(slopes_at(camera.pinhole, camera.distortion, xy_px))
         P_px = J @ P_px @ J.mT
     return detections._replace(xy_px=xy_px, P_px=P_px)
+
+
+def behind_pinhole(camera, xy_px):
+    """Places that a pinhole would show for those in the picture of a distorting lens. CameraModel, (n, 2)"""
+    return undistort(camera.pinhole, camera.distortion, np.ascontiguousarray(xy_px, dtype=float))
 
 
 def on_detector(camera, xy_px, P_px):
@@ -364,7 +366,7 @@ def at_instant_by_lens(camera, line_s, omega_c, xy_px, move):
     if camera.distortion is None:
         return move(xy_px)
     hole, k = camera.pinhole, camera.distortion
-    behind = undistort(hole, k, np.ascontiguousarray(xy_px, dtype=float))
+    behind = behind_pinhole(camera, xy_px)
     moved, seen_s = move(behind)
     late_s = line_s * (xy_px[:, 1] - behind[:, 1])  # seen later than the row of the pinhole says
     moved = moved - late_s[:, None] * (turn_jacobians(hole, behind) @ omega_c)
@@ -382,7 +384,7 @@ def of_streaks(camera, times, omega_c, xy_px, seen_s):
     if camera.distortion is None or times.line_s == 0.0:
         return xy_px
     hole, k = camera.pinhole, camera.distortion
-    behind = undistort(hole, k, np.ascontiguousarray(xy_px, dtype=float))
+    behind = behind_pinhole(camera, xy_px)
     said = turn_jacobians(hole, xy_px) @ omega_c
     true = np.einsum("nij,nj->ni", slopes_at(hole, k, behind), turn_jacobians(hole, behind) @ omega_c)
     return xy_px + seen_s[:, None] * (said - true)

@@ -49,13 +49,9 @@ def sequential(image_dn, blocks, background, sigma, rules):
     -------
     (n, COLUMNS) objects, brightest first
     """
-    rows, columns = blocks.shape
-    tile_px = rules.tile_px
-    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
-    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
-    tile = np.arange(max(rows, columns)) // tile_px
-    pixels = np.empty((rows * columns, 2), dtype=np.int32)
-    table, n_objects = np.empty((rules.max_objects, COLUMNS)), 0
+    (rows, columns), tile_px = blocks.shape, rules.tile_px
+    seed_limit, grow_limit, tile, pixels, table = _prepared(blocks, background, sigma, rules)
+    n_objects = 0
     for r in range(1, rows - 1):
         i = tile[r]
         for j in range(seed_limit.shape[1]):
@@ -78,14 +74,10 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
     As `sequential`, with which it shares all but the order: it needs a pass for every object, and its table
     is never too short for the object with the highest peak.
     """
-    rows, columns = blocks.shape
-    tile_px = rules.tile_px
+    (rows, columns), tile_px = blocks.shape, rules.tile_px
     level_of = np.floor(background).astype(np.int64)
-    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
-    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
-    tile = np.arange(max(rows, columns)) // tile_px
-    pixels = np.empty((rows * columns, 2), dtype=np.int32)
-    table, n_objects = np.empty((rules.max_objects, COLUMNS)), 0
+    seed_limit, grow_limit, tile, pixels, table = _prepared(blocks, background, sigma, rules)
+    n_objects = 0
     while n_objects < rules.max_objects:
         highest, row, column = -1, -1, -1
         for r in range(1, rows - 1):
@@ -103,6 +95,19 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
         level, noise = background[i, j], sigma[i, j]
         n_objects = _take(image_dn, blocks, level, noise, pixels[:n], rules, table, n_objects)
     return table[:n_objects]
+
+
+@inner
+def _prepared(blocks, background, sigma, rules):
+    """What a scan begins with: limits of seeds and of what is grown in each tile; row or column of tiles of
+    each row or column of pixels; room for the pixels of an object, and for the table of objects.
+    """
+    rows, columns = blocks.shape
+    seed_limit = np.floor(background + rules.seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + rules.grow_sigma * sigma).astype(np.int64)
+    tile = np.arange(max(rows, columns)) // rules.tile_px
+    pixels, table = np.empty((rows * columns, 2), dtype=np.int32), np.empty((rules.max_objects, COLUMNS))
+    return seed_limit, grow_limit, tile, pixels, table
 
 
 @inner
@@ -196,3 +201,73 @@ def _insert(table, n, flux):
         table[k] = table[k - 1]
         k -= 1
     return k
+
+
+# ----------------------------------------------------------------------------------------------------------
+# The centroid that the scan itself takes, with its covariance.
+
+
+LEAST_VARIANCE = 1.0 / 12.0  # px^2, of one pixel
+CLIPPED_PX = 0.04  # by which saturation draws a centre of mass to the grid; spots of 0.6 to 1.2 px [E]
+
+
+@kernel
+def weighted(table, dn_per_electron):
+    """Centroids of the scan as they are.
+
+    Parameters
+    ----------
+    table : (n, scan.COLUMNS) objects
+    dn_per_electron : float, 0 where the shot noise of the stars is not known
+
+    Returns
+    -------
+    xy_px (n, 2), flux_dn (n,), P_px (n, 2, 2)
+    """
+    n = table.shape[0]
+    xy_px, flux, P_px = np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2))
+    for k in range(n):
+        xy_px[k, 0], xy_px[k, 1], flux[k] = table[k, X], table[k, Y], table[k, FLUX]
+        P_px[k] = weighted_covariance(table[k], dn_per_electron)
+    return xy_px, flux, P_px
+
+
+def lost_covariance(table):
+    """What light that is missing adds to the covariance of `weighted`: (n, 2, 2) px^2.
+
+    That of saturated pixels, and of a scan whose objects end at a threshold that of the pixels below it.
+    """
+    P_px = np.where(table[:, SATURATED] > 0.0, CLIPPED_PX**2, 0.0)[:, None, None] * np.eye(2)
+    if table.shape[1] > COLUMNS:  # else the weight of the pixels goes to zero there
+        P_px += table[:, CUT][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    return P_px
+
+
+def few_pixels(table, psf_sigma):
+    """By how much `weighted_covariance` is too small for faint objects, (n,): at least 1.
+
+    Of a star that hardly stands out only its middle is above the threshold: its pixels are too few and its
+    moments too small, and it would be known better than all the light of its spot allows. That bound, in
+    even noise, is 8 pi sigma^4 noise^2 / flux^2; for a streak it is only less than it might be.
+
+    psf_sigma : px, of the spots
+    """
+    if table.shape[1] > COLUMNS:  # what the threshold cuts off is counted: `lost_covariance`
+        return np.ones(len(table))
+    whole = 8.0 * np.pi * (psf_sigma**2 + LEAST_VARIANCE) ** 2
+    xx, yy = np.maximum(2.0 * table[:, [XX, YY]], LEAST_VARIANCE).T
+    return np.maximum(whole / (table[:, PIXELS] * np.sqrt(xx * yy)), 1.0)
+
+
+@inner
+def weighted_covariance(star, dn_per_electron):
+    """Covariance of a centroid of the scan: 2 (2 M) / SNR^2, M the moments of spot times weight, about S/2.
+
+    For a Gaussian spot in even noise the matched filter has 8 pi sigma^4 noise^2 / flux^2; the grown pixels
+    are about 8 pi sigma^2 of them.
+    """
+    noise_to_signal = (star[NOISE] ** 2 * star[PIXELS] + star[FLUX] * dn_per_electron) / star[FLUX] ** 2
+    xx, yy = max(2.0 * star[XX], LEAST_VARIANCE), max(2.0 * star[YY], LEAST_VARIANCE)
+    most = 0.9 * np.sqrt(xx * yy)  # the moments of a faint object may be anything
+    xy = min(max(2.0 * star[XY], -most), most)
+    return noise_to_signal * np.array([[xx, xy], [xy, yy]])

@@ -19,7 +19,7 @@ from math import erf
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.attitude import inverse3
+from shefex_nav.onboard.startracker.attitude import det3, inverse3, times
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
 from shefex_nav.onboard.startracker.spot import (
@@ -245,7 +245,7 @@ def _fitted(picture, stars, S):
             return S, P_S, True
         for k in range(n):
             if good[k]:
-                step = back[k, :, 3] - times3(back[k], change)
+                step = back[k, :, 3] - times(back[k, :, :3], change)
                 p[k, 0], p[k, 1] = p[k, 0] + step[0], p[k, 1] + step[1]
                 p[k, 2] = max(p[k, 2] + step[2], 0.3 * p[k, 2])
     return S, P_S, False
@@ -283,7 +283,7 @@ def _one(picture, star, p, spots, work, J, g, back):
         return False
     inverse = inverse3(A)
     for j in range(4):
-        back[:, j] = times3(inverse, M[:3, 3 + j])
+        back[:, j] = times(inverse, M[:3, 3 + j])
     for i in range(3):
         B = M[:3, 3 + i]
         for j in range(3):
@@ -291,7 +291,7 @@ def _one(picture, star, p, spots, work, J, g, back):
         g[i] = M[3 + i, 6] - (B[0] * back[0, 3] + B[1] * back[1, 3] + B[2] * back[2, 3])
     if not det3(J) > SINGULAR * M[3, 3] * M[4, 4] * M[5, 5]:
         return False
-    own, chi2 = times3(inverse3(J), g), M[6, 6]
+    own, chi2 = times(inverse3(J), g), M[6, 6]
     for i in range(3):
         chi2 -= back[i, 3] * M[i, 6] + g[i] * own[i]
     growth = misfit_growth(chi2, max(n - 6.0, 1.0), PRIOR_DOF)
@@ -336,30 +336,11 @@ def _together(J, g):
     n = len(J)
     total, pull, chi2 = np.zeros((3, 3)), np.zeros(3), 0.0
     for k in range(n):
-        own = times3(inverse3(J[k]), g[k])
+        own = times(inverse3(J[k]), g[k])
         distance = np.sqrt(max(own[0] * g[k, 0] + own[1] * g[k, 1] + own[2] * g[k, 2], 0.0))
         weight = min(1.0, HUBER / max(distance, 1e-12))
         total += weight * J[k]
         pull += weight * g[k]
         chi2 += weight * distance**2
     inverse = inverse3(total)
-    return times3(inverse, pull), inverse * misfit_growth(chi2, max(3.0 * (n - 1), 1.0), PRIOR_DOF)
-
-
-@inner
-def times3(A, b):
-    """A[:, :3] b of a matrix with three rows; without LAPACK, whose calls cost more than that: (3,)."""
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = A[i, 0] * b[0] + A[i, 1] * b[1] + A[i, 2] * b[2]
-    return out
-
-
-@inner
-def det3(A):
-    """Determinant of a (3, 3) matrix."""
-    return (
-        A[0, 0] * (A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1])
-        - A[0, 1] * (A[1, 0] * A[2, 2] - A[1, 2] * A[2, 0])
-        + A[0, 2] * (A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0])
-    )
+    return times(inverse, pull), inverse * misfit_growth(chi2, max(3.0 * (n - 1), 1.0), PRIOR_DOF)

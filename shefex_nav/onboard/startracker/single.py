@@ -22,6 +22,7 @@ from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.late_packages import special
+from shefex_nav.onboard.startracker.best_attitude import with_rate
 from shefex_nav.records import NO_STARS, Reason, StarVectors
 
 MISSED = 1e-4  # probability that a star is further from its predicted place than its gate
@@ -78,8 +79,9 @@ def identify(params, stars, detections, P_px, context, rate=None):
         return star, NO_STARS, False
     camera = params.camera.pinhole
     rows, seen_i, xy_px = _ahead(params, stars, context)
-    H, S_rate = _turns(camera, xy_px, detections, rate)
-    S = H @ context.P_c @ H.transpose(0, 2, 1) + (P_px + S_rate)[:, None]  # (n, m, 2, 2)
+    H = turn_jacobians(camera, xy_px)
+    of_objects = with_rate(params, detections, P_px, rate)
+    S = H @ context.P_c @ H.transpose(0, 2, 1) + of_objects[:, None]  # (n, m, 2, 2)
     d = detections.xy_px[:, None] - xy_px
     distance2 = _squared(S, d)
     inside = (distance2 < GATE2) & _bright_as(params, stars.vmag[rows], detections)
@@ -109,19 +111,8 @@ def _ahead(params, stars, context):
     half_px = farthest_px(camera, params.camera.distortion)
     angle = 1.5 * math.atan(half_px / camera.focal_length_px)  # beyond the border, for a wide prior
     rows = np.flatnonzero(stars.u_i @ C_ci[2] > math.cos(angle))
-    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
-    seen_i = aberrate(stars.u_i[rows], velocity_i)
+    seen_i = aberrate(stars.u_i[rows], params.velocity_i(context))
     return rows, seen_i, pixels(camera, np.ascontiguousarray(seen_i @ C_ci.T))
-
-
-def _turns(camera, xy_px, detections, rate):
-    """How a turn of the camera moves each star (m, 2, 3) px/rad; covariance of the objects by the rate."""
-    H = turn_jacobians(camera, xy_px)
-    n = len(detections.xy_px)
-    if rate is None:
-        return H, np.zeros((n, 2, 2))
-    L = rate[0][:, None, None] * turn_jacobians(camera, detections.xy_px)
-    return H, L @ rate[1] @ L.transpose(0, 2, 1)
 
 
 def _bright_as(params, vmag, detections):

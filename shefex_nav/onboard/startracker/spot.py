@@ -61,19 +61,26 @@ def spots_of(shape):
     return spots
 
 
+@inner(forceinline=True)
+def normal(z):
+    """Normal distribution and density at z, linear between the steps of a table."""
+    place = min(max((z + REACH) * PER_SIGMA, 0.0), 2.0 * REACH * PER_SIGMA)
+    index = np.uint64(place)
+    part = place - index
+    next_one = index + np.uint64(1)
+    c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
+    d = NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])
+    return c, d
+
+
 @inner
 def _edges(centre, first, n, sigma, share, slope):
     """Share of a spot's light in each of n pixels from `first` on, and its derivative to the centre."""
     inverse = 1.0 / sigma
     below_c, below_d = 0.0, 0.0
     for k in range(n + 1):
-        place = ((first + k - 0.5 - centre) * inverse + REACH) * PER_SIGMA
-        place = min(max(place, 0.0), 2.0 * REACH * PER_SIGMA)
-        index = np.uint64(place)
-        part = place - index
-        next_one = index + np.uint64(1)
-        above_c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
-        above_d = (NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])) * inverse
+        above_c, above_d = normal((first + k - 0.5 - centre) * inverse)
+        above_d *= inverse
         if k > 0:
             share[k - 1], slope[k - 1] = above_c - below_c, below_d - above_d
         below_c, below_d = above_c, above_d
@@ -105,24 +112,34 @@ def model(spots, x, y, window, work):
 
 
 @inner
+def _curved(spot, x, y, window, work):
+    """Shares of one spot of a star at x, y in each column, their slopes, the same of rows; curves of both."""
+    left, top, width, height = window
+    edges = work[EDGES]
+    columns, column_slopes, rows, row_slopes, column_curves, row_curves = (
+        edges[0], edges[1], edges[2], edges[3], edges[4], edges[5]
+    )  # fmt: skip
+    _edges(x + spot[0], left, width, spot[2], columns, column_slopes)
+    _edges(y + spot[1], top, height, spot[2], rows, row_slopes)
+    _edge_curves(x + spot[0], left, width, spot[2], column_curves)
+    _edge_curves(y + spot[1], top, height, spot[2], row_curves)
+    return columns, column_slopes, rows, row_slopes, column_curves, row_curves
+
+
+@inner
 def curves(spots, x, y, window, work):
     """Write how the light of a star of flux one changes with xx, xy, yy of the spot's covariance.
 
     A Gaussian spreads as heat does: dG/dS_xx = d2G/dx2 / 2, dG/dS_xy = d2G/dxdy. A streak changes otherwise,
     its light grows at the ends: see `_streak_curves`.
     """
-    left, top, width, height = window
-    edges = work[EDGES]
-    columns, column_slopes, column_curves = edges[0], edges[1], edges[4]
-    rows, row_slopes, row_curves = edges[2], edges[3], edges[5]
     if spots.shape[0] > 1:
         _streak_curves(spots, x, y, window, work)
         return
-    sigma = spots[0, 2]
-    _edges(x, left, width, sigma, columns, column_slopes)
-    _edges(y, top, height, sigma, rows, row_slopes)
-    _edge_curves(x, left, width, sigma, column_curves)
-    _edge_curves(y, top, height, sigma, row_curves)
+    _, _, width, height = window
+    columns, column_slopes, rows, row_slopes, column_curves, row_curves = _curved(
+        spots[0], x, y, window, work
+    )
     for r in range(height):
         for c in range(width):
             work[TO_XX, r, c] = rows[r] * column_curves[c]
@@ -138,10 +155,7 @@ def _streak_curves(spots, x, y, window, work):
     dS_gg draws the spots apart, (6 / L) sum a_k G_k,along; dS_gs turns them, (12 / L) sum a_k G_k,across;
     dS_ss makes them wider at the same S_gg, H - (6 / L) sum a_k G_k,along. For L -> 0 that is heat again.
     """
-    left, top, width, height = window
-    edges = work[EDGES]
-    columns, column_slopes, column_curves = edges[0], edges[1], edges[4]
-    rows, row_slopes, row_curves = edges[2], edges[3], edges[5]
+    _, _, width, height = window
     n = spots.shape[0]
     length = 2.0 * sqrt((n + 1.0) / (n - 1.0)) * np.hypot(spots[0, 0], spots[0, 1])
     c, s = -spots[0, 0], -spots[0, 1]
@@ -152,10 +166,8 @@ def _streak_curves(spots, x, y, window, work):
     share = 1.0 / n
     for k in range(n):
         part = share * (c * spots[k, 0] + s * spots[k, 1]) / length
-        _edges(x + spots[k, 0], left, width, spots[k, 2], columns, column_slopes)
-        _edges(y + spots[k, 1], top, height, spots[k, 2], rows, row_slopes)
-        _edge_curves(x + spots[k, 0], left, width, spots[k, 2], column_curves)
-        _edge_curves(y + spots[k, 1], top, height, spots[k, 2], row_curves)
+        edges = _curved(spots[k], x, y, window, work)
+        columns, column_slopes, rows, row_slopes, column_curves, row_curves = edges
         for i in range(height):
             light, slope = part * rows[i], part * row_slopes[i]
             row, curve = share * rows[i], share * row_curves[i]

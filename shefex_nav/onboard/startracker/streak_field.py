@@ -29,13 +29,12 @@ from shefex_nav.onboard.startracker.streak_light import (
 from shefex_nav.onboard.startracker.streak_path import (
     LENGTH,
     NUMBERS,
-    TX,
-    TY,
     X0,
     X1,
     Y0,
     Y1,
     Turning,
+    between_middles,
     place_of_middle,
     touching,
 )
@@ -240,8 +239,5 @@ def _end_to_end(path, other, s):
     """Whether two streaks touch or overlap on the same line."""
     if path[LENGTH] < SHORT_SIGMAS * s:
         return False
-    ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
-    ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
-    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
-    between = along / path[LENGTH]
-    return across < IN_LINE_SIGMAS * s and between < IN_LINE_PART
+    along, across = between_middles(path, other)
+    return across < IN_LINE_SIGMAS * s and along / path[LENGTH] < IN_LINE_PART

@@ -117,10 +117,8 @@ def _nearest(path, s, pixels):
         dx, dy = x[k] - path[X0], y[k] - path[Y0]
         along, across = dx * path[TX] + dy * path[TY], dy * path[TX] - dx * path[TY]
         if abs(across) < near_across and -near_along < along < path[LENGTH] + near_along:
-            x[k], x[n] = x[n], x[k]
-            y[k], y[n] = y[n], y[k]
-            light[k], light[n] = light[n], light[k]
-            variance[k], variance[n] = variance[n], variance[k]
+            for values in (x, y, light, variance):
+                values[k], values[n] = values[n], values[k]
             n += 1
     for values in (model, d_along, d_across, time):
         values[n:] = 0.0

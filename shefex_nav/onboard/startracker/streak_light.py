@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.spot import NORMAL, PER_SIGMA, REACH
+from shefex_nav.onboard.startracker.background import is_bad
+from shefex_nav.onboard.startracker.spot import REACH, normal
 from shefex_nav.onboard.startracker.streak_path import (
     BEGIN,
     END,
@@ -38,7 +39,7 @@ class Picture(NamedTuple):
     """A frame and what is known of its pixels."""
 
     image_dn: np.ndarray  # (rows, columns) uint8 or uint16
-    bad: np.ndarray  # bit map of `binned.bad_map`
+    bad: np.ndarray  # bit map of `background.bad_map`
     saturation_dn: int  # pixels at or above it have no weight, as bad ones
 
 
@@ -116,8 +117,8 @@ def window_of(picture, path, s, extra_px, ground, memory):
         for c in range(max(0, int(np.ceil(left))), min(columns - 1, int(np.floor(right))) + 1):
             if n == xs.shape[0]:
                 return first_of(memory, 0), 0
-            value, p = image_dn[r, c], r * columns + c
-            is_used = value < saturation_dn and not bad[p >> 3] >> (p & 7) & 1
+            value = image_dn[r, c]
+            is_used = value < saturation_dn and not is_bad(bad, r * columns + c)
             n_saturated += value >= saturation_dn
             xs[n], ys[n], light[n] = c, r, value - ground.level_dn
             variance[n] = noise2 if is_used else np.inf
@@ -141,26 +142,6 @@ def _columns_of(path, dy, wide, far):
     elif dy * ty < -far or dy * ty > path[LENGTH] + far:
         return 0.0, -1.0
     return left, right
-
-
-@inner
-def normal(z):
-    """Normal distribution and density at z, linear between the steps of a table."""
-    place = min(max((z + REACH) * PER_SIGMA, 0.0), 2.0 * REACH * PER_SIGMA)
-    index = np.uint64(place)
-    part = place - index
-    next_one = index + np.uint64(1)
-    c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
-    d = NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])
-    return c, d
-
-
-@inner
-def density(z):
-    """Normal density at -REACH < z < REACH."""
-    place = (z + REACH) * PER_SIGMA
-    index = np.uint64(place)
-    return NORMAL[index, 1] + (place - index) * (NORMAL[index + np.uint64(1), 1] - NORMAL[index, 1])
 
 
 @inner
@@ -202,7 +183,7 @@ def light_at(path, s, x, y):
     from_last = (along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s
     if abs(z) > REACH or from_first < -REACH or from_last > REACH:
         return 0.0, 0.0, 0.0, time
-    line = path[SHARE] * density(z) / s
+    line = path[SHARE] * normal(z)[1] / s
     light, end = line, 0.0
     if from_first < REACH:
         c, d = normal(from_first)

@@ -107,11 +107,17 @@ def place_of_middle(turning, middle_x, middle_y, path):
 
 
 @inner
-def touching(path, other, s, extra_px):
-    """Whether the light of another streak may reach the window of one that is searched extra_px along."""
+def between_middles(path, other):
+    """Distance of the middles of two streaks along the first one and across it [px]."""
     ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
     ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
-    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
+    return abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
+
+
+@inner
+def touching(path, other, s, extra_px):
+    """Whether the light of another streak may reach the window of one that is searched extra_px along."""
+    along, across = between_middles(path, other)
     # the other one may lie askew: half of what its direction differs by
     askew = 0.5 * other[LENGTH] * abs(path[TX] * other[TY] - path[TY] * other[TX])
     return (

@@ -21,7 +21,7 @@ import numpy as np
 
 from shefex_nav.fields import matrix, number, vector
 from shefex_nav.geometry.distortion import corner_angles
-from shefex_nav.onboard.startracker import best_attitude, objects, own_rate, single
+from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import deep as deep_matching
 from shefex_nav.onboard.startracker.camera import CameraModel
@@ -45,6 +45,10 @@ class TrackerParams(NamedTuple):
     camera: CameraModel  # its zero_flux is that of the longest exposure
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
     vectors: bool = False  # near the predicted attitude, one or two stars are given as well
+
+    def velocity_i(self, context):
+        """(3,) m/s, of the vehicle by a Context; that of the Earth where it says none."""
+        return self.earth_velocity_i if context.velocity_i is None else context.velocity_i
 
 
 class Context(NamedTuple):
@@ -85,7 +89,7 @@ class TrackerState(NamedTuple):
     exposure_s: float  # as commanded last
     memory: Any = None  # objects.Found.memory of the frame before
     misfits: float = 0.0  # share of late frames that were refused for their residuals, `denied`
-    attitude: own_rate.Seen = own_rate.NOTHING  # the last one, given out or not
+    attitude: best_attitude.Seen = best_attitude.NOT_SEEN  # the last one, given out or not
 
 
 def init(params, catalogue, julian_year):
@@ -211,8 +215,8 @@ def concluded(tracker, state, frame, context, seen, result):
     as `step`
     """
     settings, detections, mean_dn = tracker.params.settings, seen.detections, seen.statistics.mean_dn
-    now = own_rate.Seen(frame.t_valid_s, context.rate, result[2][0])
-    is_fast = own_rate.is_fast(settings.highest_rate, state.attitude, now)
+    now = best_attitude.Seen(frame.t_valid_s, context.rate, result[2][0])
+    is_fast = best_attitude.is_fast(settings.highest_rate, state.attitude, now)
     (found, reason, solution, stars), misfits = _given(
         tracker, state.misfits, frame, context, seen, is_fast, result
     )
@@ -321,7 +325,7 @@ def identified(tracker, detections, context, found, least, rate=None):
     if found.reason != Reason.NONE:
         return found, found.reason, NO_SOLUTION, NO_STARS
     params = tracker.params
-    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
+    velocity_i = params.velocity_i(context)
     n_used, *solution, stars = best_attitude.of_named(
         params, tracker.pairs.stars, found.star, detections, velocity_i, least, rate
     )

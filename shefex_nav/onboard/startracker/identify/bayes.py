@@ -18,6 +18,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate, quat_fro
 from shefex_nav.onboard.startracker.identify.doubts import (
     fits_badly,
     has_second_image,
+    is_named_for_a_neighbour,
     leans_on_one_star,
     recall,
 )
@@ -33,9 +34,15 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, no_lever
-from shefex_nav.onboard.startracker.identify.neighbours import is_named_for_a_neighbour
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, new_seen
-from shefex_nav.onboard.startracker.identify.search import Task, look, lost_in_space, margin, new_best
+from shefex_nav.onboard.startracker.identify.search import (
+    Task,
+    changed,
+    look,
+    lost_in_space,
+    margin,
+    new_best,
+)
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.onboard.startracker.likelihood import misfit_factor
@@ -322,10 +329,7 @@ def with_noise(task, growth):
         told.xy_px, told.mag, told.has_flux, told.width_px, told.height_px, told.focal_px, told.cx_px,
         told.cy_px, told.border_px, growth * told.centroid_error, told.magnitude_error, told.ellipses,
     )  # fmt: skip
-    again = Task(
-        task.stars, scene, task.prior, task.seen, new_best(len(best.star)), task.room, task.min_stars,
-        task.threshold, task.strict,
-    )  # fmt: skip
+    again = changed(task, scene, task.seen, new_best(len(best.star)), task.room)
     again.best.trial_C[:] = best.C
     gate_px = min(GATE * scene.centroid_error, REACH_PX)
     look(again, best.score[4], gate_px, no_lever(gate_px), best.score[2] == 4.0)

@@ -9,19 +9,32 @@ beyond the model make an attitude of those stars that happen to fit. Each is ref
 import numpy as np
 
 from shefex_nav.compiled import inner
-from shefex_nav.onboard.startracker.identify.ellipses import between2, factor, weigh, weighted2
+from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.startracker.identify.ellipses import apart, between2, factor, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.evidence import (
     GATE,
     NOISE_SCALES,
     Fit,
     cholesky,
+    gather_distances,
     information,
     jacobian,
     match,
+    new_view,
+    slopes,
     sort,
 )
-from shefex_nav.onboard.startracker.identify.lever import REACH_PX
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX, lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.odds import log_odds
+from shefex_nav.onboard.startracker.identify.screen import directions, join, triad
+from shefex_nav.onboard.startracker.identify.search import (
+    MAGNITUDE_GATE,
+    WIDER,
+    changed,
+    look,
+    new_best,
+    trace_between,
+)
 
 LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain than this ...
 LEVER = 2.0  # ... and than so many times what it is with it, must prove itself
@@ -44,7 +57,7 @@ def recall(task, n):
         view.det[s], view.distance2[s] = -1, 0.0
         for k in range(best.star.shape[0]):
             if best.star[k] == view.row[s]:
-                dx, dy = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
+                dx, dy = apart(scene.xy_px, k, view.xy_px, s)
                 view.det[s], view.distance2[s] = k, weighted2(scene.ellipses, k, dx, dy)
 
 
@@ -77,14 +90,10 @@ def fits_badly(task, n, n_par):
     scene, view = task.scene, task.room
     widest_px = NOISE_SCALES[-1] * scene.centroid_error
     match(scene, view, n, around(scene, scene.ellipses), widest_px)
-    distance2, m, best = view.spare, 0, 0.0
-    for s in range(n):
-        if view.det[s] >= 0:
-            distance2[m] = view.distance2[s]
-            m += 1
-    sort(distance2, m)
+    m, best = gather_distances(view, n), 0.0
+    sort(view.spare, m)
     for k in range(int(np.ceil(KEPT * m))):
-        best += distance2[k]
+        best += view.spare[k]
     dof = max(2.0 * m - n_par, 1.0)
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
@@ -153,7 +162,7 @@ def _leverage(L, scene, view, s, focal_px, n_par):
     """Share h of the information that is one star's, L L' that of all: without it no variance grows beyond
     1 / (1 - h) times (trace of N^-1 J' W J: two rows of a factor of W times J).
     """
-    J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
+    J = jacobian(*slopes(scene, view.xy_px, s, focal_px))
     p, q, r = factor(scene.ellipses, view.det[s])
     total = 0.0
     for row in range(2):  # forward substitution; written out, as it is done for every star of every frame
@@ -171,7 +180,7 @@ def _leverage(L, scene, view, s, focal_px, n_par):
 @inner
 def _add(N, scene, view, s, focal_px, n_par, sign):
     """Add the information of a star [px^-2 rad^2], lower triangle."""
-    J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
+    J = jacobian(*slopes(scene, view.xy_px, s, focal_px))
     for a in range(n_par):
         ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
         ux, uy = weigh(scene.ellipses, view.det[s], ux, uy)
@@ -209,7 +218,66 @@ def has_second_image(task, n, noise_px):
     for p in range(m):
         alike = 0
         for q in range(m):
-            dx, dy = shift[p, 0] - shift[q, 0], shift[p, 1] - shift[q, 1]
+            dx, dy = apart(shift, p, shift, q)
             alike += between2(scene.ellipses, of_det[p], of_det[q], dx, dy) < gate2
         most = max(most, alike)
     return most >= IMAGE_STARS
+
+
+# ----------------------------------------------------------------------------------------------------------
+# Whether a star has the name of its neighbour.
+#
+# A search ends with the first attitude that is certain, and none within 0.6 deg of it is a rival. But where a
+# star has a neighbour a few pixels off and sets the turn, both names make an attitude: one is turned by the
+# neighbour's distance over the star's lever, and all others follow. Each such star is given the other name
+# here, and the attitude of it and of the star that is furthest from it is fitted and weighed like any other.
+
+
+APART = 1.0 + 2.0 * np.cos(np.radians(0.1))  # [E] trace of the rotation between attitudes that differ
+
+
+@inner
+def is_named_for_a_neighbour(task, n):
+    """Whether the best attitude has a rival in which one of its stars is its neighbour.
+
+    n : stars predicted in the room, with the detections that the attitude has found for them
+    """
+    scene, view, stars = task.scene, task.room, task.stars
+    width = WIDER * MAGNITUDE_GATE * scene.magnitude_error if scene.has_flux else np.inf
+    for s in range(n):
+        if view.det[s] < 0:
+            continue
+        for t in range(n):
+            dx, dy = apart(view.xy_px, t, view.xy_px, s)
+            if view.det[t] >= 0 or not dx * dx + dy * dy < REACH_PX * REACH_PX:
+                continue
+            if abs(stars.vmag[view.row[t]] - stars.vmag[view.row[s]]) > width:
+                continue
+            if _rivals(task, n, s, view.row[t]):
+                return True
+    return False
+
+
+@inner
+def _rivals(task, n, s, row):
+    """Whether the detection of star s makes another attitude, about as likely, as the star of `row`."""
+    scene, view, stars, best = task.scene, task.room, task.stars, task.best
+    k, partner, furthest = view.det[s], -1, 0.0
+    for p in range(n):
+        j = view.det[p]
+        if j >= 0 and p != s:
+            dx, dy = apart(scene.xy_px, j, scene.xy_px, k)
+            if dx * dx + dy * dy > furthest:
+                partner, furthest = p, dx * dx + dy * dy
+    if partner < 0:
+        return False
+    j, focal_px = view.det[partner], best.score[4]
+    u_c = directions(scene, focal_px)
+    other = changed(task, scene, task.seen, new_best(len(best.star)), new_view())
+    T = triad(t3.row(u_c, k), t3.row(u_c, j))
+    t3.store(other.best.trial_C, join(T, triad(t3.row(stars.u_i, row), t3.row(stars.u_i, view.row[partner]))))
+    lever = lever_of(scene, scene.ellipses, k, j, scene.centroid_error)
+    look(other, focal_px, widest_gate(scene, scene.ellipses, lever), lever, best.score[2] == 4.0)
+    if other.best.score[0] < best.score[0] - task.threshold:
+        return False
+    return trace_between(other.best.C, best.C) < APART

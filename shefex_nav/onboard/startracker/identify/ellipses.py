@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import triples as t3
 
 LEAST = 0.3  # sigma_px; no axis is believed to be shorter, as lens and catalogue have errors, too [E]
 LONGEST_PX = 10.0  # nor longer
@@ -87,6 +88,12 @@ def ellipses_of(P_px, sigma_px):
 
 
 @inner
+def apart(a, i, b, j):
+    """By how much place i of a is right of and below place j of b, (n, 2) each."""
+    return a[i, 0] - b[j, 0], a[i, 1] - b[j, 1]
+
+
+@inner
 def weigh(ellipses, k, x, y):
     """W (x, y), W the weight of centroid k."""
     if ellipses is None:
@@ -136,7 +143,7 @@ def along(ellipses, i, j, dx, dy):
     if ellipses is None:
         return 1.0
     S = ellipses.spread
-    xx, xy, yy = S[i, 0] + S[j, 0], S[i, 1] + S[j, 1], S[i, 2] + S[j, 2]
+    xx, xy, yy = t3.plus(t3.row(S, i), 1.0, t3.row(S, j))
     return 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy) / (dx * dx + dy * dy)
 
 
@@ -146,5 +153,5 @@ def between2(ellipses, i, j, dx, dy):
     if ellipses is None:
         return dx**2 + dy**2
     S = ellipses.spread
-    xx, xy, yy = 0.5 * (S[i, 0] + S[j, 0]), 0.5 * (S[i, 1] + S[j, 1]), 0.5 * (S[i, 2] + S[j, 2])
+    xx, xy, yy = t3.scaled(0.5, t3.plus(t3.row(S, i), 1.0, t3.row(S, j)))
     return (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)

@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner
+from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry.pinhole import turn_slopes
-from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, log_area, weigh, weighted2
+from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, apart, log_area, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
 OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
@@ -105,17 +106,15 @@ def new_view():
 @inner
 def predict(stars, scene, C, focal_px, view):
     """Fill `view` with the stars that the attitude C = C_ci puts into the frame; how many."""
-    n = 0
+    n, nine = 0, t3.matrix(C)
     outside_px = OUTSIDE_PX + (scene.border_px - BORDER_PX)
-    cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
+    cell = cell_of(nine[6], nine[7], nine[8])
     for e in range(stars.start[cell], stars.start[cell + 1]):
         s = stars.row[e]
-        a, b, c = stars.u_i[s, 0], stars.u_i[s, 1], stars.u_i[s, 2]
-        Z = C[2, 0] * a + C[2, 1] * b + C[2, 2] * c
+        X, Y, Z = t3.rotated(nine, t3.row(stars.u_i, s))
         if Z <= 0.1:
             continue
-        x = scene.cx_px + focal_px * (C[0, 0] * a + C[0, 1] * b + C[0, 2] * c) / Z
-        y = scene.cy_px + focal_px * (C[1, 0] * a + C[1, 1] * b + C[1, 2] * c) / Z
+        x, y = scene.cx_px + focal_px * X / Z, scene.cy_px + focal_px * Y / Z
         if x < -outside_px or y < -outside_px or n == MAX_STARS:
             continue
         if x > scene.width_px - 1.0 + outside_px or y > scene.height_px - 1.0 + outside_px:
@@ -199,6 +198,12 @@ def jacobian(x, y):
 
 
 @inner
+def slopes(scene, xy_px, k, focal_px):
+    """X/Z and Y/Z of place k of some, (n, 2) px."""
+    return (xy_px[k, 0] - scene.cx_px) / focal_px, (xy_px[k, 1] - scene.cy_px) / focal_px
+
+
+@inner
 def information(scene, view, n, focal_px, noise_px, N, g):
     """Normal equations of the matched stars, in pixels, for a free focal length: N (4, 4), right side g (4,).
 
@@ -209,30 +214,19 @@ def information(scene, view, n, focal_px, noise_px, N, g):
         k = view.det[s]
         if k < 0:
             continue
-        x, y = (view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px
+        x, y = slopes(scene, view.xy_px, s, focal_px)
         a, b, c, d, e, f, p, q = jacobian(x, y)
+        columns = (a, d), (b, e), (c, f), (p, q)
         one = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
-        rx, ry = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
+        rx, ry = apart(scene.xy_px, k, view.xy_px, s)
         rx, ry = weigh(scene.ellipses, k, one * rx, one * ry)
         two = one * focal_px
-        ax, ay = weigh(scene.ellipses, k, two * a, two * d)
-        bx, by = weigh(scene.ellipses, k, two * b, two * e)
-        cx, cy = weigh(scene.ellipses, k, two * c, two * f)
-        px, py = weigh(scene.ellipses, k, two * p, two * q)
-        g[0] += a * rx + d * ry
-        g[1] += b * rx + e * ry
-        g[2] += c * rx + f * ry
-        g[3] += p * rx + q * ry
-        N[0, 0] += a * ax + d * ay
-        N[1, 0] += b * ax + e * ay
-        N[1, 1] += b * bx + e * by
-        N[2, 0] += c * ax + f * ay
-        N[2, 1] += c * bx + f * by
-        N[2, 2] += c * cx + f * cy
-        N[3, 0] += p * ax + q * ay
-        N[3, 1] += p * bx + q * by
-        N[3, 2] += p * cx + q * cy
-        N[3, 3] += p * px + q * py
+        for j in range(4):
+            ux, uy = columns[j]
+            wx, wy = weigh(scene.ellipses, k, two * ux, two * uy)
+            g[j] += ux * rx + uy * ry
+            for i in range(j, 4):
+                N[i, j] += columns[i][0] * wx + columns[i][1] * wy
 
 
 @inner
@@ -308,14 +302,21 @@ def median(values, m):
 
 
 @inner
-def noise_seen(scene, view, n):
-    """Noise of the centroids from the median distance of the matches, within what is thought possible."""
-    distance2, m = view.spare, 0
+def gather_distances(view, n):
+    """Write the squared distances of the matches among n stars to view.spare; how many there are."""
+    m = 0
     for s in range(n):
         if view.det[s] >= 0:
-            distance2[m] = view.distance2[s]
+            view.spare[m] = view.distance2[s]
             m += 1
-    seen = np.sqrt(median(distance2, m) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
+    return m
+
+
+@inner
+def noise_seen(scene, view, n):
+    """Noise of the centroids from the median distance of the matches, within what is thought possible."""
+    m = gather_distances(view, n)
+    seen = np.sqrt(median(view.spare, m) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
     return min(max(seen, scene.centroid_error), NOISE_SCALES[-1] * scene.centroid_error)
 
 

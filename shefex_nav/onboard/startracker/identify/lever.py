@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner
+from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.startracker.identify.ellipses import apart
 
 REACH_PX = 10.0  # no prediction is trusted to be worse
 STAR_GATE = 3.5  # sigma of a place predicted by a pair
@@ -37,17 +39,17 @@ def _round(x, y, near2, far2):
 @inner
 def lever_of(scene, ellipses, i, j, sigma_px):
     """Lever of the detections i and j for centroid errors of sigma_px. ellipses: those of the scene."""
-    dx, dy = scene.xy_px[j, 0] - scene.xy_px[i, 0], scene.xy_px[j, 1] - scene.xy_px[i, 1]
+    dx, dy = apart(scene.xy_px, j, scene.xy_px, i)
     variance = (STAR_GATE * sigma_px) ** 2
     xm, ym = 0.5 * (scene.xy_px[i, 0] + scene.xy_px[j, 0]), 0.5 * (scene.xy_px[i, 1] + scene.xy_px[j, 1])
     if ellipses is None:
         return _round(xm, ym, 1.5 * variance, 2.0 * variance / (dx * dx + dy * dy))
     spread, length = ellipses.spread, np.sqrt(dx * dx + dy * dy)
     nx, ny = -dy / length, dx / length  # across the line
-    xx, xy, yy = spread[i, 0] + spread[j, 0], spread[i, 1] + spread[j, 1], spread[i, 2] + spread[j, 2]
+    xx, xy, yy = t3.plus(t3.row(spread, i), 1.0, t3.row(spread, j))
     turn2 = variance * (xx * nx * nx + 2.0 * xy * nx * ny + yy * ny * ny) / (length * length)
-    shift = (0.25 * variance * xx, 0.25 * variance * xy, 0.25 * variance * yy)
-    xx, xy, yy = spread[j, 0] - spread[i, 0], spread[j, 1] - spread[i, 1], spread[j, 2] - spread[i, 2]
+    shift = t3.scaled(0.25 * variance, (xx, xy, yy))
+    xx, xy, yy = t3.plus(t3.row(spread, j), -1.0, t3.row(spread, i))
     half = 0.5 * variance / length
     both = (half * (xx * nx + xy * ny), half * (xy * nx + yy * ny))
     return Lever(xm, ym, 0.0, 0.0, shift, both, turn2, variance)

@@ -12,7 +12,7 @@ from shefex_nav.compiled import inner
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.startracker.identify.ellipses import Ellipses
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, Lever, is_near, reach_of
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 
 CELL_SHIFT = 4
 CELL_PX = 1 << CELL_SHIFT  # of the table of detections
@@ -118,15 +118,18 @@ def screen(stars, seen, C, frame, lever, a, b):
 
 
 @inner
-def triad(p0, p1, p2, q0, q1, q2):
+def angle_between(p, q):
+    """Angle between two unit vectors."""
+    return np.arccos(min(t3.dot(p, q), 1.0))
+
+
+@inner
+def triad(p, q):
     """Three unit vectors: along p + q, across in their plane, normal to it; 9 numbers for unit p and q."""
-    x, y, z = p0 + q0, p1 + q1, p2 + q2
-    norm = 1.0 / np.sqrt(x * x + y * y + z * z)
-    x, y, z = x * norm, y * norm, z * norm
-    u, v, w = p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
-    norm = 1.0 / np.sqrt(u * u + v * v + w * w)
-    u, v, w = u * norm, v * norm, w * norm
-    return x, y, z, v * z - w * y, w * x - u * z, u * y - v * x, u, v, w
+    along, normal = t3.plus(p, 1.0, q), t3.cross(p, q)
+    along = t3.scaled(1.0 / np.sqrt(t3.dot(along, along)), along)
+    normal = t3.scaled(1.0 / np.sqrt(t3.dot(normal, normal)), normal)
+    return along + t3.cross(normal, along) + normal
 
 
 @inner
@@ -181,8 +184,7 @@ def scan(stars, pairs, seen, two, frame, need, begin, end):
                 continue
             if is_filtered and not has_bits(np.uint64(partners[i, a] & partners[j, b]), need):
                 continue
-            S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
-            C = join(two.T, S)
+            C = join(two.T, triad(t3.row(u_i, a), t3.row(u_i, b)))
             hits, looked_at = screen(stars, seen, C, frame, two.lever, a, b)
             work += WORK_PER_TRIAL + looked_at
             if hits >= need:
@@ -210,9 +212,36 @@ def frame_of(scene, focal_px, patience, convincing):
     return focal_px, scene.cx_px, scene.cy_px, right, bottom, scene.border_px, patience, convincing
 
 
+# ----------------------------------------------------------------------------------------------------------
+# Which detections may belong to a star: those that find a neighbour of it at the right angle.
+#
+# A right attitude is a set of detections of which any two have the angle of their stars. So if detection i is
+# star a, and j is b, the other stars of that attitude are among the detections k for which a has a neighbour
+# at the angle between i and k, and b one at the angle between j and k. Where there are too few of them, the
+# pair need not be looked at, and most pairs of a wrong attitude have too few: the search gives up early.
+
+
 @inner
-def put(C, nine):
-    """Nine numbers into a matrix."""
-    for a in range(3):
-        for b in range(3):
-            C[a, b] = nine[3 * a + b]
+def mark(pairs, partners, ij, entries, gate):
+    """Mark two detections as partners for the stars of all catalogue pairs with their angle.
+
+    Parameters
+    ----------
+    pairs : Pairs
+    partners : (n, n_stars) uint32, written: bit j of [i, a] is set if a pair of stars (a, b) may be (i, j)
+    ij : the detections
+    entries : (begin, end) of the catalogue pairs
+    gate : (lowest, highest) magnitude of the star of j minus that of i
+    """
+    i, j = ij
+    of_i, of_j = partners[i], partners[j]
+    bit_i, bit_j = np.uint32(1 << i), np.uint32(1 << j)
+    star, fainter = pairs.star, pairs.fainter
+    for p in range(entries[0], entries[1]):
+        a, b, difference = star[p, 0], star[p, 1], fainter[p]
+        if gate[0] < difference < gate[1]:
+            of_i[a] |= bit_j
+            of_j[b] |= bit_i
+        if gate[0] < -difference < gate[1]:
+            of_i[b] |= bit_j
+            of_j[a] |= bit_i

@@ -4,7 +4,7 @@ A pair of detections has an angle and a difference of brightness; the k-vector g
 have them too. Each is an attitude, and most are dismissed by the first few bright stars that it predicts and
 that are not there (`screen`). What survives is adjusted and weighed (`evidence`, `odds`). The number of
 attitudes looked at is bounded. The first pairs are the brightest. A frame that they do not solve is searched
-with those pairs of stars only that could belong to an attitude (`partners`), in turn by brightness and from
+with those pairs of stars only that could belong to an attitude (`screen`), in turn by brightness and from
 all (`from_all`): whatever noise it is, it is soon given up.
 """
 
@@ -15,17 +15,17 @@ import numpy as np
 
 from shefex_nav.compiled import inner, lent
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.startracker.identify.ellipses import along
+from shefex_nav.onboard.startracker.identify.ellipses import along, apart
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Trial, View, adjust
 from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.odds import log_odds
-from shefex_nav.onboard.startracker.identify.partners import mark
 from shefex_nav.onboard.startracker.identify.screen import (
     Seen,
     TwoSeen,
+    angle_between,
     directions,
     frame_of,
-    put,
+    mark,
     scan,
     triad,
 )
@@ -98,6 +98,13 @@ class Task(NamedTuple):
 
 
 @inner
+def changed(task, scene, seen, best, room):
+    """The task with other detections, another place for its result and other working space."""
+    rules = task.min_stars, task.threshold, task.strict
+    return Task(task.stars, scene, task.prior, seen, best, room, *rules)
+
+
+@inner
 def new_best(n):
     """Nothing found yet in n detections."""
     score = np.array([-np.inf, -np.inf, 3.0, 0.0, 1.0, 1.0])
@@ -123,17 +130,14 @@ def look(task, focal_px, gate_px, lever, free_focal):
     stars, scene, best, view = task.stars, task.scene, task.best, task.room
     start, work = t3.matrix(best.trial_C), 0
     for n_par in range(3, 5 if free_focal else 4):
-        put(best.trial_C, start)
+        t3.store(best.trial_C, start)
         trial = Trial(best.trial_C, focal_px if n_par == 4 else scene.focal_px, n_par)
         fit = adjust(stars, scene, trial, view, gate_px, lever, task.min_stars)
         work += WORK_PER_LOOK + int(WORK_PER_MATCH * fit.n * scene.xy_px.shape[0])
         if fit.n == 0:
             continue
         odds = log_odds(stars, scene, task.prior, view, fit)
-        same = 0.0
-        for a in range(3):
-            for b in range(3):
-                same += best.trial_C[a, b] * best.C[a, b]
+        same = trace_between(best.trial_C, best.C)
         if odds <= best.score[0]:
             if same < SAME_TRACE:
                 best.score[1] = max(best.score[1], odds)
@@ -153,6 +157,16 @@ def look(task, focal_px, gate_px, lever, free_focal):
 
 
 @inner
+def trace_between(A, B):
+    """Trace of the rotation between two attitudes, (3, 3) each."""
+    total = 0.0
+    for a in range(3):
+        for b in range(3):
+            total += A[a, b] * B[a, b]
+    return total
+
+
+@inner
 def margin(task):
     """ln B of the best attitude, against chance and against a rival that is itself better than chance."""
     return task.best.score[0] - max(task.best.score[1], 0.0)
@@ -161,30 +175,31 @@ def margin(task):
 @inner
 def window(pairs, u_c, i, j, tolerance):
     """Catalogue pairs with the angle of the detections i and j: begin, end; empty for close detections."""
-    angle = np.arccos(min(u_c[i, 0] * u_c[j, 0] + u_c[i, 1] * u_c[j, 1] + u_c[i, 2] * u_c[j, 2], 1.0))
+    angle = angle_between(t3.row(u_c, i), t3.row(u_c, j))
     low, high = np.cos(angle + tolerance), np.cos(max(angle - tolerance, 0.0))
     return position(pairs, low), position(pairs, high)
 
 
 @inner
-def try_pair(task, pairs, u_c, i, j, begin, end, way):
-    """The catalogue pairs begin ... end as the detections i and j; work."""
-    stars, scene, best = task.stars, task.scene, task.best
+def try_pair(task, pairs, u_c, pair, tolerance, way):
+    """The catalogue pairs with the angle of a pair of detections, to a tolerance [rad]; work."""
+    stars, scene, best, i, j = task.stars, task.scene, task.best, pair[0], pair[1]
+    begin, end = window(pairs, u_c, i, j, tolerance)
     sigma_px, focal_px = way.noise * scene.centroid_error, way.focal * scene.focal_px
-    T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
     lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
     frame = frame_of(scene, focal_px, way.patience, way.convincing)
     width = MAGNITUDE_GATE * scene.magnitude_error * (WIDER if way.is_wide else 1.0)
     if not scene.has_flux:
         width = np.inf
     fainter = scene.mag[j] - scene.mag[i]
+    T = triad(t3.row(u_c, i), t3.row(u_c, j))
     two = TwoSeen(T, lever, (fainter - width, fainter + width), (best.star[i], best.star[j]), (i, j))
     entry, work = 2 * begin, WORK_PER_PAIR
     while entry < 2 * end:
         entry, C, n = scan(stars, pairs, task.seen, two, frame, task.min_stars - 2, entry, 2 * end)
         work += n
         if entry < 2 * end:
-            put(best.trial_C, C)
+            t3.store(best.trial_C, C)
             work += look(task, focal_px, widest_gate(scene, scene.ellipses, lever), lever, way.is_wide)
             if margin(task) >= task.threshold + SURE:
                 break
@@ -238,7 +253,7 @@ def costs_of(scene, order):
     cost, spread = np.full(order.shape[0], np.inf), np.ones(order.shape[0])
     for k in range(order.shape[0]):
         i, j = order[k, 0], order[k, 1]
-        dx, dy = scene.xy_px[i, 0] - scene.xy_px[j, 0], scene.xy_px[i, 1] - scene.xy_px[j, 1]
+        dx, dy = apart(scene.xy_px, i, scene.xy_px, j)
         distance2 = dx * dx + dy * dy
         if distance2 > SHORT_PX**2:
             spread[k] = along(scene.ellipses, i, j, dx, dy)
@@ -264,9 +279,7 @@ def try_block(task, pairs, u_c, block, way, limit):
         if cost[k] == np.inf or work > limit:
             break
         cost[k] = np.inf
-        i, j = block[k, 0], block[k, 1]
-        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
-        work += try_pair(task, pairs, u_c, i, j, begin, end, way)
+        work += try_pair(task, pairs, u_c, block[k], tolerance * np.sqrt(spread[k]), way)
         if margin(task) >= task.threshold + SURE:
             break
     return work
@@ -288,9 +301,7 @@ def try_in_turn(task, pairs, u_c, order, size, way, limit):
             first += size
             continue
         cost[k] = np.inf
-        i, j = order[k, 0], order[k, 1]
-        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
-        more = try_pair(task, pairs, u_c, i, j, begin, end, way)
+        more = try_pair(task, pairs, u_c, order[k], tolerance * np.sqrt(spread[k]), way)
         work, ahead = work + more, ahead + (-more if is_bright else more)
         if margin(task) >= task.threshold + SURE:
             break
@@ -325,11 +336,7 @@ def with_partners(task, pairs, u_c, order, way):
         mark(pairs, partners, (i, j), (begin, end), (fainter - width, fainter + width))
         entries += end - begin
     seen = Seen(seen.table, seen.xy_px, seen.ellipses, partners, seen.room)
-    known = Task(
-        task.stars, task.scene, task.prior, seen, task.best, task.room, task.min_stars, task.threshold,
-        task.strict,
-    )  # fmt: skip
-    return known, entries // ENTRIES_PER_WORK
+    return changed(task, task.scene, seen, task.best, task.room), entries // ENTRIES_PER_WORK
 
 
 @inner

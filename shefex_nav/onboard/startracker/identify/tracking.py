@@ -6,14 +6,15 @@ Pairs of such proposals whose angles agree are attitudes, which are looked at as
 import numpy as np
 
 from shefex_nav.compiled import inner, lent
-from shefex_nav.onboard.startracker.identify.ellipses import along, with_own
-from shefex_nav.onboard.startracker.identify.evidence import jacobian
+from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.startracker.identify.ellipses import along, apart, with_own
+from shefex_nav.onboard.startracker.identify.evidence import jacobian, slopes
 from shefex_nav.onboard.startracker.identify.lever import STAR_GATE, lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.screen import (
+    angle_between,
     directions,
     frame_of,
     join,
-    put,
     screen,
     triad,
 )
@@ -24,7 +25,7 @@ from shefex_nav.onboard.startracker.identify.search import (
     look,
     margin,
 )
-from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.onboard.startracker.tables import cell_of
 
 MAX_PROPOSALS = 512  # detections near their predicted places; with more, the prediction is no help
 NOISES = (1.1, 3.4)  # times the centroid error, one after the other
@@ -37,16 +38,14 @@ def propose(stars, scene, prior, sigma_px):
     """Detections near the predicted place of a star: (m, 2) detection, star; m = 0 when too many."""
     found = np.empty((MAX_PROPOSALS, 2), dtype=np.int64)
     m = 0
-    C, f = prior.C_ci, scene.focal_px
-    cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
+    f, nine = scene.focal_px, t3.matrix(prior.C_ci)
+    cell = cell_of(nine[6], nine[7], nine[8])
     for e in range(stars.start[cell], stars.start[cell + 1]):
         s = stars.row[e]
-        p = stars.u_i[s]
-        Z = C[2, 0] * p[0] + C[2, 1] * p[1] + C[2, 2] * p[2]
+        X, Y, Z = t3.rotated(nine, t3.row(stars.u_i, s))
         if Z <= 0.1:
             continue
-        x = (C[0, 0] * p[0] + C[0, 1] * p[1] + C[0, 2] * p[2]) / Z
-        y = (C[1, 0] * p[0] + C[1, 1] * p[1] + C[1, 2] * p[2]) / Z
+        x, y = X / Z, Y / Z
         J = jacobian(x, y)
         variance = (sigma_px / f) ** 2
         xx, xy, yy = variance, 0.0, variance  # of an ordinary star
@@ -56,8 +55,8 @@ def propose(stars, scene, prior, sigma_px):
                 xy += 2.0 * J[a] * prior.P_c[a, b] * J[3 + b]
                 yy += 2.0 * J[3 + a] * prior.P_c[a, b] * J[3 + b]
         for k in range(scene.xy_px.shape[0]):
-            dx = (scene.xy_px[k, 0] - scene.cx_px) / f - x
-            dy = (scene.xy_px[k, 1] - scene.cy_px) / f - y
+            seen_x, seen_y = slopes(scene, scene.xy_px, k, f)
+            dx, dy = seen_x - x, seen_y - y
             kxx, kxy, kyy = with_own(scene.ellipses, k, variance, xx, xy, yy)
             det = kxx * kyy - kxy * kxy
             if (kyy * dx * dx - 2.0 * kxy * dx * dy + kxx * dy * dy) < STAR_GATE**2 * det:
@@ -69,33 +68,26 @@ def propose(stars, scene, prior, sigma_px):
 
 
 @inner
-def angle_between(a, i, b, j):
-    """Angle between row i of a and row j of b."""
-    return np.arccos(min(a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2], 1.0))
-
-
-@inner
 def try_proposals(task, u_c, p, q, noise):
     """The attitude that makes two proposals true, if they agree; work."""
     stars, scene = task.stars, task.scene
     i, a, j, b = p[0], p[1], q[0], q[1]
     sigma_px, focal_px = noise * scene.centroid_error, scene.focal_px
-    seen, true = angle_between(u_c, i, u_c, j), angle_between(stars.u_i, a, stars.u_i, b)
+    u, v, x, y = t3.row(u_c, i), t3.row(u_c, j), t3.row(stars.u_i, a), t3.row(stars.u_i, b)
+    seen, true = angle_between(u, v), angle_between(x, y)
     if seen * focal_px < SHORT_PX:
         return 1
-    dx, dy = scene.xy_px[i, 0] - scene.xy_px[j, 0], scene.xy_px[i, 1] - scene.xy_px[j, 1]
+    dx, dy = apart(scene.xy_px, i, scene.xy_px, j)
     gate_px = PAIR_GATE * np.sqrt(2.0) * sigma_px * np.sqrt(along(scene.ellipses, i, j, dx, dy))
     if abs(seen - true) * focal_px > gate_px:
         return 1
-    u, v, x, y = u_c[i], u_c[j], stars.u_i[a], stars.u_i[b]
-    S = triad(x[0], x[1], x[2], y[0], y[1], y[2])
-    C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
+    C = join(triad(u, v), triad(x, y))
     lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
     frame = frame_of(scene, focal_px, PATIENCE, CONVINCING)
     hits, work = screen(stars, task.seen, C, frame, lever, a, b)
     if hits + 2 < task.min_stars:
         return work
-    put(task.best.trial_C, C)
+    t3.store(task.best.trial_C, C)
     return work + look(task, focal_px, widest_gate(scene, scene.ellipses, lever), lever, noise > NOISES[0])
 
 

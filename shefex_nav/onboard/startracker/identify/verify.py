@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry.pinhole import pixels
-from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.onboard.startracker.attitude import covariance, det3, esoq2
 from shefex_nav.records import Reason
 
 FIRST_GATE = 3.0  # times the gate: four stars in one corner say little about the far one
@@ -100,12 +100,7 @@ def log_odds(camera, centroid_error, detection_probability, u_c, star, distance2
     """
     known = np.flatnonzero(star >= 0)
     P = covariance(u_c[known], np.full(len(known), centroid_error / camera.focal_length_px))
-    det_P = (
-        P[0, 0] * (P[1, 1] * P[2, 2] - P[1, 2] * P[2, 1])
-        - P[0, 1] * (P[1, 0] * P[2, 2] - P[1, 2] * P[2, 0])
-        + P[0, 2] * (P[1, 0] * P[2, 1] - P[1, 1] * P[2, 0])
-    )
-    attitude = 0.5 * np.log((2.0 * np.pi) ** 3 * det_P) - np.log(8.0 * np.pi**2)
+    attitude = 0.5 * np.log((2.0 * np.pi) ** 3 * det3(P)) - np.log(8.0 * np.pi**2)
     area = camera.width_px * camera.height_px
     peak = np.log(detection_probability * area / (2.0 * np.pi * centroid_error**2))
     total, n_known, best = 0.0, 0, -np.inf
@@ -183,7 +178,7 @@ def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin, dis
     n = xy_px.shape[0]
     star = np.full(n, -1, dtype=np.int64)
     distance2 = np.full(n, gate_px * gate_px)
-    C = dcm_from_quat(q_ic)
+    C_ci = t3.transposed(t3.dcm_from_quat(q_ic))
     f, cx, cy = camera.focal_length_px, camera.cx_px, camera.cy_px
     half_x, half_y = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     rim = np.hypot(half_x + abs(cx - half_x), half_y + abs(cy - half_y))
@@ -192,11 +187,10 @@ def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin, dis
     inside = np.empty(u_i.shape[0], dtype=np.int64)
     n_inside = 0
     for s in range(u_i.shape[0]):
-        Z = C[0, 2] * u_i[s, 0] + C[1, 2] * u_i[s, 1] + C[2, 2] * u_i[s, 2]
+        X, Y, Z = t3.rotated(C_ci, t3.row(u_i, s))
         if Z < cos_rim:
             continue
-        x = cx + f * (C[0, 0] * u_i[s, 0] + C[1, 0] * u_i[s, 1] + C[2, 0] * u_i[s, 2]) / Z
-        y = cy + f * (C[0, 1] * u_i[s, 0] + C[1, 1] * u_i[s, 1] + C[2, 1] * u_i[s, 2]) / Z
+        x, y = cx + f * X / Z, cy + f * Y / Z
         if abs(x - half_x) < half_x - border_px and abs(y - half_y) < half_y - border_px:
             inside[n_inside] = s
             n_inside += 1

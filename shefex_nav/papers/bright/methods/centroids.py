@@ -10,8 +10,7 @@ from math import erf, exp, pi, sqrt
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.centroid import CLIPPED_PX
-from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, SATURATED, X, Y
+from shefex_nav.onboard.startracker.scan import BACKGROUND, CLIPPED_PX, FLUX, NOISE, SATURATED, X, Y
 
 ROI_PX = 7  # side of the region of interest, odd
 FARTHEST_PX = 1.0  # of an interpolated centroid from the middle of the brightest column
