@@ -4,17 +4,14 @@ Instruments that come with the program are not looked at: an exception of theirs
 """
 
 from functools import partial
-from typing import get_type_hints
 
 import numpy as np
 
-from shefex_nav import instruments
-from shefex_nav.clock import SAME_S
+from shefex_nav import instruments, plugin_readings
 from shefex_nav.environment import models
 from shefex_nav.errors import CodeError, called, shown
 from shefex_nav.instruments import faults
 from shefex_nav.instruments.instrument import (
-    Column,
     DataColumn,
     Equation,
     Fault,
@@ -28,7 +25,6 @@ from shefex_nav.onboard.navigation.aid import Aid, Linearised
 from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
 from shefex_nav.settings import REQUIRED, Settings, declared
 
-TIMES = ("t_valid_s", "t_available_s")
 # names that mean something else: sections, topics, tables and figures, sensors and streams of the program
 TAKEN = frozenset(
     "mission plugins earth atmosphere wind launch orbit ground vehicle attitude programme imu gps "
@@ -58,8 +54,8 @@ def problem(one):
         )
     if not (isinstance(one.settings, type) and issubclass(one.settings, Sampled)):
         return f"settings must be a class of Sampled, got {one.settings!r}"
-    if getattr(one.record, "_fields", ())[:2] != TIMES:
-        return f"its record must be a NamedTuple that begins with {' and '.join(TIMES)}"
+    if words := plugin_readings.problem(one.record):
+        return words
     if one.aid is not None and one.use is None:
         return "one with an aid needs a class of settings in `use` (instrument.Use, for example)"
     if one.use is not None and (needed := _required(one.use)):
@@ -80,15 +76,6 @@ def _problem_of_parts(one):
         parts = getattr(one, field)
         if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
             return f"{field} must be a tuple of {kind.__name__}, got {parts!r}"
-    for field in one.record._fields[len(TIMES) :]:
-        hint = get_type_hints(one.record, include_extras=True)[field]
-        column = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Column)), None)
-        if column is None:
-            return (
-                f"field {field} of its record needs a Column, `{field}: Annotated[float, Column(unit, help)]`"
-            )
-        if hint.__origin__ is np.ndarray and not column.shape:
-            return f"field {field} of its record is an array: give its shape, Column(unit, help, (3,))"
     for block in one.states:
         if _is_taken(block.name):
             return f"there is a block of states '{block.name}' already; give yours another name"
@@ -259,7 +246,9 @@ def _reading(one, what, function, *given):
     words = f"instrument '{one.name}': {what}"
     reading = called(words, function, *given)
     if type(reading) is not one.record and (reading is not None or what == "limited"):
-        raise CodeError(f"{words} must give a reading of {one.record.__name__}, got {reading!r}")
+        raise CodeError(f"{words} must give a reading of {one.record.__name__}, got {shown(reading)}")
+    if reading is not None:
+        plugin_readings.checked(words, one.record, [reading])
     return reading
 
 
@@ -267,17 +256,7 @@ def _measure(one, settings, truth, rng):
     """As Instrument.measure."""
     words = f"instrument '{one.name}': measure"
     measured = _of_type(words, Measured, called(words, one.measure, settings, truth, rng))
-    if not isinstance(measured.readings, list | tuple):
-        raise CodeError(f"{words}: readings must be a list, got {shown(measured.readings)}")
-    if not all(type(reading) is one.record for reading in measured.readings):
-        raise CodeError(f"{words} must give readings of {one.record.__name__}")
-    times = np.reshape([reading[:2] for reading in measured.readings], (-1, 2))
-    if not np.isfinite(times).all() or (np.diff(times, axis=0) < 0.0).any():
-        raise CodeError(f"{words}: times of its readings must be numbers in ascending order")
-    if (early := times[:, 1] < times[:, 0] - SAME_S).any():
-        valid_s, available_s = times[np.argmax(early)]
-        late = f"the reading of T{valid_s:+.3f} s is there at T{available_s:+.3f} s, before it is measured"
-        raise CodeError(f"{words}: {late}")
+    plugin_readings.checked(words, one.record, measured.readings)
     return measured
 
 
