@@ -1,5 +1,6 @@
 """What was fitted, and how it was judged, as tables in a terminal."""
 
+from shefex_nav.campaign.characterise.running import to_judge
 from shefex_nav.report import columns
 
 
@@ -12,7 +13,7 @@ def parameters(content):
 
 def tests(judged):
     """rich Table of a list of judge.Test."""
-    heads = ("figure", ">value", ">+-", ">limits", ">samples", "")
+    heads = ("figure", ">value", ">1 sigma", ">limits", ">samples", "")
     return columns.table("On runs that were not fitted", heads, map(_row, judged))
 
 
@@ -25,7 +26,9 @@ def _verdict(test):
     """What a test says, for people; nothing if it is inside."""
     if test.good:
         return ""
-    return test.verdict if test.deciding is None else f"{test.verdict}, {test.deciding} would decide"
+    if test.deciding is None:
+        return test.verdict
+    return f"{test.verdict}, --runs {to_judge(test.deciding)} would decide"
 
 
 def _words(name, value):
