@@ -304,19 +304,6 @@ def _expect(words, expect, here, reading):
     return seen._replace(R=R, lasting=lasting)
 
 
-def checked_method(one):
-    """A Method whose function says with CodeError that it has failed."""
-    how = _each if one.step == "search" else called
-    return one._replace(function=partial(how, f"{one.step} '{one.name}'", one.function))
-
-
-def _each(words, function, *given):
-    """What a function gives one after the other, each made when it is asked for."""
-    found = iter(called(words, function, *given))
-    while (one := called(words, next, found, None)) is not None:
-        yield one
-
-
 def checked_gravity(one):
     """A Gravity whose function says with CodeError what is wrong with what it does."""
     return one._replace(coefficients=partial(_coefficients, one))

@@ -12,7 +12,6 @@ from shefex_nav import plugin_checks
 from shefex_nav.errors import CodeError
 from shefex_nav.instruments.instrument import Column, Instrument, Measured, Sampled, Use
 from shefex_nav.onboard.navigation.aid import Aid, Linearised
-from shefex_nav.onboard.startracker.methods import Method
 
 HERE = SimpleNamespace(rows=lambda m: np.zeros((m, 15)))
 READING = SimpleNamespace(t_valid_s=7.0)
@@ -108,24 +107,6 @@ def test_code_that_ends_the_program_has_failed():
     """`run` and `campaign` would end with exit code 0 and print nothing."""
     with pytest.raises(CodeError, match=r"'mine': measure .*SystemExit: 0"):
         plugin_checks.checked(instrument()._replace(measure=lambda *_: sys.exit(0))).measure(None, None, None)
-
-
-@pytest.mark.parametrize("step", ["centroid", "search"])
-def test_a_method_that_fails_is_told_with_its_name(step):
-    def found(*_):
-        yield 1
-        raise ValueError("no star")
-
-    one = plugin_checks.checked_method(Method(step, "mine", found if step == "search" else divmod))
-    with pytest.raises(CodeError, match=rf"^{step} 'mine'.*: (ValueError: no star|TypeError: unsupported)"):
-        for _ in one.function("a", "b"):
-            pass
-
-
-def test_what_a_plug_in_prints_is_no_result(capsys):
-    one = plugin_checks.checked_method(Method("centroid", "mine", print))
-    one.function("said")
-    assert capsys.readouterr() == ("", "said\n")
 
 
 @pytest.mark.parametrize("chance", [0.0, 3.0, -1e-4, 0.2, np.nan])
