@@ -223,7 +223,17 @@ def checked(one):
         kind._replace(change=partial(_reading, one, f"fault '{faults.name_of(kind.settings)}'", kind.change))
         for kind in one.faults
     ]
-    return one._replace(measure=partial(_measure, one), faults=tuple(kinds), **more)
+    plots = tuple(plot._replace(values=partial(_drawn, one, plot)) for plot in one.plots)
+    return one._replace(measure=partial(_measure, one), faults=tuple(kinds), plots=plots, **more)
+
+
+def _drawn(one, plot, read):
+    """As Plot.values."""
+    words = f"instrument '{one.name}': plot '{plot.name}'"
+    values, n = called(words, plot.values, read), len(read.t_valid_s)
+    if np.shape(values) not in ((n,), (n, 3)) or np.asarray(values).dtype.kind not in "fiub":
+        raise CodeError(f"{words} must give ({n},) or ({n}, 3) numbers, got {shown(values)}")
+    return np.asarray(values)
 
 
 def _equation(one, settings, truth):
@@ -273,14 +283,22 @@ def _aid(one, given, use, known):
         chance = f"gate_probability, that a healthy reading is rejected, must be above 0 and {LARGEST_GATE:g}"
         raise CodeError(f"{words}: {chance} at most, got {aid.gate_probability!r}")
     judges = {
-        key: partial(called, f"{words}: {key}", getattr(aid, key))
-        for key in ("holds", "unfit")
+        key: partial(_judge, f"{words}: {key}", kinds, getattr(aid, key))
+        for key, kinds in (("holds", (bool, np.bool_)), ("unfit", (str,)))
         if getattr(aid, key) is not None
     }
     blocks = tuple(
         _checked_block(f"{words}: block of states '{block.name}'", block.size, block) for block in aid.blocks
     )
     return aid._replace(expect=partial(_expect, words, aid.expect), blocks=blocks, **judges)
+
+
+def _judge(words, kinds, judge, *given):
+    """As Aid.holds and Aid.unfit. kinds : of answers"""
+    answer = called(words, judge, *given)
+    if not isinstance(answer, kinds):
+        raise CodeError(f"{words} must give {kinds[0].__name__}, got {shown(answer)}")
+    return answer
 
 
 def _expect(words, expect, here, reading):
