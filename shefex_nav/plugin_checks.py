@@ -4,17 +4,14 @@ Instruments that come with the program are not looked at: an exception of theirs
 """
 
 from functools import partial
-from typing import get_type_hints
 
 import numpy as np
 
-from shefex_nav import instruments
-from shefex_nav.clock import SAME_S
+from shefex_nav import instruments, plugin_readings
 from shefex_nav.environment import models
 from shefex_nav.errors import CodeError, called, shown
 from shefex_nav.instruments import faults
 from shefex_nav.instruments.instrument import (
-    Column,
     DataColumn,
     Equation,
     Fault,
@@ -28,7 +25,6 @@ from shefex_nav.onboard.navigation.aid import Aid, Linearised
 from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
 from shefex_nav.settings import REQUIRED, Settings, declared
 
-TIMES = ("t_valid_s", "t_available_s")
 # names that mean something else: sections, topics, tables and figures, sensors and streams of the program
 TAKEN = frozenset(
     "mission plugins earth atmosphere wind launch orbit ground vehicle attitude programme imu gps "
@@ -58,8 +54,8 @@ def problem(one):
         )
     if not (isinstance(one.settings, type) and issubclass(one.settings, Sampled)):
         return f"settings must be a class of Sampled, got {one.settings!r}"
-    if getattr(one.record, "_fields", ())[:2] != TIMES:
-        return f"its record must be a NamedTuple that begins with {' and '.join(TIMES)}"
+    if words := plugin_readings.problem(one.record):
+        return words
     if one.aid is not None and one.use is None:
         return "one with an aid needs a class of settings in `use` (instrument.Use, for example)"
     if one.use is not None and (needed := _required(one.use)):
@@ -80,15 +76,6 @@ def _problem_of_parts(one):
         parts = getattr(one, field)
         if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
             return f"{field} must be a tuple of {kind.__name__}, got {parts!r}"
-    for field in one.record._fields[len(TIMES) :]:
-        hint = get_type_hints(one.record, include_extras=True)[field]
-        column = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Column)), None)
-        if column is None:
-            return (
-                f"field {field} of its record needs a Column, `{field}: Annotated[float, Column(unit, help)]`"
-            )
-        if hint.__origin__ is np.ndarray and not column.shape:
-            return f"field {field} of its record is an array: give its shape, Column(unit, help, (3,))"
     for block in one.states:
         if _is_taken(block.name):
             return f"there is a block of states '{block.name}' already; give yours another name"
@@ -236,7 +223,17 @@ def checked(one):
         kind._replace(change=partial(_reading, one, f"fault '{faults.name_of(kind.settings)}'", kind.change))
         for kind in one.faults
     ]
-    return one._replace(measure=partial(_measure, one), faults=tuple(kinds), **more)
+    plots = tuple(plot._replace(values=partial(_drawn, one, plot)) for plot in one.plots)
+    return one._replace(measure=partial(_measure, one), faults=tuple(kinds), plots=plots, **more)
+
+
+def _drawn(one, plot, read):
+    """As Plot.values."""
+    words = f"instrument '{one.name}': plot '{plot.name}'"
+    values, n = called(words, plot.values, read), len(read.t_valid_s)
+    if np.shape(values) not in ((n,), (n, 3)) or np.asarray(values).dtype.kind not in "fiub":
+        raise CodeError(f"{words} must give ({n},) or ({n}, 3) numbers, got {shown(values)}")
+    return np.asarray(values)
 
 
 def _equation(one, settings, truth):
@@ -259,7 +256,9 @@ def _reading(one, what, function, *given):
     words = f"instrument '{one.name}': {what}"
     reading = called(words, function, *given)
     if type(reading) is not one.record and (reading is not None or what == "limited"):
-        raise CodeError(f"{words} must give a reading of {one.record.__name__}, got {reading!r}")
+        raise CodeError(f"{words} must give a reading of {one.record.__name__}, got {shown(reading)}")
+    if reading is not None:
+        plugin_readings.checked(words, one.record, [reading])
     return reading
 
 
@@ -267,17 +266,7 @@ def _measure(one, settings, truth, rng):
     """As Instrument.measure."""
     words = f"instrument '{one.name}': measure"
     measured = _of_type(words, Measured, called(words, one.measure, settings, truth, rng))
-    if not isinstance(measured.readings, list | tuple):
-        raise CodeError(f"{words}: readings must be a list, got {shown(measured.readings)}")
-    if not all(type(reading) is one.record for reading in measured.readings):
-        raise CodeError(f"{words} must give readings of {one.record.__name__}")
-    times = np.reshape([reading[:2] for reading in measured.readings], (-1, 2))
-    if not np.isfinite(times).all() or (np.diff(times, axis=0) < 0.0).any():
-        raise CodeError(f"{words}: times of its readings must be numbers in ascending order")
-    if (early := times[:, 1] < times[:, 0] - SAME_S).any():
-        valid_s, available_s = times[np.argmax(early)]
-        late = f"the reading of T{valid_s:+.3f} s is there at T{available_s:+.3f} s, before it is measured"
-        raise CodeError(f"{words}: {late}")
+    plugin_readings.checked(words, one.record, measured.readings)
     return measured
 
 
@@ -294,14 +283,22 @@ def _aid(one, given, use, known):
         chance = f"gate_probability, that a healthy reading is rejected, must be above 0 and {LARGEST_GATE:g}"
         raise CodeError(f"{words}: {chance} at most, got {aid.gate_probability!r}")
     judges = {
-        key: partial(called, f"{words}: {key}", getattr(aid, key))
-        for key in ("holds", "unfit")
+        key: partial(_judge, f"{words}: {key}", kinds, getattr(aid, key))
+        for key, kinds in (("holds", (bool, np.bool_)), ("unfit", (str,)))
         if getattr(aid, key) is not None
     }
     blocks = tuple(
         _checked_block(f"{words}: block of states '{block.name}'", block.size, block) for block in aid.blocks
     )
     return aid._replace(expect=partial(_expect, words, aid.expect), blocks=blocks, **judges)
+
+
+def _judge(words, kinds, judge, *given):
+    """As Aid.holds and Aid.unfit. kinds : of answers"""
+    answer = called(words, judge, *given)
+    if not isinstance(answer, kinds):
+        raise CodeError(f"{words} must give {kinds[0].__name__}, got {shown(answer)}")
+    return answer
 
 
 def _expect(words, expect, here, reading):
@@ -323,19 +320,6 @@ def _expect(words, expect, here, reading):
     if not all(lasts_s > 0.0 for _, lasts_s in lasting):
         raise CodeError(f"{words}: what lasts must do so for more than 0 s, got {seen.lasting}")
     return seen._replace(R=R, lasting=lasting)
-
-
-def checked_method(one):
-    """A Method whose function says with CodeError that it has failed."""
-    how = _each if one.step == "search" else called
-    return one._replace(function=partial(how, f"{one.step} '{one.name}'", one.function))
-
-
-def _each(words, function, *given):
-    """What a function gives one after the other, each made when it is asked for."""
-    found = iter(called(words, function, *given))
-    while (one := called(words, next, found, None)) is not None:
-        yield one
 
 
 def checked_gravity(one):

@@ -24,7 +24,7 @@ from functools import cache
 from importlib import import_module, util
 from typing import NamedTuple
 
-from shefex_nav import instruments, plugin_checks, plugin_sources
+from shefex_nav import instruments, plugin_checks, plugin_methods, plugin_sources
 from shefex_nav.environment import models
 from shefex_nav.errors import UserError
 from shefex_nav.files import content_of
@@ -307,7 +307,7 @@ _PROBLEM = {
 _WATCHED = {
     Instrument: plugin_checks.checked,
     OwnState: plugin_checks.checked_state,
-    Method: plugin_checks.checked_method,
+    Method: plugin_methods.checked,
     models.Gravity: plugin_checks.checked_gravity,
     models.Atmosphere: plugin_checks.checked_atmosphere,
     models.Wind: plugin_checks.checked_wind,

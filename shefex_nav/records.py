@@ -131,7 +131,7 @@ class GpsFix(NamedTuple):
     v_ea_e: vector("m/s", "velocity relative to the Earth, Earth-fixed axes; NaN: none is given")
     R_r_e: matrix("m^2", "covariance as the receiver reports it")
     R_v_e: matrix("m^2/s^2", "covariance of the velocity")
-    n_satellites: integer("satellites used")
+    n_satellites: integer("satellites used; below zero: not said")
     pdop: number("", "dilution of precision, position")
     reason: text("why there is no fix; empty when valid")
     # latitude and longitude alone: r_ea_e lies at any height above the place or below it, R_r_e has no part
@@ -248,7 +248,11 @@ class StarVectors(NamedTuple):
     u_i: number("", "where the moving vehicle sees them, inertial axes", (-1, 3), name="star_u_i")
     t_seen_s: number("s", "when the light was collected, from t_valid_s", (-1,), name="star_t_seen_s")
     # of the rate that carried them to t_valid_s, whose error all share
-    P_omega_c: matrix("rad^2/s^2", "covariance of that rate, camera axes", name="star_P_omega_c")
+    P_omega_c: matrix(
+        "rad^2/s^2",
+        "covariance of the rate that carried them to t_valid_s, camera axes",
+        name="star_P_omega_c",
+    )
     sigma_focal: number("", "relative error of the focal length", name="star_sigma_focal") = 0.0
 
 
@@ -264,7 +268,7 @@ class StarFix(NamedTuple):
     number: integer("of the frame")
     t_valid_s: T_VALID
     t_available_s: T_AVAILABLE
-    reason: member(Reason, "why there is no attitude, NONE when there is")
+    reason: member(Reason, "why there is no attitude; none: there is one")
     q_ic: vector("", "attitude, camera to inertial axes, scalar first; NaN without fix", 4, name="q_ic_wxyz")
     P_c: matrix("rad^2", "covariance of the rotation-vector error but for what is constant, camera axes")
     detections: Detections

@@ -11,6 +11,8 @@ import pytest
 from shefex_nav import instruments, plugins, prepare
 from shefex_nav.log import reader
 from shefex_nav.onboard.navigation.blocks import ImuMean
+from shefex_nav.report import programme
+from shefex_nav.scenario import aboard
 from shefex_nav.scenario.load import ScenarioError, load
 
 ROOT = Path(__file__).parent.parent
@@ -115,6 +117,17 @@ def test_what_is_known_at_the_start_has_to_be_said(tmp_path, code):
     assert np.allclose(np.sqrt(np.diag(block.P)), np.radians(1e-3))
     sensed = ImuMean(7.0, np.zeros(3), np.zeros(3))
     np.testing.assert_array_equal(block.drives(sensed), np.vstack([7.0 * np.eye(3), np.zeros((3, 3))]))
+
+
+def test_a_section_that_no_filter_looks_at_is_told(tmp_path, code):
+    """A list of states without the block: it was left out without a word."""
+    path = scenario(tmp_path, "[gyro_roll_column, mounting]")
+    (one,) = aboard.unused_blocks(load(str(path), trust=True))
+    assert one[0] == ("navigation", "gyro_drift")
+    assert one[1].endswith("write [gyro_roll_column, mounting, gyro_drift]")
+    assert one in [tuple(warned) for warned in programme._by_itself(load(str(path), trust=True))]
+    for states in ("automatic", "[gyro_drift]"):
+        assert not list(aboard.unused_blocks(load(str(scenario(tmp_path, states)), trust=True)))
 
 
 def test_its_section_is_checked_as_any_other(tmp_path, code):

@@ -10,9 +10,8 @@ import pytest
 
 from shefex_nav import plugin_checks
 from shefex_nav.errors import CodeError
-from shefex_nav.instruments.instrument import Column, Instrument, Measured, Sampled, Use
+from shefex_nav.instruments.instrument import Column, Instrument, Measured, Plot, Sampled, Use
 from shefex_nav.onboard.navigation.aid import Aid, Linearised
-from shefex_nav.onboard.startracker.methods import Method
 
 HERE = SimpleNamespace(rows=lambda m: np.zeros((m, 15)))
 READING = SimpleNamespace(t_valid_s=7.0)
@@ -110,24 +109,6 @@ def test_code_that_ends_the_program_has_failed():
         plugin_checks.checked(instrument()._replace(measure=lambda *_: sys.exit(0))).measure(None, None, None)
 
 
-@pytest.mark.parametrize("step", ["centroid", "search"])
-def test_a_method_that_fails_is_told_with_its_name(step):
-    def found(*_):
-        yield 1
-        raise ValueError("no star")
-
-    one = plugin_checks.checked_method(Method(step, "mine", found if step == "search" else divmod))
-    with pytest.raises(CodeError, match=rf"^{step} 'mine'.*: (ValueError: no star|TypeError: unsupported)"):
-        for _ in one.function("a", "b"):
-            pass
-
-
-def test_what_a_plug_in_prints_is_no_result(capsys):
-    one = plugin_checks.checked_method(Method("centroid", "mine", print))
-    one.function("said")
-    assert capsys.readouterr() == ("", "said\n")
-
-
 @pytest.mark.parametrize("chance", [0.0, 3.0, -1e-4, 0.2, np.nan])
 def test_a_gate_that_is_none_is_refused(chance):
     """Of 0 no reading was ever rejected, of 3 (sigma?) each was, without a word."""
@@ -139,3 +120,31 @@ def test_a_gate_that_is_none_is_refused(chance):
 def test_a_gate_of_its_own_stays():
     one = instrument(aid=(Aid("mine", Height, None, gate_probability=1e-9),))
     assert one.aid(None, None, None).gate_probability == 1e-9
+
+
+@pytest.mark.parametrize(
+    ("field", "answer", "words"),
+    [
+        ("holds", None, "holds must give bool, got None"),  # no reading was used, without a word
+        ("unfit", True, "unfit must give str, got True"),
+    ],
+)
+def test_a_judgement_of_another_kind_is_told(field, answer, words):
+    one = instrument(aid=(Aid("mine", Height, None, **{field: lambda *_: answer}),))
+    with pytest.raises(CodeError, match=f"'mine': {words}"):
+        getattr(one.aid(None, None, None), field)(READING)
+
+
+@pytest.mark.parametrize("values", [None, np.zeros(2), np.zeros((3, 2)), ["a", "b", "c"]])
+def test_a_plot_of_something_else_is_told(values):
+    """Of another length it was drawn all the same, or the report ended in a traceback."""
+    plot = Plot("height", "Height", "km", lambda read: values)
+    one = plugin_checks.checked(instrument()._replace(plots=(plot,)))
+    with pytest.raises(CodeError, match=r"'mine': plot 'height' must give \(3,\) or \(3, 3\) numbers, got"):
+        one.plots[0].values(Height(np.zeros(3), np.zeros(3), np.zeros(3)))
+
+
+def test_a_plot_is_handed_on():
+    plot = Plot("height", "Height", "km", lambda read: 1e-3 * read.height)
+    (checked,) = plugin_checks.checked(instrument()._replace(plots=(plot,))).plots
+    assert checked.values(Height(np.zeros(2), np.zeros(2), np.array([1e3, np.nan])))[0] == 1.0

@@ -330,7 +330,7 @@ USE = """
 from beside import total
 from shefex_nav.plugins import Method
 
-PROVIDES = [Method("centroid", "totals", total)]
+PROVIDES = [Method("scan", "totals", total)]
 """
 CALL = """
 import sys
@@ -365,7 +365,7 @@ from pathlib import Path
 from shefex_nav.plugins import Method
 
 TABLE = Path(__file__).with_name("table.csv").read_text()
-PROVIDES = [Method("centroid", "mine", lambda: TABLE)]
+PROVIDES = [Method("scan", "mine", lambda: TABLE)]
 
 
 class Mine:

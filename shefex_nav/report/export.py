@@ -121,17 +121,24 @@ def _table(topic, source):
     for field in topic.fields:
         if field.source == topic.time or -1 in field.shape:
             continue
-        values = _column(field, _values(source, field.source))
+        values, comment = _column(field, _values(source, field.source)), _comment(field)
         if not field.shape:
-            columns.append(Column(field.name, values, field.comment))
+            columns.append(Column(field.name, values, comment))
             continue
         name = field.name.removesuffix("_wxyz")
         shape = values.shape[1:]
         columns += [
-            Column(f"{name}_{ending}", values[(slice(None), *index)], field.comment)
+            Column(f"{name}_{ending}", values[(slice(None), *index)], comment)
             for index, ending in zip(np.ndindex(shape), endings(field.name, shape), strict=True)
         ]
     return columns
+
+
+def _comment(field):
+    """What a column is, and of a list of names all that may stand in it."""
+    if not isinstance(field.kind, type):
+        return field.comment
+    return f"{field.comment}: {', '.join(one.name.lower() for one in field.kind)}"
 
 
 def _column(field, values):

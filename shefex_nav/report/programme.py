@@ -16,7 +16,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.report import air_on_board, lasting, odd_parts, sensor_limits, star_light, star_sight, unseen
 from shefex_nav.report.pairing import pointing_error
 from shefex_nav.report.requirements import AIR_KM
-from shefex_nav.scenario import lens
+from shefex_nav.scenario import aboard, lens
 
 LOOKS = "the star camera looks into the air, which the frames here do not show"
 UPRIGHT = math.radians(89.0)  # an elevation from which on little is won
@@ -145,6 +145,7 @@ def _by_itself(scenario):
     if words := lens.off_axis(scenario.star_camera):
         found.append(Warned(("star_camera", "optics", "principal_point"), words))
     found += [Warned(*one) for one in star_sight.too_fast(scenario)]
+    found += [Warned(*one) for one in aboard.unused_blocks(scenario)]
     return found + of_parts(scenario)
 
 

@@ -141,6 +141,15 @@ def check_own_blocks(scenario):
             state.block(known)
 
 
+def unused_blocks(scenario):
+    """Blocks of states of plug-ins whose section is given, and which no filter estimates: (path, words)."""
+    states = scenario.navigation.states
+    for state, known in own_states(scenario):
+        if known is not None and states != AUTOMATIC and state.name not in states:
+            words = f"is of no effect: navigation.states does not name {state.name}"
+            yield ("navigation", state.name), f"{words}; write [{', '.join([*states, state.name])}]"
+
+
 def own_blocks(scenario):
     """Those that the filter of a scenario estimates: tuple of blocks.Block."""
     states = scenario.navigation.states

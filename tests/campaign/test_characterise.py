@@ -219,6 +219,8 @@ def test_a_figure_is_inside_or_outside_only_if_chance_does_not_reach_so_far(valu
         assert abs(test.deciding - deciding) <= 2 and again.verdict == judge.INSIDE
     elif verdict != judge.TOO_FEW:
         assert test.deciding is None
+    none = judge.Test("x", 0.0, -0.1, 0.1, 2950, 0.0, 5, least=0.125)  # in n frames: goes with 1/n
+    assert (none.verdict, none.deciding) == (judge.TOO_FEW, 7)
     assert judge.Test("x", 0.0, 0.0, 0.0, 3).good and not judge.Test("x", 1.0, 0.0, 0.0, 3).good
 
 
@@ -230,6 +232,7 @@ def test_nothing_to_judge_is_not_good_and_can_be_written(runs):
     blind = runs[0]._replace(sources=runs[0].sources._replace(found=runs[0].sources.found & False))
     tests = judge.fixes(lost, lost, WRONG) + judge.centroids([blind], fitted, MAX_RATE)
     none = [test for test in tests if np.isnan(test.value)]
+    assert any("from frame to frame" in test.what for test in none)  # of no pair it was 0, within its limits
     assert len(none) >= 8 and not any(test.good for test in none)
     content = model.with_tests({}, [judge.flown_all(3, []), *tests])
     again = json.loads(model.text(content))["tests"]

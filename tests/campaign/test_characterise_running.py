@@ -27,6 +27,19 @@ def planned():
     return prepared(load(CAMPAIGN, RENDERED), 12, 5)
 
 
+@pytest.mark.parametrize("held", [1, 2, 5, 8, 25, 1000])
+def test_the_number_to_ask_for_is_the_smallest_of_which_so_many_judge(held):
+    """The table named the judging runs: 8 that would decide, of which fourteen runs had been flown."""
+
+    def judges(runs):
+        flown = [SimpleNamespace(run=run) for run in range(runs)]
+        return len(running.split(flown, running.corners(runs))[1])
+
+    runs = running.to_judge(held)
+    assert judges(runs) >= held and (runs <= 4 or judges(runs - 1) < held)
+    assert running.to_judge(8) == 20
+
+
 def test_corner_runs_fly_both_ends_of_every_setting_of_camera_and_star_tracker(planned):
     """Two corner runs span what all but one run in a million draws; fifty of them are looked at."""
     plan, sampler = planned

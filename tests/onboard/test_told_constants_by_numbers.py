@@ -262,6 +262,8 @@ def test_a_constant_is_named_if_it_explains_far_more_than_chance():
     assert judged(time=(-0.01, 1.01 * LIMITS[1]))[0].endswith("about 10 ms after it")
     assert judged(time=(0.01, 0.99 * LIMITS[1])) == ("", None)
     assert judged(arm=(2.5, 1.01 * LIMITS[3])) == ("lever arm wrong: by about 2.5 m", told.ARM)
+    far = "its fixes are off by about 620 m in the axes of the body: no lever arm is so long"
+    assert judged(arm=(618.0, 1.01 * LIMITS[3])) == (far, told.ARM)
     assert judged(arm=(2.5, 0.99 * LIMITS[3])) == ("", None)
     for share, found in ((0.71, True), (0.69, False)):
         assert bool(judged(time=(0.01, 100.0), beyond=100.0 / share)[0]) == found

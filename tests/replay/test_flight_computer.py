@@ -94,6 +94,19 @@ def test_heights_of_the_flight(flown):
 
 @needs_data
 @pytest.mark.slow
+def test_the_page_shows_the_heights_of_today(flown):
+    page = (Path(__file__).parents[2] / "docs/how-to/flight-computer.md").read_text()
+    found = flown[0]["barometer"]
+    height, sigma = f"{found['height_m']:.0f} m above the start", f"1 sigma {found['sigma_height_m']:.0f} m"
+    warmer, of_it = (
+        f"{100.0 * found['warmer_by']:+.1f} %",
+        f"1 sigma {100.0 * found['sigma_warmer_by']:.1f} %",
+    )
+    assert f"{height}, {sigma}" in page and f"{warmer}, {of_it}" in page
+
+
+@needs_data
+@pytest.mark.slow
 def test_what_is_said_of_the_receiver(flown):
     said = {one["field"]: one["text"] for one in flown[0]["warnings"]}
     assert "for 67.8 s, from T+37.2 s to T+105.0 s" in said["data.gnss"]

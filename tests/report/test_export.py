@@ -128,6 +128,14 @@ def test_a_list_says_what_every_column_is(data, tmp_path):
     assert b"relative to the Earth" in field.metadata[b"comment"]
 
 
+def test_a_list_says_the_names_as_they_stand_in_a_column(data):
+    """It said `NONE when there is` of a column that says `none`."""
+    for table, column, first in (("star_fixes", "reason", "none"), ("nav", "doubt_attitude", "none")):
+        found = next(one for one in export.tables(data)[table] if one.name == column)
+        names = found.comment.rpartition(": ")[2].split(", ")
+        assert names[0] == first and set(found.values) <= set(names)
+
+
 def test_a_log_without_records_has_no_tables(tmp_path):
     assert export.write(of_records(MISSION, []), tmp_path, "csv") == [tmp_path / export.COLUMNS]
 

@@ -3,6 +3,7 @@
 import os
 import shutil
 import sys
+import threading
 
 import pytest
 import synthetic_run
@@ -53,6 +54,18 @@ def test_no_screen_is_a_clear_error(log, monkeypatch):
         viewer.view(log)
     said = str(caught.value)  # of their own libraries' sources nothing
     assert "\n" not in said and ".rs" not in said and all(f"--{way}" in said for way in ("save", "web"))
+
+
+def test_no_screen_for_a_flight_that_goes_on_names_what_can_follow_it(log, monkeypatch):
+    """`run --live` named --save and --web, which `run` has not, and then waited for `own software`."""
+    for name in program.SCREENS:
+        monkeypatch.delenv(name, raising=False)
+    if sys.platform != "linux":
+        pytest.skip("screens are found by other means")
+    with pytest.raises(ViewerError, match=r"no screen.*`shefex-nav view LOG --follow --web`"):
+        viewer.follow(lambda: (log, 0))
+    assert viewer.follow(lambda: None) is None
+    assert not [one.name for one in threading.enumerate() if "_import_what_shows" in one.name]
 
 
 def test_what_the_viewer_says_has_no_places_in_its_source():

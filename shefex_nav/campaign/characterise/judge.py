@@ -50,11 +50,16 @@ class Test(NamedTuple):
     @property
     def reach(self):
         """How far chance moves the figure; infinite if nothing is known of it."""
+        return max(self.spread, self.least)
+
+    @property
+    def spread(self):
+        """The part of it that the runs show."""
         if not self.runs:
             return 0.0
         if not isfinite(self.error):
             return np.inf
-        return max(float(stdtrit(self.runs - 1, 0.5 + 0.5 * LIKELY)) * self.error, self.least)
+        return float(stdtrit(self.runs - 1, 0.5 + 0.5 * LIKELY)) * self.error
 
     @property
     def verdict(self):
@@ -70,12 +75,12 @@ class Test(NamedTuple):
 
     @property
     def deciding(self):
-        """How many runs would decide, with errors like these; None: they have, or nobody knows."""
+        """How many judging runs would decide, with errors like these; None: they have, or nobody knows."""
         if self.verdict != TOO_FEW or not isfinite(self.reach):
             return None
         half = 0.5 * (self.high - self.low)
         room = half if self.reach > half else max(self.low - self.value, self.value - self.high)
-        return ceil(self.runs * (self.reach / room) ** 2)
+        return ceil(self.runs * max((self.spread / room) ** 2, self.least / room))
 
     def as_dict(self):
         """For the file."""
@@ -157,7 +162,7 @@ def _lag(runs, chosen, sources, model):
     next_one &= sources.frame[b] == sources.frame[a] + 1
     a, b = a[next_one], b[next_one]
     if not len(a):
-        return 0.0, 0
+        return nan, 0
     return float((error[a] * error[b]).mean() / (error[rows] ** 2).mean()), 2 * len(a)
 
 

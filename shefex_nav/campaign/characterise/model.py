@@ -3,6 +3,7 @@
 import json
 
 from shefex_nav import __version__
+from shefex_nav.campaign.characterise.running import to_judge
 from shefex_nav.report import columns
 from shefex_nav.scenario import star_statistics
 
@@ -99,7 +100,7 @@ def parameters_table(content):
 
 def tests_table(judged):
     """rich Table of a list of judge.Test."""
-    heads = ("figure", ">value", ">+-", ">limits", ">samples", "")
+    heads = ("figure", ">value", ">1 sigma", ">limits", ">samples", "")
     return columns.table("On runs that were not fitted", heads, map(_row, judged))
 
 
@@ -112,7 +113,9 @@ def _verdict(test):
     """What a test says, for people; nothing if it is inside."""
     if test.good:
         return ""
-    return test.verdict if test.deciding is None else f"{test.verdict}, {test.deciding} would decide"
+    if test.deciding is None:
+        return test.verdict
+    return f"{test.verdict}, --runs {to_judge(test.deciding)} would decide"
 
 
 def _shown(name, value):

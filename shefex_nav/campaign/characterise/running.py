@@ -141,6 +141,14 @@ def split(flown, first):
     return fitted, held
 
 
+def to_judge(held):
+    """The number of runs to ask for, so that so many judge if none fails."""
+    runs = HELD_OUT * held
+    while (runs - corners(runs)) // HELD_OUT < held:
+        runs += 1
+    return runs
+
+
 def _fitted(scenario, fitted, held, without, seed):
     """(content of the file without tests, SightingModel); without : the runs that failed, those lost."""
     from shefex_nav.campaign.characterise import model

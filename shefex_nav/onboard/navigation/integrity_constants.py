@@ -48,6 +48,7 @@ LEAST = 2e-3, 0.2  # [E] s, m: an error below is no matter
 EXPLAINED = 0.7  # [E] share of the squares beyond chance
 OVER = 0.25  # of the limit, below which a constant is right after all
 QUIET_S = 30.0  # s [E], since a sensor was last believed against the filter
+LONGEST_ARM_M = 100.0  # [E] beyond which another error passes for an arm
 LONGEST_S = 1.0  # [E] period of vibration, beyond which readings tell too little of the motion
 SPAN_S = 0.1  # s [E], of the readings that are taken
 MOVES = 10.0  # [E] sigma of the velocity, over ground
@@ -302,4 +303,8 @@ def _time(value):
 
 
 def _arm(value):
-    return f"lever arm wrong: by about {np.sqrt(value @ value):.2g} m"
+    off_m = np.sqrt(value @ value)
+    about = f"by about {float(f'{off_m:.2g}'):g} m"
+    if off_m > LONGEST_ARM_M:
+        return f"its fixes are off {about} in the axes of the body: no lever arm is so long"
+    return f"lever arm wrong: {about}"

@@ -77,25 +77,31 @@ def follow(named, *, page=layout.OVERVIEW, web=False):
     environment = dict(os.environ)  # as it is without what `quieten` needs meanwhile
     importing = Thread(target=_import_what_shows)
     importing.start()
-    if (found := named()) is None:
-        return
-    log, old_ns = found
-    with program.Window(web, environment) as window:
-        importing.join()
-        import rerun as rr
+    try:
+        if (found := named()) is not None:
+            with program.Window(web, environment) as window:
+                importing.join()
+                _send(window, *found, page)
+    finally:
+        importing.join()  # what is imported half cannot be left
 
-        from shefex_nav.report.viewer import live, recording
 
-        window.wait_until_it_listens()
-        stream = rr.RecordingStream(recording.APPLICATION)
-        stream.connect_grpc(window.url)
-        try:
-            live.wait_for(log, stream)
-            live.follow(log, stream, page=page, old_ns=old_ns, is_wanted=window.is_open)
-        except RuntimeError:  # the SDK's, when nobody takes what it sends
-            if window.is_open(within_s=2.0):
-                raise
-        window.wait()
+def _send(window, log, old_ns, page):
+    """Show a log in a program.Window while it is written; as `follow`."""
+    import rerun as rr
+
+    from shefex_nav.report.viewer import live, recording
+
+    window.wait_until_it_listens()
+    stream = rr.RecordingStream(recording.APPLICATION)
+    stream.connect_grpc(window.url)
+    try:
+        live.wait_for(log, stream)
+        live.follow(log, stream, page=page, old_ns=old_ns, is_wanted=window.is_open)
+    except RuntimeError:  # the SDK's, when nobody takes what it sends
+        if window.is_open(within_s=2.0):
+            raise
+    window.wait()
 
 
 @contextmanager

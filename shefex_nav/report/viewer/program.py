@@ -17,6 +17,7 @@ from shefex_nav.errors import UserError
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # of Linux; one of them names a screen
 INSTEAD = "save a recording (--save) or a picture (--screenshot), or show it in a browser (--web)"
+FOLLOWED = "`shefex-nav view LOG --follow --web` shows it in a browser"  # of a log that is being written
 SETTLE_S = 1.0  # for so long a picture must not have changed,
 SETTLE_PICTURES = 3  # nor while so many are taken: on a busy machine each takes longer
 PAUSE_S = 0.2  # between two
@@ -50,7 +51,7 @@ def path():
 
 def show(recording):
     """Open a recording in the viewer and wait until it is closed."""
-    _check_screen(os.environ)
+    _check_screen(os.environ, INSTEAD)
     failed = _failed([str(recording), "--port", "auto"])
     if failed:
         words = f"the viewer could not open a window: {failed}"
@@ -64,12 +65,15 @@ def _failed(options):
     return _reason(done.stderr, done.returncode) if done.returncode else ""
 
 
-def _check_screen(environment):
-    """ViewerError where there is no screen; without it the viewer names a line of a library of its own."""
+def _check_screen(environment, instead):
+    """ViewerError where there is no screen; without it the viewer names a line of a library of its own.
+
+    instead : words about what can be done without one
+    """
     if sys.platform == "linux" and not any(environment.get(name) for name in SCREENS):
         raise ViewerError(
             "the viewer could not open a window: this machine has no screen (neither DISPLAY nor "
-            f"WAYLAND_DISPLAY is set); {INSTEAD}"
+            f"WAYLAND_DISPLAY is set); {instead}"
         )
 
 
@@ -87,7 +91,7 @@ class Window:
     def __init__(self, web=False, environment=None):
         environment = os.environ if environment is None else environment
         if not web:
-            _check_screen(environment)
+            _check_screen(environment, FOLLOWED)
         self._port = port = _free_port()
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self._web, self._said = web, tempfile.TemporaryFile("w+")
