@@ -22,26 +22,27 @@ Sweep = Annotated[
     list[str] | None,
     typer.Option(
         metavar="KEY=A,B,C",
-        help="Fly a campaign for each of the values, with the same draws, and compare them; several times: "
-        "all combinations. imu=stim300,adis16505_1 means instruments.",
+        help="Fly a campaign for each value, with the same draws, and compare them. Several times: all "
+        "combinations. imu=stim300,adis16505_1 means instruments.",
     ),
 ]
 Kept = Annotated[
     list[str] | None,
     typer.Option(
         metavar="worst:K|failed|none",
-        help="Runs that are flown again at the end with a log each (several times: all of these).",
+        help="Runs to fly again at the end, with a log each. May be given several times.",
     ),
 ]
 Runs = Annotated[
-    int | None, typer.Option(min=1, max=MOST_RUNS, help="How many runs; with --until-verified at most.")
+    int | None,
+    typer.Option(min=1, max=MOST_RUNS, help="Number of runs; with --until-verified the largest number."),
 ]
 UntilVerified = Annotated[
     bool,
     typer.Option(
         "--until-verified",
-        help="Fly on until each requirement passes or fails, at requirements.probability and "
-        "requirements.confidence, or --runs are reached.",
+        help="Fly until each requirement passes or fails, at requirements.probability and "
+        "requirements.confidence, or until --runs are flown.",
     ),
 ]
 
@@ -53,22 +54,24 @@ def campaign(
     workers: Workers = None,
     cluster: Annotated[
         str | None,
-        typer.Option("--engine", metavar="dask://HOST:PORT", help="Fly on a Dask cluster: its scheduler."),
+        typer.Option(
+            "--engine", metavar="dask://HOST:PORT", help="Fly on the Dask cluster with this scheduler."
+        ),
     ] = None,
     seed: RootSeed = 1,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>."),
+        typer.Option(help="Folder of the results. Default: logs/campaigns/<scenario>-seed<seed>."),
     ] = None,
     keep: Kept = None,
     overrides: Overrides = None,
     sweep: Sweep = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
+        bool, typer.Option("--dry-run", help="Print the draws of each run as CSV or JSON. Fly nothing.")
     ] = False,
     json: Json = False,
 ):
-    """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
+    """Fly a scenario many times. The same command continues an interrupted campaign."""
     from shefex_nav.campaign import running
     from shefex_nav.scenario import load, software
 

@@ -25,27 +25,30 @@ def compare(
         list[str],
         typer.Argument(
             metavar="A B...",
-            help="Each a log (.mcap), the folder of a campaign, software (built-in, my_filter.py:MyFilter, "
-            "package.module:Class, 'command:./my_fsw --flag'), a scenario (.yaml), which is flown, or what "
-            "another filter says of the first log (.csv, or run.mcap:name in it).",
+            help="A log (.mcap); the folder of a campaign; software (built-in, my_filter.py:MyFilter, "
+            "package.module:Class, 'command:./my_fsw --flag'); a scenario (.yaml), which is flown; or the "
+            "solution of another filter for the first log (.csv, or run.mcap:name in it).",
         ),
     ],
     scenario: Annotated[
-        str | None, typer.Option(help="Scenario in which software flies: a YAML file, or a shipped one.")
+        str | None,
+        typer.Option(help="Scenario that the software flies: a YAML file, or the name of a shipped one."),
     ] = None,
-    runs: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="How many runs of each are flown.")] = RUNS,
+    runs: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="Number of runs to fly of each.")] = RUNS,
     seed: RootSeed = 1,
     workers: Workers = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of what is flown; default logs/compare/<scenario>-seed<seed>."),
+        typer.Option(help="Folder of the flights. Default: logs/compare/<scenario>-seed<seed>."),
     ] = None,
-    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with pictures.")] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Write a page with tables and pictures, to hand over.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
     overrides: Overrides = None,
     json: Json = False,
 ):
-    """Compare logs, campaigns or flight software, each with the first, run by run of one seed."""
+    """Compare logs, campaigns or flight software with the first one given, in pairs of one seed."""
     from shefex_nav.campaign.compare import flying
     from shefex_nav.campaign.compare import given as words
 

@@ -43,42 +43,42 @@ class _Frames(NamedTuple):
 Source = Annotated[
     str,
     typer.Argument(
-        metavar="LOG", help="Log of a run (MCAP), of a killed one too; a scenario will do for --frames."
+        metavar="LOG", help="Log of a run (MCAP), of a killed run too. For --frames also a scenario."
     ),
 ]
 
 
 def export(
     source: Source,
-    csv: Annotated[Path | None, typer.Option(help="Folder for tables as CSV, one a topic.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Folder for tables as CSV, one for each topic.")] = None,
     parquet: Annotated[Path | None, typer.Option(help="Folder for the same tables as Parquet.")] = None,
     replay: Annotated[
         Path | None,
-        typer.Option(help="Folder for what IMU, GPS and others measured, as `replay` and loggers have it."),
+        typer.Option(help="Folder for the measurements of IMU, GPS and others, as `replay` reads them."),
     ] = None,
     kml: Annotated[Path | None, typer.Option(help="File for the ground track and the events as KML.")] = None,
     geojson: Annotated[Path | None, typer.Option(help="File for the same as GeoJSON.")] = None,
     frames: Annotated[
         Path | None,
-        typer.Option(help="Folder for the star camera's frames, whole, with truth.csv and camera.yaml."),
+        typer.Option(help="Folder for the star camera's whole frames, with truth.csv and camera.yaml."),
     ] = None,
-    format: Annotated[str | None, typer.Option(help="Of the frames: png (default) or fits.")] = None,
+    format: Annotated[str | None, typer.Option(help="Format of the frames: png (default) or fits.")] = None,
     from_: Annotated[
         str | None,
         typer.Option("--from", metavar="TIME", help="Frames from this mission time on, e.g. 240s."),
     ] = None,
     until: Annotated[str | None, typer.Option(metavar="TIME", help="Frames until this mission time.")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Every so many-th of the frames.")] = 1,
+    every: Annotated[int, typer.Option(min=1, help="Write every N-th frame.")] = 1,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of a scenario that is flown for its frames; default 1.")
+        int | None, typer.Option(min=0, help="Seed of the flight, if a scenario is given. Default: 1.")
     ] = None,
     overrides: Overrides = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ):
     """Write a log as tables (CSV, Parquet), as a ground track (KML, GeoJSON), or its frames as pictures.
 
-    A log keeps most pictures without their background: its flight is flown again for them. A scenario is
-    flown for its frames alone.
+    A log keeps most frames without their background: for --frames its flight is flown again.
+    A scenario is flown for its frames alone.
     """
     told = zip((*TABLES, *MAPS, "frames"), (csv, parquet, replay, kml, geojson, frames), strict=True)
     outputs = {kind: path for kind, path in told if path is not None}

@@ -11,7 +11,7 @@ Scenario = Annotated[
 DispersedScenario = Annotated[
     str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_dispersed.")
 ]
-Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
+Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP), of a killed run too.")]
 
 
 def seed_of_log(given):
@@ -25,8 +25,8 @@ def seed_of_log(given):
     return given
 
 
-Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.", callback=seed_of_log)]
-RootSeed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all random draws.", callback=seed_of_log)]
+RootSeed = Annotated[int, typer.Option(min=0, help="Seed from which those of all runs follow.")]
 MOST_SEEDS = 100_000  # of a study that keeps all of its flights in memory
 FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]
 
@@ -52,12 +52,10 @@ Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'."
 StudyOverrides = overrides("Override one value.")
 Until = Annotated[
     str | None,
-    typer.Option(
-        metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
-    ),
+    typer.Option(metavar="TIME", help="Stop at this mission time, e.g. 60s. The log ends there."),
 ]
 Workers = Annotated[
-    int | None, typer.Option(min=1, max=1024, help="Processes on this machine; default one a core.")
+    int | None, typer.Option(min=1, max=1024, help="Processes on this machine. Default: one for each core.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 OverwriteFigure = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --figure.")]

@@ -19,12 +19,14 @@ from shefex_nav.commands.printing import print_json, say
 
 def report(
     log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
-    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite what --html and --figures name.")] = False,
-    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write one page with every figure, to hand over.")] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite the files of --html and --figures.")
+    ] = False,
+    figures: Annotated[Path | None, typer.Option(help="Folder for the figures, as PNG.")] = None,
     json: Json = False,
 ):
-    """Print the results of a run from its log, or those of a campaign from its folder."""
+    """Print the results of a run from its log, or of a campaign from its folder."""
     check_apart({"--html": html, "--figures": figures}, {"--figures": (".png",)})
     if html is not None:
         check_file(html, "--html", force=force, given=[log])

@@ -17,12 +17,15 @@ Sweep = Annotated[
     list[str],
     typer.Option(
         metavar="KEY=A,B,C",
-        help="Values to try; several times: all combinations. imu=stim300,adis16505_1 means instruments.",
+        help="Values to try. Several times: all combinations. imu=stim300,adis16505_1 means instruments.",
     ),
 ]
 Cost = Annotated[
     list[str] | None,
-    typer.Option(metavar="KEY=A:1,B:2", help="What each value costs: the cheapest that meets all is marked."),
+    typer.Option(
+        metavar="KEY=A:1,B:2",
+        help="Cost of each value. The cheapest combination that meets all requirements is marked.",
+    ),
 ]
 
 
@@ -44,14 +47,14 @@ def trade(
     figure: Annotated[
         Path | None, typer.Option(help="Draw a map over the first two settings into a .png or .svg file.")
     ] = None,
-    show: Annotated[Quantity, typer.Option(help="What the map shows.")] = Quantity.ATTITUDE,
+    show: Annotated[Quantity, typer.Option(help="Error that the map shows.")] = Quantity.ATTITUDE,
     force: OverwriteFigure = False,
     json: Json = False,
 ):
-    """Rank combinations of settings by the errors that a linear model predicts; nothing is flown on board.
+    """Rank combinations of settings by the errors that a linear model predicts; no filter is flown.
 
-    Errors at entry and at the end of the flight, 1 sigma, of the best that a filter can do. `campaign
-    SCENARIO --sweep` answers the same with flights.
+    The errors are 1 sigma of the best possible filter, at entry and at the end of the flight.
+    `campaign SCENARIO --sweep` answers the same with flights.
     """
     if figure is not None:
         check_picture(figure, "--figure", force=force)

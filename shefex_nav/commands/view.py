@@ -19,7 +19,7 @@ Page = Annotated[
     typer.Option(
         "--view",
         metavar="NAME",
-        help="Page open at first: overview, mission, star-tracker, navigation, sensors.",
+        help="Page to open first: overview, mission, star-tracker, navigation, sensors.",
     ),
 ]
 
@@ -29,22 +29,26 @@ def view(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
+            help="Logs of runs (MCAP), of killed runs too. The others are drawn over the first one.",
         ),
     ],
     page: Page = "overview",
-    save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd), do not open it.")] = None,
-    screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd). Do not open it.")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(help="Write a PNG of the viewer. This needs no screen.")
+    ] = None,
     at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")
+    ] = False,
     follow: Annotated[
         bool, typer.Option("--follow", help="Show one log while it is written, from its first second on.")
     ] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Overwrite what --save and --screenshot name.")
+        bool, typer.Option("--force", help="Overwrite the files of --save and --screenshot.")
     ] = False,
 ):
-    """Open logs in the rerun viewer, laid out."""
+    """Open logs in the rerun viewer, with ready-made pages."""
     at_s = None if at is None else mission_time(at, "--at", "240s")
     if at is not None and screenshot is None:
         raise typer.BadParameter(
