@@ -19,20 +19,20 @@ OUT = Path("logs/campaigns")
 MOST_LOST = 5  # that are named
 Sweep = option(
     list[str] | None,
-    "Fly a campaign for each of the values, with the same draws, and compare them; several times: "
-    "all combinations. imu=stim300,adis16505_1 means instruments.",
+    "Fly a campaign for each value, with the same draws, and compare them. Several times: all"
+    " combinations. imu=stim300,adis16505_1 means instruments.",
     metavar="KEY=A,B,C",
 )
 Kept = option(
     list[str] | None,
-    "Runs that are flown again at the end with a log each (several times: all of these).",
+    "Runs to fly again at the end, with a log each. May be given several times.",
     metavar="worst:K|failed|none",
 )
-Runs = option(int | None, "How many runs; with --until-verified at most.", min=1, max=MOST_RUNS)
+Runs = option(int | None, "Number of runs; with --until-verified the largest number.", min=1, max=MOST_RUNS)
 UntilVerified = option(
     bool,
-    "Fly on until each requirement passes or fails, at requirements.probability and "
-    "requirements.confidence, or --runs are reached.",
+    "Fly until each requirement passes or fails, at requirements.probability and "
+    "requirements.confidence, or until --runs are flown.",
     "--until-verified",
 )
 
@@ -43,19 +43,17 @@ def campaign(
     until_verified: UntilVerified = False,
     workers: Workers = None,
     cluster: option(
-        str | None, "Fly on a Dask cluster: its scheduler.", "--engine", metavar="dask://HOST:PORT"
+        str | None, "Fly on the Dask cluster with this scheduler.", "--engine", metavar="dask://HOST:PORT"
     ) = None,
     seed: RootSeed = 1,
-    out: option(Path | None, "Folder of the results; default logs/campaigns/<scenario>-seed<seed>.") = None,
+    out: option(Path | None, "Folder of the results. Default: logs/campaigns/<scenario>-seed<seed>.") = None,
     keep: Kept = None,
     overrides: Overrides = None,
     sweep: Sweep = None,
-    dry_run: option(
-        bool, "Print what each run would draw, as CSV or JSON; fly nothing.", "--dry-run"
-    ) = False,
+    dry_run: option(bool, "Print the draws of each run as CSV or JSON. Fly nothing.", "--dry-run") = False,
     json: Json = False,
 ):
-    """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
+    """Fly a scenario many times. The same command continues an interrupted campaign."""
     from shefex_nav.campaign import running
     from shefex_nav.scenario import load, software
 

@@ -31,14 +31,14 @@ def check(
     scenario: Scenario,
     overrides: Overrides = None,
     against: option(
-        Path | None, "List each value that differs from a campaign's folder, a log or a scenario."
+        Path | None, "List each value that differs from a scenario, a log or the folder of a campaign."
     ) = None,
     json: Json = False,
 ):
-    """Check a scenario file; all its errors at once, with line and column.
+    """Check a scenario file and show all its errors at once, with line and column.
 
-    A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told, and
-    errors of the IMU that last in it but are noise to the filter. Of an orbit the first 900 s are flown.
+    The vehicle is flown without its sensors; of an orbit the first 900 s.
+    Warnings name times that do not fit the flight, and IMU errors that last but are noise to the filter.
     """
     try:
         found = checked(scenario, overrides or (), against)

@@ -22,22 +22,24 @@ GOES_ON = "what is flown is kept, the same command goes on from there"
 def compare(
     given: argument(
         list[str],
-        "Each a log (.mcap), the folder of a campaign, software (built-in, my_filter.py:MyFilter, "
-        "package.module:Class, 'command:./my_fsw --flag'), a scenario (.yaml), which is flown, or what "
-        "another filter says of the first log (.csv, or run.mcap:name in it).",
+        "A log (.mcap); the folder of a campaign; software (built-in, my_filter.py:MyFilter, "
+        "package.module:Class, 'command:./my_fsw --flag'); a scenario (.yaml), which is flown; or"
+        " the solution of another filter for the first log (.csv, or run.mcap:name in it).",
         metavar="A B...",
     ),
-    scenario: option(str | None, "Scenario in which software flies: a YAML file, or a shipped one.") = None,
-    runs: option(int, "How many runs of each are flown.", min=1, max=MOST_RUNS) = RUNS,
+    scenario: option(
+        str | None, "Scenario that the software flies: a YAML file, or the name of a shipped one."
+    ) = None,
+    runs: option(int, "Number of runs to fly of each.", min=1, max=MOST_RUNS) = RUNS,
     seed: RootSeed = 1,
     workers: Workers = None,
-    out: option(Path | None, "Folder of what is flown; default logs/compare/<scenario>-seed<seed>.") = None,
-    html: option(Path | None, "Write a page to hand over, with pictures.") = None,
+    out: option(Path | None, "Folder of the flights. Default: logs/compare/<scenario>-seed<seed>.") = None,
+    html: option(Path | None, "Write a page with tables and pictures, to hand over.") = None,
     force: option(bool, "Overwrite the file given with --html.", "--force") = False,
     overrides: Overrides = None,
     json: Json = False,
 ):
-    """Compare logs, campaigns or flight software, each with the first, run by run of one seed."""
+    """Compare logs, campaigns or flight software with the first one given, in pairs of one seed."""
     from shefex_nav.campaign.compare import flying
     from shefex_nav.campaign.compare import given as words
 

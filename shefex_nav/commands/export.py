@@ -41,36 +41,36 @@ class _Frames(NamedTuple):
 
 
 Source = argument(
-    str, "Log of a run (MCAP), of a killed one too; a scenario will do for --frames.", metavar="LOG"
+    str, "Log of a run (MCAP), of a killed run too. For --frames also a scenario.", metavar="LOG"
 )
 
 
 def export(
     source: Source,
-    csv: option(Path | None, "Folder for tables as CSV, one a topic.") = None,
+    csv: option(Path | None, "Folder for tables as CSV, one for each topic.") = None,
     parquet: option(Path | None, "Folder for the same tables as Parquet.") = None,
     replay: option(
-        Path | None, "Folder for what IMU, GPS and others measured, as `replay` and loggers have it."
+        Path | None, "Folder for the measurements of IMU, GPS and others, as `replay` reads them."
     ) = None,
     kml: option(Path | None, "File for the ground track and the events as KML.") = None,
     geojson: option(Path | None, "File for the same as GeoJSON.") = None,
     frames: option(
-        Path | None, "Folder for the star camera's frames, whole, with truth.csv and camera.yaml."
+        Path | None, "Folder for the star camera's whole frames, with truth.csv and camera.yaml."
     ) = None,
-    format: option(str | None, "Of the frames: png (default) or fits.") = None,
+    format: option(str | None, "Format of the frames: png (default) or fits.") = None,
     from_: option(
         str | None, "Frames from this mission time on, e.g. 240s.", "--from", metavar="TIME"
     ) = None,
     until: option(str | None, "Frames until this mission time.", metavar="TIME") = None,
-    every: option(int, "Every so many-th of the frames.", min=1) = 1,
-    seed: option(int | None, "Seed of a scenario that is flown for its frames; default 1.", min=0) = None,
+    every: option(int, "Write every N-th frame.", min=1) = 1,
+    seed: option(int | None, "Seed of the flight, if a scenario is given. Default: 1.", min=0) = None,
     overrides: Overrides = None,
-    force: option(bool, "Overwrite files that are there.", "--force") = False,
+    force: option(bool, "Overwrite existing files.", "--force") = False,
 ):
     """Write a log as tables (CSV, Parquet), as a ground track (KML, GeoJSON), or its frames as pictures.
 
-    A log keeps most pictures without their background: its flight is flown again for them. A scenario is
-    flown for its frames alone.
+    A log keeps most frames without their background: for --frames its flight is flown again.
+    A scenario is flown for its frames alone.
     """
     told = zip((*TABLES, *MAPS, "frames"), (csv, parquet, replay, kml, geojson, frames), strict=True)
     outputs = {kind: path for kind, path in told if path is not None}

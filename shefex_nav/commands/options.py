@@ -25,7 +25,7 @@ Scenario = argument(str, "Scenario: a YAML file, or the name of a shipped one, e
 DispersedScenario = argument(
     str, "Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_dispersed."
 )
-Log = argument(Path, "Log of a run (MCAP); logs of killed runs are read too.")
+Log = argument(Path, "Log of a run (MCAP), of a killed run too.")
 
 
 def seed_of_log(given):
@@ -39,8 +39,8 @@ def seed_of_log(given):
     return given
 
 
-Seed = option(int, "Seed of all randomness.", min=0, callback=seed_of_log)
-RootSeed = option(int, "Root of all randomness.", min=0)
+Seed = option(int, "Seed of all random draws.", min=0, callback=seed_of_log)
+RootSeed = option(int, "Seed from which those of all runs follow.", min=0)
 MOST_SEEDS = 100_000  # of a study that keeps all of its flights in memory
 FirstSeed = option(int, "Seed of the first; the others follow.", min=0)
 
@@ -63,10 +63,8 @@ def overrides(help):
 
 Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'.")
 StudyOverrides = overrides("Override one value.")
-Until = option(
-    str | None, "Look at the mission until this time only, e.g. 60s; its log ends there.", metavar="TIME"
-)
-Workers = option(int | None, "Processes on this machine; default one a core.", min=1, max=1024)
+Until = option(str | None, "Stop at this mission time, e.g. 60s. The log ends there.", metavar="TIME")
+Workers = option(int | None, "Processes on this machine. Default: one for each core.", min=1, max=1024)
 Json = option(bool, "Print one JSON object on stdout.", "--json")
 OverwriteFigure = option(bool, "Overwrite the file given with --figure.", "--force")
 OverwriteOut = option(bool, "Overwrite the file given with --out.", "--force")

@@ -16,15 +16,15 @@ from shefex_nav.log.mcap_file import is_log
 
 
 def replay(
-    source: argument(str, "Replay scenario, a file or the name of a shipped one, or a log."),
+    source: argument(str, "Replay scenario (a file, or the name of a shipped one), or a log."),
     data: option(Path | None, "Folder with the data that the scenario names.") = None,
-    from_: option(str | None, "Statistics from this mission time on, e.g. 60s.", "--from") = None,
+    from_: option(str | None, "Begin the statistics at this mission time, e.g. 60s.", "--from") = None,
     until: Until = None,
     log: option(Path | None, "Write a log (.mcap) for report and view.") = None,
     overrides: options.overrides("Override one value, e.g. --set gnss.latency='0.1 s'.") = None,
     json: Json = False,
 ):
-    """Run the on-board navigation over external data, or over a log with another configuration."""
+    """Run the on-board navigation over recorded data, or over a log with other settings."""
     from_s = -math.inf if from_ is None else mission_time(from_, "--from", "60s")
     until_s = math.inf if until is None else mission_time(until, "--until", "240s")
     if data is not None and not data.is_dir():

@@ -16,12 +16,12 @@ from shefex_nav.commands.printing import print_json, say
 
 def report(
     log: argument(Path, "Log of a run (MCAP), or folder of a campaign."),
-    html: option(Path | None, "Write a page to hand over, with every figure.") = None,
-    force: option(bool, "Overwrite what --html and --figures name.", "--force") = False,
-    figures: option(Path | None, "Folder for the pictures, each a PNG.") = None,
+    html: option(Path | None, "Write one page with every figure, to hand over.") = None,
+    force: option(bool, "Overwrite the files of --html and --figures.", "--force") = False,
+    figures: option(Path | None, "Folder for the figures, as PNG.") = None,
     json: Json = False,
 ):
-    """Print the results of a run from its log, or those of a campaign from its folder."""
+    """Print the results of a run from its log, or of a campaign from its folder."""
     check_apart({"--html": html, "--figures": figures}, {"--figures": (".png",)})
     if html is not None:
         check_file(html, "--html", force=force, given=[log])

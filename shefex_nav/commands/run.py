@@ -29,17 +29,17 @@ from shefex_nav.commands.view import THE_INPUT_SAYS
 def run(
     scenario: Scenario,
     seed: Seed = 1,
-    out: option(Path | None, "Log; default logs/<scenario>-seed<seed>.mcap.") = None,
+    out: option(Path | None, "Log file. Default: logs/<scenario>-seed<seed>.mcap.") = None,
     overrides: Overrides = None,
     until: Until = None,
     pace: option(
-        float | None, "Mission time over real time, e.g. 1: in real time. Default: as fast as it goes."
+        float | None, "Mission time over real time: 1 is real time. Default: as fast as possible."
     ) = None,
-    live: option(bool, "Open the viewer at once and show the flight while it goes on.", "--live") = False,
+    live: option(bool, "Open the viewer at once and show the flight while it is flown.", "--live") = False,
     force: OverwriteOut = False,
     json: Json = False,
 ):
-    """Fly a scenario: simulate, navigate, log, and print how well it went."""
+    """Fly a scenario: simulate, navigate, log, and print the results."""
     viewer = _viewer() if live else None  # it imports its own while this process does
     from shefex_nav.log import thinning
     from shefex_nav.scenario import load

@@ -30,36 +30,39 @@ DEGREES = {"": 1.0, "deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / pi, "a
 
 Camera = option(
     str | None,
-    "Camera file (the export of frames writes one) or scenario: the star tracker that flies solves "
-    "the pictures, with covariance; pixels as stored, whatever EXIF says.",
+    "Camera file (the export of frames writes one) or scenario. The star tracker on board "
+    "then solves the pictures, with covariance. Pixels are taken as stored, whatever EXIF "
+    "says.",
     metavar="FILE",
 )
 
 Fov = option(
     str | None,
-    "Horizontal field of view, right to 20 %, e.g. '11.4 deg' (a number alone is degrees); 2 to 70 "
-    "deg, not told 5 to 70. Of a picture that EXIF turns on its side, of either side.",
+    "Horizontal field of view to within 20 %, e.g. '11.4 deg' (a number alone is degrees), "
+    "from 2 to 70 deg. Without it 5 to 70 deg are tried. For a picture that EXIF turns on its "
+    "side, of either side.",
 )
 Mirrored = option(
     bool,
-    "The pictures are mirrored, as through a telescope with a diagonal. The first row of a file is "
-    "the top one, in FITS too: one whose first row is the lowest is mirrored, unless ROWORDER says so.",
+    "The pictures are mirrored, as through a telescope with a diagonal. So is a file whose "
+    "first row is the lowest, unless its ROWORDER says so: the first row is read as the top "
+    "one, in FITS too.",
     "--mirrored",
 )
 Stages = option(
     Path | None,
-    "Draw every step of one picture into a folder: why is it not solved? "
-    "Of a frame of a log: objects, centroids, names by its star tracker.",
+    "Draw every step of one picture into a folder, to see why it is not solved. For a frame "
+    "of a log: objects, centroids, names by its star tracker.",
     metavar="DIR",
 )
 Epoch = option(
     str | None,
-    "Date of the sky, 2012-06-22, or Julian year, 2012.47; default the date of the picture, else "
-    "with --camera that of its file, without it today.",
+    "Date of the sky, 2012-06-22, or Julian year, 2012.47. Default: the date of the picture. "
+    "Without one: with --camera that of its file, else today.",
 )
 FrameTime = option(
     str | None,
-    "Of a log in the place of pictures: solve its frame nearest to this mission time, e.g. 240s.",
+    "Solve the frame of a log that is nearest to this mission time, e.g. 240s.",
     metavar="TIME",
 )
 
@@ -67,8 +70,8 @@ FrameTime = option(
 def solve(
     images: argument(
         list[Path],
-        "Pictures of the night sky, turned by their EXIF orientation: PNG, JPEG, TIFF, FITS; with "
-        "--camera .raw and .bin; or a log.",
+        "Pictures of the night sky (PNG, JPEG, TIFF, FITS; with --camera also .raw and .bin), "
+        "turned by their EXIF orientation. Or a log.",
         metavar="IMAGE...",
     ),
     camera: Camera = None,
@@ -81,11 +84,11 @@ def solve(
     force: option(bool, "Overwrite the file given with --overlay.", "--force") = False,
     json: Json = False,
 ):
-    """Find where pictures of the night sky look, without being told anything, or with a camera told.
+    """Find where pictures of the night sky look, without prior knowledge or with a known camera.
 
-    Several pictures give one row each, with --json one object a line; one that cannot be read is told in its
-    row, and the others are solved. With --frame it is a frame of a log, by
-    the camera of its scenario, compared with what the flight said of it and with the truth.
+    Several pictures give one row each; with --json one object a line.
+    A picture that cannot be read is reported in its row, and the others are solved.
+    --frame solves a frame of a log with the camera of its scenario, and compares it with flight and truth.
     """
     _check(images, (camera, fov, frame, mirrored, stages), overlay, force)
     epoch = None if epoch is None else julian_year(epoch)

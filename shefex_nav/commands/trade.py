@@ -14,11 +14,13 @@ from shefex_nav.commands.printing import print_json, say, stdout
 
 Sweep = option(
     list[str],
-    "Values to try; several times: all combinations. imu=stim300,adis16505_1 means instruments.",
+    "Values to try. Several times: all combinations. imu=stim300,adis16505_1 means instruments.",
     metavar="KEY=A,B,C",
 )
 Cost = option(
-    list[str] | None, "What each value costs: the cheapest that meets all is marked.", metavar="KEY=A:1,B:2"
+    list[str] | None,
+    "Cost of each value. The cheapest combination that meets all requirements is marked.",
+    metavar="KEY=A:1,B:2",
 )
 
 
@@ -38,14 +40,14 @@ def trade(
     seed: Seed = 1,
     workers: Workers = None,
     figure: option(Path | None, "Draw a map over the first two settings into a .png or .svg file.") = None,
-    show: option(Quantity, "What the map shows.") = Quantity.ATTITUDE,
+    show: option(Quantity, "Error that the map shows.") = Quantity.ATTITUDE,
     force: OverwriteFigure = False,
     json: Json = False,
 ):
-    """Rank combinations of settings by the errors that a linear model predicts; nothing is flown on board.
+    """Rank combinations of settings by the errors that a linear model predicts; no filter is flown.
 
-    Errors at entry and at the end of the flight, 1 sigma, of the best that a filter can do. `campaign
-    SCENARIO --sweep` answers the same with flights.
+    The errors are 1 sigma of the best possible filter, at entry and at the end of the flight.
+    `campaign SCENARIO --sweep` answers the same with flights.
     """
     if figure is not None:
         check_picture(figure, "--figure", force=force)

@@ -12,25 +12,25 @@ from shefex_nav.commands.printing import say
 THE_INPUT_SAYS = "-"  # in place of a log that is followed: its path comes when it is known
 
 Page = option(
-    str, "Page open at first: overview, mission, star-tracker, navigation, sensors.", "--view", metavar="NAME"
+    str, "Page to open first: overview, mission, star-tracker, navigation, sensors.", "--view", metavar="NAME"
 )
 
 
 def view(
     logs: argument(
         list[Path],
-        "Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
+        "Logs of runs (MCAP), of killed runs too. The others are drawn over the first one.",
         metavar="LOG...",
     ),
     page: Page = "overview",
-    save: option(Path | None, "Write a rerun recording (.rrd), do not open it.") = None,
-    screenshot: option(Path | None, "PNG of the viewer; needs no screen.") = None,
+    save: option(Path | None, "Write a rerun recording (.rrd). Do not open it.") = None,
+    screenshot: option(Path | None, "Write a PNG of the viewer. This needs no screen.") = None,
     at: option(str | None, "Mission time of the screenshot, e.g. 240s.") = None,
-    web: option(bool, "Serve it to a browser on this machine.", "--web") = False,
+    web: option(bool, "Serve the viewer to a browser on this machine.", "--web") = False,
     follow: option(bool, "Show one log while it is written, from its first second on.", "--follow") = False,
-    force: option(bool, "Overwrite what --save and --screenshot name.", "--force") = False,
+    force: option(bool, "Overwrite the files of --save and --screenshot.", "--force") = False,
 ):
-    """Open logs in the rerun viewer, laid out."""
+    """Open logs in the rerun viewer, with ready-made pages."""
     at_s = None if at is None else mission_time(at, "--at", "240s")
     if at is not None and screenshot is None:
         raise bad("--at", f"{at} is the time of a picture; name it with --screenshot")

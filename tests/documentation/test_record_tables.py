@@ -1,4 +1,4 @@
-"""The tables of records in the how-to of own software have the fields that the records have."""
+"""The tables of records for own software have the fields that the records have."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from shefex_nav import records
 from shefex_nav.geometry import frames, rotation, wgs84
 
-PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "software.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "records.md").read_text(encoding="utf-8")
 MODULES = {"frames": frames, "rotation": rotation, "wgs84": wgs84}
 
 
