@@ -65,7 +65,11 @@ def draw(figure, results, _rows):
                 mine = [found[key] for key in keys if key in found]
                 rates = [one.rate + 0.03 * (k - 0.5 * len(OF_ALL)) for one in mine]  # beside each other
                 values = [one.value for one in mine]
-                bars = [[one.value - one.low for one in mine], [one.high - one.value for one in mine]]
+                above = 0.0 if moment == "kurtosis" else 1.0  # which has no upper end
+                bars = [
+                    [one.value - one.low for one in mine],
+                    [above * (one.high - one.value) for one in mine],
+                ]
                 axis.errorbar(rates, values, bars, fmt="o-", ms=3, lw=1.0, label=f"simulated, {reading}")
             axis.set_title(
                 f"{table.replace('_', ' ')}: {moment}{moments.UNITS.get(moment, '')}", loc="left", fontsize=9
