@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.geometry import pinhole, rotation
-from shefex_nav.papers.impa import centroid_tables, centroids, field, flight, moments, spot
+from shefex_nav.papers.impa import centroid_tables, centroids, field, flight, moments
 from shefex_nav.papers.impa.methods.compensate import Streaks
 from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
 from shefex_nav.papers.verdict import Verdict
@@ -19,7 +19,7 @@ LIGHT = 3e5
 
 def light_of(place_px, omega_c):
     """Light of one star of the magnitude 0 or so, without noise: (rows, columns) electrons."""
-    psf, times, hole = spot.box(WIDTH), field.times("global_shutter"), field.CAMERA
+    psf, times, hole = field.box(WIDTH), field.times("global_shutter"), field.CAMERA
     sheet = render.darkness(hole.width_px * hole.height_px)
     path = motion.turning(hole, np.eye(3), omega_c, times, psf.step_px)
     u_c = pinhole.unit_vectors(hole, np.array([place_px]))
@@ -114,7 +114,7 @@ def test_frames_with_the_default_spot_are_what_they_were():
         for how in ({}, {"psf": None, "sigma_px": field.PSF_SIGMA_PX})
     )
     np.testing.assert_array_equal(one, other)
-    boxed = flight.frame("rolling_shutter", case, 0, np.random.default_rng(5), psf=spot.box(WIDTH))
+    boxed = flight.frame("rolling_shutter", case, 0, np.random.default_rng(5), psf=field.box(WIDTH))
     assert (boxed != one).any()
 
 

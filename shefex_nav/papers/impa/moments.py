@@ -6,8 +6,7 @@ import numpy as np
 
 from shefex_nav.papers import rows, verdict
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
-from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX, CENTROID_SKEWNESS
+from shefex_nav.papers.impa.published import CENTROID_MEAN_PX, CENTROID_SKEWNESS, IMPA, IMPA_KURTOSIS
 from shefex_nav.papers.verdict import Verdict
 from shefex_nav.report import intervals
 
