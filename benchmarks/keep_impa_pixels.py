@@ -16,7 +16,7 @@ import numpy as np
 
 from shefex_nav import __version__
 from shefex_nav.papers import engine, keep, registry
-from shefex_nav.papers.impa import kept, moments, pixel_tables
+from shefex_nav.papers.impa import kept, moments, pixels
 from shefex_nav.papers.verdict import Verdict
 
 DIGITS = 4  # of a kept figure
@@ -53,14 +53,14 @@ def main(folder, samples, seed):
         raise SystemExit(f"{folder} does not hold all {len(sizes)} chunks of {samples} samples")
     command = f"shefex-nav reproduce {kept.RUN} --samples {samples} --seed {seed}"
     made_by = f"(shefex_nav {__version__}, code {store.head['code']})"
-    write(kept.PATH, f"{command} {made_by}", pixel_tables.figures(results))
+    write(kept.PATH, f"{command} {made_by}", pixels.figures(results))
     print(f"wrote {kept.PATH}")
     print("\n".join(halves(results)))
 
 
 def halves(results):
     """The reading that reproduces most published figures on one half of the chunks, on the other: lines."""
-    parts = [{one[:5]: one for one in pixel_tables.figures(half)} for half in (results[::2], results[1::2])]
+    parts = [{one[:5]: one for one in pixels.figures(half)} for half in (results[::2], results[1::2])]
     out = []
     for table in moments.TABLES:
         for chooses, judges in (parts, parts[::-1]):

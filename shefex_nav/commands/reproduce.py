@@ -112,8 +112,9 @@ def _run(name, samples, seed, out, keep, before, show):
     import json as formats
 
     from shefex_nav import files
-    from shefex_nav.papers import links, picture, table
+    from shefex_nav.papers import picture, table
     from shefex_nav.papers.keep import StoreError
+    from shefex_nav.papers.rows import linked
 
     experiment = registry.load(name)
     samples = samples or experiment.samples
@@ -122,7 +123,7 @@ def _run(name, samples, seed, out, keep, before, show):
         outcome = _watched(experiment, samples, seed, keep)
     except StoreError as error:
         raise bad("--keep", str(error)) from None
-    outcome = links.linked(before | {name: outcome})[name]
+    outcome = linked(before | {name: outcome})[name]
     if show:
         stdout(140).print(table.experiment_table(name, experiment, outcome))
     path = out / f"{name}.png"

@@ -1,7 +1,7 @@
 """What the methods that compare angles share: tolerances, look-ups, and the star that fits a triangle.
 
 In: the table of catalogue pairs and the directions of the detections. A pair of detections is looked up when
-it is first needed and never again.
+it is first needed and never again. At the end: identifications that are believed as their papers do.
 """
 
 from typing import NamedTuple
@@ -10,6 +10,8 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker import tables
+from shefex_nav.onboard.startracker.identify.verify import nothing, verify
+from shefex_nav.records import Reason
 
 
 class Table(NamedTuple):
@@ -144,3 +146,43 @@ def extend(table, sides, triad, abc, row):
                 confirmed -= 1 + rivals
     row[triad[0]], row[triad[1]], row[triad[2]] = abc
     return confirmed
+
+
+# --- acceptance: verified, or published ---
+
+
+def first_verified(settings, camera, stars, u_c, flux, candidates):
+    """The first of some candidates that holds against the whole field; else why the best of them did not.
+
+    candidates : iterator of (len(flux),) int64 rows of the catalogue, -1; the others as of `verify`
+    """
+    best = nothing(len(flux), Reason.NO_MATCH)
+    for star in candidates:
+        found = verify(settings, camera, stars, u_c, flux, star)
+        if found.reason == Reason.NONE:
+            return found
+        if best.reason != Reason.AMBIGUOUS:
+            best = nothing(len(flux), found.reason)
+    return best
+
+
+def is_published(settings):
+    """Whether a method's own acceptance is the last word. Identification settings -> bool"""
+    return settings.acceptance == "published"
+
+
+def believed(settings, found):
+    """What a method has found as it is, where there are stars enough for an attitude.
+
+    Parameters
+    ----------
+    settings : Identification, of it `fewest_stars`
+    found : identify.verify.Identification, of the method's `match`
+
+    Returns
+    -------
+    identify.verify.Identification
+    """
+    if found.reason == Reason.NONE and (found.star >= 0).sum() < settings.fewest_stars:
+        return nothing(len(found.star), Reason.NO_MATCH)
+    return found

@@ -78,7 +78,7 @@ def page(folder):
     """The page of a folder: str. FolderError for a folder without results."""
     found, sections = read(folder), []
     for paper, heading in PAPERS.items():
-        names = [name for name in found if registry.EXPERIMENTS[name][0].startswith(f"{paper}.")]
+        names = [name for name in found if registry.EXPERIMENTS[name][0].split(".")[0] == paper]
         if names:
             content = [html.join(_experiment(name, found[name], Path(folder))) for name in names]
             sections.append((paper, heading, content))

@@ -26,7 +26,7 @@ EXPERIMENTS = {
     "bright-table4": ("bright.experiments", "BRIGHT table 4: the same on rendered frames"),
     "impa-detection": ("impa.detection", "IMPA figure 12: faintest magnitude found against rate"),
     "impa-centroids": ("impa.centroids", "IMPA tables 3 to 5: centroid errors, both shutters"),
-    "impa-pixels": ("impa.pixel_tables", "IMPA tables 3 to 5: weights of the pixels, spot by spot"),
+    "impa-pixels": ("impa.pixels", "IMPA tables 3 to 5: weights of the pixels, spot by spot"),
     "impa-joint": ("impa.experiments", "IMPA tables 6 to 13 with one joint set of assumptions"),
     "impa-attitude": ("impa.experiments", "IMPA tables 6, 7, 10, 11: attitude errors"),
     "impa-assumptions": ("impa.assumptions", "IMPA tables 8, 12: what hangs on what it does not say"),
@@ -34,7 +34,7 @@ EXPERIMENTS = {
     "impa-pitch": ("impa.pitch", "IMPA tables 7, 11: the mean of pitch, reading by reading"),
     "impa-frames": ("impa.frames", "IMPA: what the frames look like, and what is found in them"),
     "impa-images": ("impa.experiments", "IMPA tables 8, 9, 12, 13: success against the number of images"),
-    "as-flown": ("flown.experiments", "The papers' systems in flight beside the default chain, in one table"),
+    "as-flown": ("flown", "The papers' systems in flight beside the default chain, in one table"),
 }
 
 

@@ -35,6 +35,16 @@ def random_attitude(rng):
     return quat_normalise(rng.standard_normal(4))
 
 
+def on_detector(camera, xy_px, margin_px=-0.5):
+    """Which places are on the detector and further than a margin from its outermost pixels' middles.
+
+    Pinhole, (n, 2), px -> (n,) bool, False for NaN
+    """
+    size = np.array([camera.width_px, camera.height_px])
+    with np.errstate(invalid="ignore"):  # NaN behind the camera
+        return ((xy_px > margin_px) & (xy_px < size - 1.0 - margin_px)).all(axis=1)
+
+
 def electrons(camera, magnitudes):
     """Light of stars on the detector."""
     return camera.zero_magnitude_electrons * 10.0 ** (-0.4 * np.asarray(magnitudes))

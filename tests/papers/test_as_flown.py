@@ -11,11 +11,11 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import catalogue, tracker
 from shefex_nav.onboard.startracker.methods import STEPS
 from shefex_nav.onboard.startracker.settings import contradiction
+from shefex_nav.papers import flown
 from shefex_nav.papers.bright import fields
 from shefex_nav.papers.bright import frames as bright_frames
 from shefex_nav.papers.bright.methods import brightness
 from shefex_nav.papers.bright.published import BRIGHT
-from shefex_nav.papers.flown import experiments, flights
 from shefex_nav.papers.rows import goal_none
 from shefex_nav.papers.shefex2 import chain, end_to_end
 from shefex_nav.papers.shefex2 import field as shefex
@@ -183,7 +183,7 @@ def test_what_contradicts_itself_is_told_by_its_key(change, key):
 
 
 def test_each_chain_differs_from_the_default_in_nothing_but_the_star_tracker():
-    for flight in flights.FLIGHTS:
+    for flight in flown.FLIGHTS:
         loaded = [scenario_of(name, *overrides) for name, overrides in flight.chains]
         same = [one.with_sections(star_tracker=None, mission=None) for one in loaded]
         assert same[0].star_camera == same[1].star_camera == same[2].star_camera
@@ -198,41 +198,40 @@ def test_scatter_is_about_the_mean_of_a_flight():
     rng = np.random.default_rng(5)
     sigma = np.array([1e-5, 3e-5, 2e-4])
     errors = np.array([1e-3, -2e-3, 5e-3]) + sigma * rng.standard_normal((4000, 3))
-    across, about = flights.scatter(errors)
+    across, about = flown.scatter(errors)
     assert across == pytest.approx(np.sqrt(0.5 * (1e-10 + 9e-10)), rel=0.05)
     assert about == pytest.approx(2e-4, rel=0.05)
-    assert np.isnan(flights.scatter(errors[:1])).all()
+    assert np.isnan(flown.scatter(errors[:1])).all()
 
 
 def test_a_flight_of_the_bright_scenario_is_solved_by_all_chains(monkeypatch):
-    (flight,) = [one for one in flights.FLIGHTS if one.name == "bright_four_star"]
-    for module in (flights, experiments):
-        monkeypatch.setattr(module, "FLIGHTS", (flight._replace(end_s=35.0),))
-    results = [flights.measure(1, np.random.SeedSequence(4))]
+    (flight,) = [one for one in flown.FLIGHTS if one.name == "bright_four_star"]
+    monkeypatch.setattr(flown, "FLIGHTS", (flight._replace(end_s=35.0),))
+    results = [flown.measure(1, np.random.SeedSequence(4))]
     frames, solved, wrong = results[0][0, 0, :, :3].T
     assert (frames >= 5).all() and (solved >= 4).all() and not wrong.any()
-    rows = experiments.conclude(results)
+    rows = flown.conclude(results)
     of = {(row.quantity, row.condition): row for row in rows}
     assert of["success", "bright_four_star, default"].measured == 1.0
-    assert of[experiments.GOAL, "bright_four_star"].measured == 0.0
+    assert of[flown.GOAL, "bright_four_star"].measured == 0.0
 
 
 def test_a_wrong_attitude_of_the_default_chain_misses_the_goal():
-    table = np.zeros((30, len(flights.FLIGHTS), len(flights.WAYS), len(flights.FIGURES)))
+    table = np.zeros((30, len(flown.FLIGHTS), len(flown.WAYS), len(flown.FIGURES)))
     table[..., 0], table[..., 1], table[..., 5] = 10.0, 9.0, 1e-3
     table[3, 0, -1, 2] = 1.0
-    rows = {(row.quantity, row.condition): row for row in experiments.conclude([table])}
-    assert rows[experiments.GOAL, "shefex2_as_flown"].verdict == "own goal missed"
-    assert rows[experiments.GOAL, "impa"].verdict == goal_none("", "", np.zeros(300, bool)).verdict
+    rows = {(row.quantity, row.condition): row for row in flown.conclude([table])}
+    assert rows[flown.GOAL, "shefex2_as_flown"].verdict == "own goal missed"
+    assert rows[flown.GOAL, "impa"].verdict == goal_none("", "", np.zeros(300, bool)).verdict
     assert rows["success", "impa, default"].measured == pytest.approx(0.9)
 
 
 def test_what_all_flights_have_alike_is_known_to_their_number():
     """Three flights of 120 frames, all solved, none wrong: no interval without width, and no goal met."""
-    table = np.zeros((3, len(flights.FLIGHTS), len(flights.WAYS), len(flights.FIGURES)))
+    table = np.zeros((3, len(flown.FLIGHTS), len(flown.WAYS), len(flown.FIGURES)))
     table[..., 0], table[..., 1], table[..., 5] = 120.0, 120.0, 1e-3
-    rows = {(row.quantity, row.condition): row for row in experiments.conclude([table])}
+    rows = {(row.quantity, row.condition): row for row in flown.conclude([table])}
     assert rows["success", "impa, default"].ci95 == intervals.proportion(3, 3)
     assert rows["wrong attitudes", "impa, default"].ci95 == intervals.proportion(0, 3)
-    goal = rows[experiments.GOAL, "impa"]
+    goal = rows[flown.GOAL, "impa"]
     assert goal.verdict == "too few" and goal.ci95[1] == pytest.approx(360 * intervals.proportion(0, 3)[1])

@@ -8,10 +8,10 @@ import pytest
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing
 from shefex_nav.papers import rows
-from shefex_nav.papers.bright import counting
 from shefex_nav.papers.bright import experiments as bright
 from shefex_nav.papers.bright import fields as bright_fields
 from shefex_nav.papers.bright import frames as bright_frames
+from shefex_nav.papers.bright import outcomes
 from shefex_nav.papers.bright import outcomes as bright_methods
 from shefex_nav.papers.bright.methods import brightness
 from shefex_nav.papers.experiment import Row
@@ -166,7 +166,7 @@ def test_comparisons_are_those_of_lists_joined_entry_by_entry():
             angle = np.arccos(np.clip(field.u_c[i] @ field.u_c[j], -1.0, 1.0))
             off = np.arccos(np.clip(pairs.cosine, -1.0, 1.0)) - angle
             size[i, j] = (np.abs(off) <= bright_fields.IDENTIFY.tolerance).sum()
-    counted = counting.comparisons(bright_fields.IDENTIFY, pairs, field)
+    counted = outcomes.comparisons(bright_fields.IDENTIFY, pairs, field)
     votes = 4 * sum(size[i, j] for i in range(n) for j in range(i)) + n * (n - 1) // 2
     assert counted["geometric_voting"] == pytest.approx(votes, rel=1e-3)
     assert counted["pyramid"] >= 4 * size[0, 1] * size[0, 2]
@@ -176,7 +176,7 @@ def test_comparisons_are_those_of_lists_joined_entry_by_entry():
 
 def test_mismatch_of_equation_15():
     angles = np.radians([30.0, 90.0, 90.0])
-    assert counting.mismatch(101, 1e-3, angles) == pytest.approx(100 * (101e-3) ** 3 * 0.5, rel=1e-5)
+    assert outcomes.mismatch(101, 1e-3, angles) == pytest.approx(100 * (101e-3) ** 3 * 0.5, rel=1e-5)
 
 
 def test_frames_show_the_stars_where_and_as_bright_as_they_are():

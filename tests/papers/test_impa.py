@@ -16,7 +16,7 @@ from shefex_nav.papers.impa import (
     field,
     flight,
     moments,
-    published_moments,
+    published,
     tables,
 )
 from shefex_nav.papers.impa import trackers as methods
@@ -296,7 +296,7 @@ def test_attitude_rows_hold_ours_against_half():
 
 def test_published_means_are_small_beside_their_deviations():
     """A shifted column would put a standard deviation among the means."""
-    for case, shutters in published_moments.ATTITUDE_MEAN_ARCSEC.items():
+    for case, shutters in published.ATTITUDE_MEAN_ARCSEC.items():
         for shutter, axes in shutters.items():
             for axis, means in axes.items():
                 std = IMPA["attitude_error_std_arcsec"][case][shutter][axis]

@@ -125,7 +125,7 @@ def test_the_spread_of_the_kept_run_comes_again_with_other_noise(shutter, rate, 
 
 def test_readings_reach_as_many_published_figures_as_the_docs_say(keeping):
     of = [list(keeping.reached(table, kept.figures()).values()) for table in moments.TABLES]
-    assert [(max(counts), np.median(counts)) for counts in of] == [(20, 12), (31, 20.5), (21, 19)]
+    assert [(max(counts), np.median(counts)) for counts in of] == [(20, 12), (31, 20.5), (22, 19)]
 
 
 def test_a_reading_says_how_many_things_are_otherwise():
@@ -143,11 +143,12 @@ def test_a_reading_says_how_many_things_are_otherwise():
 
 
 def conclude(kurtosis_of_kept, quantity="kurtosis, horizontal", n=6000):
-    """Row of a quantity where the errors here are normal and the kept run has the given Figure or none."""
+    """Row of a quantity where the errors here have long tails, the kept run the given Figure or none."""
     rng = np.random.default_rng(2)
+    wide = np.where(rng.random((n, 2)) < 0.05, 4.0, 1.0)
     rows = np.full((n, len(centroid_tables.COLUMNS)), np.nan)
     rows[:, :3] = RATE, centroid_tables.KINDS.index(TABLE), 1.0
-    rows[:, 3:5] = 0.1 * rng.standard_normal((n, 2))
+    rows[:, 3:5] = 0.08 * wide * rng.standard_normal((n, 2))
     for name, value in (("apart", 1.0), ("recognised", 1.0), ("sample", np.arange(n) % 400)):
         rows[:, centroid_tables.COLUMNS.index(name)] = value
 
@@ -175,16 +176,16 @@ def test_a_kept_figure_explains_what_it_reaches():
 
 
 def test_how_far_the_readings_come_is_said_beside_the_rows():
-    """The plain clusters, all apart, have 4 of the 8 figures; the kept reading has the one that they lack."""
+    """The plain clusters, all apart, have 2 of the 8 figures; the kept reading has the one that they lack."""
     quantity = "published figures that the chosen reading reproduces"
     for kept_one, used, n_reached in (
         (figure(GOAL + 0.3, 0.5), READING, 1),
-        (figure(GOAL + 3.0, 0.5), "stars apart", 4),  # none explains anything: the first
+        (figure(GOAL + 3.0, 0.5), "stars apart", 2),  # none explains anything: the first
     ):
         one = conclude(kept_one, quantity)
         assert one.verdict == Verdict.NONE and one.published is None
         assert f"of 8: {used}, chosen afterwards of 23 readings" in one.condition
-        assert one.condition.endswith("the best has 4, the median 0") and one.measured == n_reached
+        assert one.condition.endswith("the best has 2, the median 0") and one.measured == n_reached
 
 
 @pytest.mark.parametrize(

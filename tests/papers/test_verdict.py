@@ -5,7 +5,7 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from shefex_nav.papers import links, registry, rows
+from shefex_nav.papers import registry, rows
 from shefex_nav.papers.engine import Outcome
 from shefex_nav.papers.experiment import Row
 from shefex_nav.papers.shefex2 import end_to_end
@@ -151,11 +151,11 @@ def test_differences_are_explained_across_experiments():
         "impa-images": Outcome([], [row(0.5)], 1, 1, 0.0),
         "impa-joint": Outcome([], [row(1.0)], 1, 1, 0.0),
     }
-    made = links.linked(ran)
+    made = rows.linked(ran)
     assert made["impa-images"].rows[0].run == "impa-joint" and made["impa-joint"] == ran["impa-joint"]
     alone = {"impa-images": ran["impa-images"]}
-    assert links.linked(alone) == alone
-    assert set(links.EXPLAINED_BY) | {other for other, _ in links.EXPLAINED_BY.values()} <= set(
+    assert rows.linked(alone) == alone
+    assert set(rows.EXPLAINED_BY) | {other for other, _ in rows.EXPLAINED_BY.values()} <= set(
         registry.EXPERIMENTS
     )
 

@@ -5,10 +5,11 @@ import numpy as np
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.papers import rows as row
-from shefex_nav.papers.bright import centroids, counting, fields, figures, frames, outcomes
+from shefex_nav.papers.bright import centroids, fields, frames, outcomes
 from shefex_nav.papers.bright.methods import brightness
 from shefex_nav.papers.bright.published import BRIGHT
 from shefex_nav.papers.experiment import Experiment
+from shefex_nav.papers.picture import COLOURS, tidy
 from shefex_nav.papers.rows import count
 from shefex_nav.papers.stills import random_attitude
 from shefex_nav.papers.verdict import POINTS
@@ -138,7 +139,7 @@ def _mismatch_row(n):
     """Equation (15), of random fields: the paper has it 'in most instances' at 0.01 or below."""
     rng, stars = np.random.default_rng(MISMATCH_SEED), fields.pairs()[0].stars
     drawn = [fields.draw_field(rng, stars, least=4, n_false=0, is_round=False) for _ in range(min(n, 1000))]
-    small = sum(counting.mismatch_of(field, len(stars.hip)) <= RHO_MIS for field in drawn)
+    small = sum(outcomes.mismatch_of(field, len(stars.hip)) <= RHO_MIS for field in drawn)
     given = small / len(drawn), intervals.proportion(small, len(drawn)), len(drawn)
     quantity = "mismatch by equation (15) at most 0.01; published: most"
     most = {"least": np.nextafter(0.5, 1.0), "resolves": POINTS}
@@ -205,7 +206,7 @@ def measure_table3(samples, seed):
                 outcome[s, :, k], seconds[s, :, k] = outcomes.attempt(
                     fields.IDENTIFY, fields.REFERENCE_FLUX, tables, field
                 )
-                compared = counting.comparisons(fields.IDENTIFY, tables[0], field)
+                compared = outcomes.comparisons(fields.IDENTIFY, tables[0], field)
                 counted[s, :, k] = [compared[method] for method in outcomes.PUBLISHED]
         results[shape] = n_stars, outcome, seconds, counted
     return results
@@ -264,6 +265,32 @@ def draw_table3(figure, results, rows):
     outcomes.draw_outcomes(figure, rows, shapes)
 
 
+def draw_brightest(figure, results, rows):
+    """Figure 3, the brightest star; the third dimmest; figure 4, P by index; figure 7, stars by light."""
+    table = np.vstack(results)
+    seen = table[table[:, 0] >= 4]
+    figure.set_size_inches(11.0, 8.0)
+    (brightest, third), (ascending, light) = figure.subplots(2, 2)
+    brightest.hist(seen[:, 1], bins=np.arange(-1.5, 5.01, 0.25), color=COLOURS[0])
+    brightest.set_xlabel("Hp of the brightest star (figure 3)")
+    for column, words, colour in ((2, "of ten", COLOURS[0]), (3, "of all", COLOURS[1])):
+        third.hist(seen[:, column], np.arange(0.0, 6.01, 0.2), histtype="step", color=colour, label=words)
+    published = next(row.published for row in rows if row.quantity.startswith("third dimmest"))
+    third.axvline(published, color="0.3", ls=":", label="mean, published")
+    third.set_xlabel("third dimmest less brightest [mag]")
+    third.legend(frameon=False)
+    for axis in (brightest, third):
+        axis.set_ylabel("images")
+    pairs = fields.pairs()[0]
+    ascending.plot(np.arange(1, len(pairs.cosine) + 1), pairs.cosine, color=COLOURS[0])
+    ascending.set(xlabel=f"index, of {len(pairs.cosine)} pairs (figure 4)", ylabel="P, cosine of the angle")
+    flux = 10.0 ** (-0.4 * np.sort(pairs.stars.vmag))
+    light.semilogy(np.arange(1, len(flux) + 1), flux, ".", ms=3, color=COLOURS[0])
+    light.set(xlabel="stars by brightness (figure 7)", ylabel="light, 1 at magnitude 0")
+    for axis in (brightest, third, ascending, light):
+        tidy(axis)
+
+
 EXPERIMENTS = {
     "bright-table2": Experiment(
         samples=1,
@@ -279,7 +306,7 @@ EXPERIMENTS = {
         chunk=1000,
         measure=measure_brightest,
         conclude=conclude_brightest,
-        draw=figures.draw_brightest,
+        draw=draw_brightest,
     ),
     "bright-table3": Experiment(
         samples=10000,

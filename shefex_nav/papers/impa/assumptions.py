@@ -16,7 +16,6 @@ from shefex_nav.papers.impa import field, flight, trackers
 from shefex_nav.papers.impa.methods import chain
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.rows import calibrated, explained, goal_none, published_share
-from shefex_nav.papers.stills import still
 from shefex_nav.records import Reason
 
 SHUTTER = "global_shutter"
@@ -62,15 +61,9 @@ SETTINGS = (
 
 def objects_of(sigma_px, case, seed):
     """Fused objects of the second frame of a simulation with a spot of this width: Detections."""
-    rng, clusters = np.random.default_rng(seed), None
-    camera = field.camera(SHUTTER)._replace(sigma_psf_px=sigma_px)
-    for number in range(IMAGES):
-        q_ic = field.attitude_at(case, number)
-        u_i, light = flight.near_stars(camera, q_ic)
-        image = still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]
-        clusters, fused = chain.objects(
-            trackers.DETECT, trackers.MODEL, field.times(SHUTTER), clusters, image
-        )
+    rng, times, clusters = np.random.default_rng(seed), field.times(SHUTTER), None
+    for image in flight.pictures(SHUTTER, case, rng, sigma_px=sigma_px):
+        clusters, fused = chain.objects(trackers.DETECT, trackers.MODEL, times, clusters, image)
     return fused
 
 
@@ -97,7 +90,7 @@ def outcome(setting, fused, case, false_seed):
     if found.reason != Reason.NONE:
         return 0
     error = trackers.error_of(q_ic, field.attitude_at(case, IMAGES - 1))
-    return 1 if (np.abs(error[:2]) <= trackers.SUCCESS).all() else -1
+    return 1 if trackers.is_right(error) else -1
 
 
 def measure(samples, seed):

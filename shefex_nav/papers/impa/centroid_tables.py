@@ -6,8 +6,7 @@ from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Row
 from shefex_nav.papers.impa import kept, moments
 from shefex_nav.papers.impa.moments import MARGIN
-from shefex_nav.papers.impa.published import IMPA
-from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX
+from shefex_nav.papers.impa.published import CENTROID_MEAN_PX, IMPA
 from shefex_nav.papers.picture import legend_below, tidy
 
 PUBLISHED = (
@@ -33,8 +32,8 @@ KINDS = (
 )
 COLUMNS = (
     "rate_deg_s", "kind", "is_star", "x", "y", "electrons",  # of all
-    "seen", "snr", "inside", "along", "across", "least_along", "least_across", "nes", "said_along",
-    "said_across", "recognised", "apart", "sample",
+    "seen", "snr", "inside", "along", "across", "least_along", "least_across", "nes", "recognised",
+    "apart", "sample",
 )  # fmt: skip
 VARIANT = "rolling_implicit"  # of equation (22): beside the other one, not counted a second time
 TABLE = {VARIANT: "rolling_compensated"}  # whose published column a kind is held against

@@ -15,7 +15,7 @@ from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.onboard.startracker import best_attitude
 from shefex_nav.papers.experiment import Experiment
-from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, spot, trackers
+from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, trackers
 from shefex_nav.papers.impa.centroid_tables import BOX, COLUMNS, JOINT, KINDS, PUBLISHED, with_spot
 from shefex_nav.papers.impa.methods import chain, multipole
 from shefex_nav.papers.impa.methods import clusters as cluster
@@ -109,23 +109,18 @@ def published_rows(kinds, case, frames, stars, times):
     return rows, set(star[star >= 0])
 
 
-def pictures(shutter, case, rng, **how):
-    """The two frames of a case; how: as `flight.frame` has them."""
-    return [flight.frame(shutter, case, number, rng, **how) for number in (0, 1)]
-
-
 def frames_of(shutter, case, seed, with_own=True):
     """Rows of one case and shutter: (m, len(COLUMNS))."""
     noise, gyro_rng, *others = (np.random.default_rng(s) for s in seed.spawn(4))
     stars, times = truth(shutter, case, 1), field.times(shutter)
     kinds = PUBLISHED[:1] if shutter == "global_shutter" else PUBLISHED[1:]
-    frames = pictures(shutter, case, noise)
+    frames = flight.pictures(shutter, case, noise)
     rows, seen = published_rows(kinds, case, frames, stars, times)
-    box = spot.box(float(IMPA["camera"]["psf_diameter_px"]))
+    box = field.box(float(IMPA["camera"]["psf_diameter_px"]))
     spots = {BOX: {"psf": box}, JOINT: {"sigma_px": flight.JOINT.sigma_px}}
     for (name, how), rng in zip(spots.items(), others, strict=True):
         named = [with_spot(kind, name) for kind in kinds]
-        rows += published_rows(named, case, pictures(shutter, case, rng, **how), stars, times)[0]
+        rows += published_rows(named, case, flight.pictures(shutter, case, rng, **how), stars, times)[0]
     if with_own:
         rows += own_rows(shutter, case, frames[1], stars, seen, gyro_rng)
     return rows
@@ -157,10 +152,10 @@ def _row(case, kind, star, error, light, P_px=None, best=None, seen=True):
     if best is not None:
         turned = bound.along_across(error[None], np.array([best.heading]))[0]
         C = trackers.turn2(best.heading)
-        least, said = C.T @ best.P_px @ C, C.T @ P_px @ C
+        least = C.T @ best.P_px @ C
         row[6:-3] = (
             seen, best.snr, best.inside, *turned, least[0, 0], least[1, 1],
-            error @ np.linalg.solve(P_px, error), said[0, 0], said[1, 1],
+            error @ np.linalg.solve(P_px, error),
         )  # fmt: skip
     return row
 
@@ -186,7 +181,7 @@ def measure(samples, seed, first):
 
 
 # what makes the results or says what a stored number means
-KEPT = (*experiments.KEPT, "impa.centroids", "impa.centroid_tables", "impa.bound", "impa.spot")
+KEPT = (*experiments.KEPT, "impa.centroids", "impa.centroid_tables", "impa.bound")
 
 EXPERIMENTS = {
     "impa-centroids": Experiment(

@@ -25,7 +25,7 @@ from shefex_nav.papers.experiment import Experiment, Row
 from shefex_nav.papers.impa import field, trackers
 from shefex_nav.papers.impa.methods import clusters
 from shefex_nav.papers.impa.published import IMPA
-from shefex_nav.papers.picture import COLOURS, tidy
+from shefex_nav.papers.picture import COLOURS, points, tidy
 from shefex_nav.papers.rows import given, goal
 from shefex_nav.papers.stills import electrons, random_attitude, still
 from shefex_nav.report import intervals
@@ -190,16 +190,10 @@ def draw(figure, _results, rows):
         for beta, colour in zip(BETAS, COLOURS, strict=False):
             mine = [row for row in rows if row.quantity == f"{method}: {FAINTEST}"]
             mine = [row for row in mine if row.condition.endswith(f"axis {beta:g} deg from the boresight")]
-            values = np.array([row.measured for row in mine])
-            ends = np.array([row.ci95 or (row.measured, row.measured) for row in mine])
-            face = colour if style == "o" else "none"
-            label, reach = f"simulated, {method}, {beta:g} deg", np.abs(ends - values[:, None]).T
-            axis.errorbar(
-                RATES, values, reach, fmt=style, color=colour, ms=5, mfc=face, capsize=2, label=label
-            )
+            look = {"color": colour, "ms": 5, "mfc": colour if style == "o" else "none", "capsize": 2}
+            points(axis, RATES, mine, style, label=f"simulated, {method}, {beta:g} deg", **look)
     axis.set_ylim(top=axis.get_ylim()[1] + 1.2)  # room for the legend
-    axis.set_xlabel("rate [deg/s]")
-    axis.set_ylabel("faintest magnitude found in half the cases")
+    axis.set(xlabel="rate [deg/s]", ylabel="faintest magnitude found in half the cases")
     tidy(axis)
     axis.legend(
         loc="upper right",

@@ -11,7 +11,7 @@ the golden angle [E].
 """
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.stills import StillCamera
+from shefex_nav.world.camera import render
 from shefex_nav.world.camera.detector import Electronics
 
 SETTINGS, PROTOCOL = IMPA["camera"], IMPA["protocol"]
@@ -201,3 +202,24 @@ def gyro(case, rng):
 
 
 RATE_ERROR = np.radians(0.02)  # rad/s, standard deviation on each axis
+
+
+# --- the spot as a box, which is how the model of the paper counts (section 4.2) ---
+#
+# Equation (26) has a streak of the length l cover r_psf l pixels, with the same light in all of them: that is
+# a square spot of r_psf pixels. A Gaussian has its third of a streak's light in the middle line too
+# (PSF_SIGMA_PX), but soft edges: the streak of a faint star is then narrower and shorter than that of a
+# bright one, and the threshold cuts it where the noise decides. The edges of a box stand still.
+
+PER_PX = 256  # places of the table in a pixel
+STEP_PX = 0.5  # of a streak: two spots each, which a box of several pixels makes even
+
+
+@lru_cache(maxsize=4)
+def box(width_px):
+    """Square spot of this width whose light is even: render.Psf."""
+    reach_px = int(np.ceil(0.5 * width_px)) + 1
+    x_px = np.arange(-reach_px * PER_PX, (reach_px + 1) * PER_PX + 1) / PER_PX
+    cdf = np.clip(0.5 + x_px / width_px, 0.0, 1.0)
+    first = np.arange(PER_PX + 1)[:, None] + PER_PX * np.arange(2 * reach_px)
+    return render.Psf(cdf, cdf[first + PER_PX] - cdf[first], PER_PX, reach_px, float(width_px), STEP_PX)

@@ -6,8 +6,7 @@ from shefex_nav.papers import picture
 from shefex_nav.papers.impa import tables
 from shefex_nav.papers.impa.field import SHUTTERS
 from shefex_nav.papers.impa.flight import CASES, SITUATIONS
-from shefex_nav.papers.impa.published import IMPA
-from shefex_nav.papers.impa.published_moments import ATTITUDE_MEAN_ARCSEC
+from shefex_nav.papers.impa.published import ATTITUDE_MEAN_ARCSEC, IMPA
 from shefex_nav.papers.picture import legend_below, tidy
 from shefex_nav.report import intervals
 
@@ -155,13 +154,9 @@ def _deviations(figure, rows):
                     mine = [row for row in rows if row.quantity.startswith(f"{who}: std of {name}")]
                     mine = [row for row in mine if row.condition.startswith(words + ",")]
                     at = [float(row.condition.split(", ")[-1].split()[0]) for row in mine]
-                    values = np.array([row.measured for row in mine])
-                    ends = np.array([row.ci95 for row in mine]).reshape(-1, 2)
-                    reach = np.abs(ends - values[:, None]).T
-                    look = {"fmt": style, "color": colour, "ms": 4, "lw": 1.2, "capsize": 2}
-                    label = f"{WHO[who]}, {name}"
+                    look = {"color": colour, "ms": 4, "lw": 1.2, "capsize": 2}
                     if len(at):
-                        axis.errorbar(at, values, reach, label=label, **look)
+                        picture.points(axis, at, mine, style, label=f"{WHO[who]}, {name}", **look)
             axis.set_title(words, loc="left", fontsize=10)
             axis.set_yscale("log")
             tidy(axis)

@@ -47,6 +47,11 @@ def frame(shutter, case, number, rng, sigma_px=field.PSF_SIGMA_PX, psf=None):
     return still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]
 
 
+def pictures(shutter, case, rng, **how):
+    """The first two frames of a simulation; how: as `frame` has them."""
+    return [frame(shutter, case, number, rng, **how) for number in (0, 1)]
+
+
 def near_stars(camera, q_ic):
     """Stars around the boresight: directions (n, 3), electrons (n,)."""
     u_i, vmag = field.stars()

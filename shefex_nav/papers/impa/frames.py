@@ -16,6 +16,7 @@ from shefex_nav.papers.impa import field, flight, trackers
 from shefex_nav.papers.impa.published import IMPA
 from shefex_nav.papers.picture import legend_below
 from shefex_nav.papers.rows import together
+from shefex_nav.papers.stills import on_detector
 from shefex_nav.report import intervals
 
 RATES = (0.0, 2.0, 5.0)  # deg/s
@@ -64,9 +65,7 @@ def catalogue_stars(case):
     """Where the stars to V 5.5 are at the instant of the second frame, those on the detector: (n, 2) px."""
     C_ic = dcm_from_quat(field.attitude_at(case, 1))
     xy_px = pixels(field.CAMERA, np.ascontiguousarray(field.pairs(True).stars.u_i @ C_ic))
-    size = np.array([field.CAMERA.width_px, field.CAMERA.height_px])
-    inside = (xy_px > MARGIN_PX) & (xy_px < size - 1.0 - MARGIN_PX)
-    return xy_px[inside.all(axis=1)]
+    return xy_px[on_detector(field.CAMERA, xy_px, MARGIN_PX)]
 
 
 def found_near(stars_px, objects_px):

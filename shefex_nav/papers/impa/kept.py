@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from shefex_nav.papers.impa import moments
-from shefex_nav.papers.impa.methods.weights import AS_PRINTED, WEIGHTS
+from shefex_nav.papers.impa.methods.clusters import AS_PRINTED, WEIGHTS
 
 PATH = Path(__file__).with_name("pixel_moments.csv")
 RUN = "impa-pixels"

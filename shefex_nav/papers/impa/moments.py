@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.papers import rows
+from shefex_nav.papers import rows, verdict
 from shefex_nav.papers.experiment import Row
-from shefex_nav.papers.impa.published import IMPA, IMPA_KURTOSIS
-from shefex_nav.papers.impa.published_moments import CENTROID_MEAN_PX, CENTROID_SKEWNESS
+from shefex_nav.papers.impa.published import CENTROID_MEAN_PX, CENTROID_SKEWNESS, IMPA, IMPA_KURTOSIS
+from shefex_nav.papers.verdict import Verdict
 from shefex_nav.report import intervals
 
 TABLES = ("global_shutter", "rolling_compensated", "rolling_uncompensated")  # 3, 4, 5
@@ -18,6 +18,11 @@ UNITS = {"std": " [px]", "mean": " [px]"}
 MARGIN = 0.25  # of a standard deviation: what counts as the same
 MEAN_RESOLVES_PX, SKEWNESS_RESOLVES = 0.05, 0.25
 RESAMPLES = 1000
+SAMPLES_OF_PAPER = IMPA["protocol"]["attitudes"] * IMPA["protocol"]["directions"]  # at each rate
+UNBOUNDED = (
+    "too few samples: a sample's kurtosis lies below that of what it is drawn from, the more the longer the "
+    "tails are, and no sample bounds it from above; so one below the published one is not told from it"
+)
 
 
 class Figure(NamedTuple):
@@ -30,7 +35,7 @@ class Figure(NamedTuple):
     rate: int  # deg/s
     value: float
     low: float  # 95 %
-    high: float
+    high: float  # of a kurtosis: of the resampled ones, which bounds nothing
     samples: int  # attitudes and directions that the errors come from
     errors: int
 
@@ -69,13 +74,23 @@ def of_totals(totals):
 
 
 def moment_intervals(sums, rng):
-    """95 % intervals of the four: samples drawn again, with replacement, all of it at once. (m, 5) -> (4, 2)
+    """95 % intervals of the four: (m, 5) power sums -> (4, 2), in the order of `moments`.
 
-    The percentile bootstrap of `intervals.bootstrap`: how often each sample is drawn is multinomial.
+    Samples are drawn again, with replacement, all of it at once: the percentile bootstrap of
+    `intervals.bootstrap`, how often each sample is drawn is multinomial. Not so the standard deviation: of 60
+    samples with long tails that holds it in 86 of 100 cases, `mean_square_interval` in 90.
+
+    The upper end of a kurtosis is none. Of 520 samples whose kurtosis is 6 to 18 it lies above the truth in
+    24 to 79 of 100 cases: what has not been met is not drawn again. Nothing does better, as no upper bound
+    holds for any distribution (Bahadur and Savage, Ann. Math. Stat. 27, 1956, 1115; Donoho, Ann. Stat. 16,
+    1988, 1390); the lower end holds. See `judged`.
     """
-    m = len(sums)
+    m, (mean, *_) = len(sums), moments(sums)
     drawn = rng.multinomial(m, np.full(m, 1.0 / m), RESAMPLES) @ sums
-    return np.percentile(of_totals(drawn), [2.5, 97.5], axis=0).T
+    ends = np.percentile(of_totals(drawn), [2.5, 97.5], axis=0).T
+    squares = sums[:, 2] - 2.0 * mean * sums[:, 1] + mean**2 * sums[:, 0]
+    ends[1] = np.sqrt(intervals.mean_square_clustered(np.maximum(squares, 0.0), sums[:, 0]))
+    return ends
 
 
 def mean_square_interval(squares, sample):
@@ -107,7 +122,12 @@ def figures_of(reading, table, rate, axis, errors, sample):
 
 
 def judged(one, condition, why=""):
-    """Row of a figure beside the published one. why: of its standard deviation, if it differs"""
+    """Row of a figure beside the published one. why: of its standard deviation, if it differs
+
+    The paper's samples are known by their number: they are taken to scatter as these do. A kurtosis has no
+    upper end. What the resampled ones reach is less than what it may be: a strict tolerance for being the
+    same, and none for being another one.
+    """
     goal = published(one.table, one.moment)[one.axis][RATES.index(one.rate)]
     how = {
         "std": {"rounding": 0.0005 if goal < 1.0 else 0.005, "better": "less", "why": why},
@@ -117,8 +137,15 @@ def judged(one, condition, why=""):
     }[one.moment]
     resolves = {"mean": MEAN_RESOLVES_PX, "skewness": SKEWNESS_RESOLVES}.get(one.moment, MARGIN * goal)
     quantity = f"{one.moment}, {one.axis}{UNITS.get(one.moment, '')}"
-    measured = one.value, (one.low, one.high), one.samples
-    return rows.figure(quantity, condition, goal, *measured, resolves=resolves, **how)
+    measured, ends = one.value, (one.low, one.high)
+    theirs = verdict.reach(measured, ends, goal) * np.sqrt(one.samples / SAMPLES_OF_PAPER)
+    how |= {"resolves": resolves, "of_paper": (goal - theirs, goal + theirs)}
+    made = rows.figure(quantity, condition, goal, measured, ends, one.samples, **how)
+    if one.moment == "kurtosis":
+        made = made._replace(ci95=(one.low, np.inf))
+        if made.verdict == Verdict.OPEN and measured < goal:
+            made = made._replace(verdict=Verdict.TOO_FEW, why=UNBOUNDED)
+    return made
 
 
 def shown(one):

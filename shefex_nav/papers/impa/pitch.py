@@ -18,7 +18,7 @@ from shefex_nav.papers.impa import field, flight, trackers
 from shefex_nav.papers.impa.methods import chain, multipole
 from shefex_nav.papers.impa.methods import clusters as cluster
 from shefex_nav.papers.impa.methods.as_printed import AS_READ, PRINTED
-from shefex_nav.papers.impa.published_moments import ATTITUDE_MEAN_ARCSEC
+from shefex_nav.papers.impa.published import ATTITUDE_MEAN_ARCSEC
 from shefex_nav.papers.picture import legend_below, tidy
 from shefex_nav.records import Reason
 from shefex_nav.report import intervals
@@ -55,16 +55,10 @@ WAYS = {
 
 def moved(times, clusters, rows, shift_px, way):
     """Places of clusters at the frame's instant by `compensate` as a reading has it: (m, 2) px."""
-    settings, xy_px = trackers.DETECT.run_length, clusters.xy_px[rows]
-    columns = clusters.last_column[rows] - clusters.first_column[rows]
-    extent_px = np.column_stack((columns, clusters.last_row[rows] - clusters.first_row[rows])) + way.longer_px
-    sign = np.where(np.abs(shift_px) >= settings.slowest * times.exposure_s, np.sign(shift_px), 0.0)
-    seen_s = times.exposure_s + way.row_time * sign[:, 1] * extent_px[:, 1] * times.line_s
-    velocity = sign * extent_px / np.where(seen_s > 0.0, seen_s, np.nan)[:, None]
-    late_s = times.line_s * (times.middle_row + way.late_rows - xy_px[:, 1])
-    if way.implicit:
-        late_s = late_s / (1.0 + velocity[:, 1] * times.line_s)
-    return xy_px + velocity * late_s[:, None]
+    settings, form = trackers.DETECT.run_length, "implicit" if way.implicit else "explicit"
+    times = times._replace(middle_row=times.middle_row + way.late_rows)
+    how = {"longer_px": way.longer_px, "row_time": way.row_time}
+    return chain.compensated(settings, times, clusters, rows, shift_px, form, **how).xy_px
 
 
 def pitch_of(case, pair, way):
@@ -91,7 +85,7 @@ def pitch_of(case, pair, way):
     u_i = pairs.stars.u_i[names.star[known]]
     q_ic = davenport(unit_vectors(trackers.MODEL.pinhole, places), u_i, np.ones(len(u_i)))
     error = trackers.error_of(q_ic, field.attitude_at(case, number))
-    return error[0] / trackers.ARCSEC if (np.abs(error[:2]) <= trackers.SUCCESS).all() else np.nan
+    return error[0] / trackers.ARCSEC if trackers.is_right(error) else np.nan
 
 
 def measure(samples, seed, first):
@@ -101,7 +95,7 @@ def measure(samples, seed, first):
     for k, own_seed in enumerate(seed.spawn(samples)):
         for r, (rate, noise) in enumerate(zip(rates, own_seed.spawn(len(rates)), strict=True)):
             case, rng = field.pair(rate, first + k), np.random.default_rng(noise)
-            frames = [flight.frame(SHUTTER, case, n, rng, flight.JOINT.sigma_px) for n in (0, 1)]
+            frames = flight.pictures(SHUTTER, case, rng, sigma_px=flight.JOINT.sigma_px)
             pair = [cluster.find(trackers.DETECT, trackers.MODEL, image) for image in frames]
             out[k, r] = [pitch_of(case, pair, way) for way in WAYS.values()]
     return out
@@ -136,8 +130,7 @@ def draw(figure, results, _rows):
         axis.errorbar(beside, mean, error, fmt="o-", ms=4, lw=1.0, label=f"simulated, {name}")
     axis.axhline(0.0, color="k", lw=0.5)
     axis.set_xticks(rates)
-    axis.set_xlabel("rate [deg/s]")
-    axis.set_ylabel("mean of pitch, estimate less truth [arcsec]")
+    axis.set(xlabel="rate [deg/s]", ylabel="mean of pitch, estimate less truth [arcsec]")
     tidy(axis)
     legend_below(figure, axis, 3)
 

@@ -35,12 +35,6 @@ RUN = "impa-readings"
 RATES = IMPA["protocol"]["rates_deg_s"]
 
 
-def frames_of(shutter, case, seed):
-    """The two frames of a simulation: list of images."""
-    rng = np.random.default_rng(seed)
-    return [flight.frame(shutter, case, k, rng, flight.JOINT.sigma_px) for k in range(IMAGES)]
-
-
 def outcome(reading, fused, truth):
     """1: right, 0: no attitude, -1: wrong, of a list of objects."""
     pairs = field.pairs(False)
@@ -50,13 +44,14 @@ def outcome(reading, fused, truth):
         return 0
     known = found.star >= 0
     q_ic = davenport(u_c[known], pairs.stars.u_i[found.star[known]], np.ones(known.sum()))
-    return 1 if (np.abs(trackers.error_of(q_ic, truth)[:2]) <= trackers.SUCCESS).all() else -1
+    return 1 if trackers.is_right(trackers.error_of(q_ic, truth)) else -1
 
 
 def of_frames(shutter, case, seeds):
     """Outcomes of one simulation: (cases, readings)."""
     frame_seed, false_seed = seeds
-    images, times = frames_of(shutter, case, frame_seed), field.times(shutter)
+    rng, times = np.random.default_rng(frame_seed), field.times(shutter)
+    images = flight.pictures(shutter, case, rng, sigma_px=flight.JOINT.sigma_px)
     truth = field.attitude_at(case, IMAGES - 1)
     false = trackers.false_objects(np.random.default_rng(false_seed), flight.JOINT.uniform)
     out = np.empty((len(flight.CASES), len(READINGS)), dtype=np.int64)

@@ -9,8 +9,7 @@ import numpy as np
 from shefex_nav.papers import rows
 from shefex_nav.papers.impa.field import N_ATTITUDES, PAIRS_OF_ALL, SHUTTERS
 from shefex_nav.papers.impa.flight import CASES, SITUATIONS
-from shefex_nav.papers.impa.published import IMPA
-from shefex_nav.papers.impa.published_moments import ATTITUDE_MEAN_ARCSEC
+from shefex_nav.papers.impa.published import ATTITUDE_MEAN_ARCSEC, IMPA
 from shefex_nav.papers.impa.trackers import ACCEPTANCES
 from shefex_nav.papers.verdict import POINTS
 from shefex_nav.report import intervals

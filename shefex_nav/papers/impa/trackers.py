@@ -151,6 +151,11 @@ def error_of(q_ic, truth):
     return rotvec_between(q_ic, truth)
 
 
+def is_right(error):
+    """Whether an error (3,) [rad] is a success of the paper: both angles across within 360 arcsec."""
+    return (np.abs(error[:2]) <= SUCCESS).all()
+
+
 HIT_TRAIL_PX = 3.0  # mean length of a trail on the detector [E]
 
 

@@ -28,7 +28,7 @@ from shefex_nav.papers.shefex2.field import (
 )
 from shefex_nav.papers.shefex2.methods.calibrate import calibrate
 from shefex_nav.papers.shefex2.published import SHEFEX
-from shefex_nav.papers.stills import random_attitude
+from shefex_nav.papers.stills import on_detector, random_attitude
 from shefex_nav.papers.verdict import Verdict
 from shefex_nav.report import intervals
 from shefex_nav.solve.camera import Camera
@@ -254,10 +254,8 @@ def _photograph(rng, stars):
     off = ideal - centre
     r2 = (off**2).sum(axis=1, keepdims=True) / TRUE_CAMERA.focal_length_px**2
     seen = centre + off * (1.0 + TRUE_K1 * r2)
-    size = np.array([CAMERA.width_px, CAMERA.height_px])
-    with np.errstate(invalid="ignore"):  # NaN behind the camera; far outside the distortion means nothing
-        inside = ((seen > -0.5) & (seen < size - 0.5)).all(axis=1) & (r2[:, 0] < 0.1)
-    rows = np.flatnonzero(inside)
+    near = np.nan_to_num(r2[:, 0], nan=1.0) < 0.1  # far outside the distortion means nothing
+    rows = np.flatnonzero(on_detector(CAMERA, seen) & near)
     return rows, seen[rows] + rng.normal(0.0, NOISE_PX, (len(rows), 2))
 
 

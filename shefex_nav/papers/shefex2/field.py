@@ -18,7 +18,7 @@ from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2.methods import pyramid
 from shefex_nav.papers.shefex2.published import SHEFEX
-from shefex_nav.papers.stills import random_attitude
+from shefex_nav.papers.stills import on_detector, random_attitude
 
 YEAR = 2011.5  # of the paper
 CAMERA = pinhole(
@@ -73,9 +73,7 @@ def uniform_pairs():
 def in_view(u_i, q_ic):
     """Rows and pixels of the stars on the detector. (n, 3), (4,) -> (m,), (m, 2)."""
     xy_px = pixels(CAMERA, np.ascontiguousarray(u_i @ dcm_from_quat(q_ic)))
-    size = np.array([CAMERA.width_px, CAMERA.height_px])
-    with np.errstate(invalid="ignore"):  # NaN behind the camera
-        rows = np.flatnonzero(((xy_px > -0.5) & (xy_px < size - 0.5)).all(axis=1))
+    rows = np.flatnonzero(on_detector(CAMERA, xy_px))
     return rows, xy_px[rows]
 
 

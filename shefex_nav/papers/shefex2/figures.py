@@ -67,8 +67,7 @@ def draw_spikes(figure, results, _rows):
         axis.fill_between(stars.SPIKES, ends[:, 0], ends[:, 1], color=COLOURS[c], alpha=0.12, lw=0)
         rate = 100.0 * k / len(wrong)
         axis.plot(stars.SPIKES, rate, STYLES[c], ms=4, lw=1.2, color=COLOURS[c], label=f"{cos_error:g}")
-    axis.set_xlabel("spikes in the field")
-    axis.set_ylabel("wrong identifications [%]")
+    axis.set(xlabel="spikes in the field", ylabel="wrong identifications [%]")
     axis.set_title("as figure 9; bands: 95 % confidence", loc="left", fontsize=10)
     axis.set_xlim(0, stars.SPIKES[-1])
     axis.set_ylim(bottom=0.0)
@@ -92,8 +91,7 @@ def draw_attitude(figure, results, _rows):
     axis.plot(attitude.ERRORS_PX, curve, color="0.6", lw=1.2, label="yaw, all stars known")
     axis.axhline(attitude.LIMIT_DEG, color="0.3", lw=0.9, ls=":")
     axis.axvline(attitude.CROSSING_PX, color="0.3", lw=0.9, ls=":")
-    axis.set_xlabel("centroid error per axis [px]")
-    axis.set_ylabel("attitude error [deg]")
+    axis.set(xlabel="centroid error per axis [px]", ylabel="attitude error [deg]")
     axis.set_title(
         "as figure 10; dotted: the requirement, and where the paper passes it", loc="left", fontsize=10
     )
@@ -125,8 +123,7 @@ def draw_calibration(figure, results, _rows):
         left.errorbar(n, f_mm, half, fmt="o", color=COLOURS[0], ms=4, capsize=3)
         _residuals(right, [frame for frame in frames if frame is not None][:200])
     left.set_xscale("log")
-    left.set_xlabel("frames")
-    left.set_ylabel("focal length [mm]")
+    left.set(xlabel="frames", ylabel="focal length [mm]")
     left.set_title("estimate, 95 %; grey: true value ± 0.01 mm", loc="left", fontsize=10)
     tidy(left)
     tidy(right)
@@ -142,8 +139,7 @@ def _residuals(axis, frames):
     for colour, (name, (camera, distortion)) in zip(COLOURS[1::-1], cameras.items(), strict=True):
         radius, outward = attitude.radial_residuals(frames, camera, distortion)
         axis.plot(radius, outward, ".", ms=2.5, color=colour, alpha=0.6, label=name)
-    axis.set_xlabel("distance from the middle [px]")
-    axis.set_ylabel("residual outwards [px]")
+    axis.set(xlabel="distance from the middle [px]", ylabel="residual outwards [px]")
     axis.set_ylim(-2.0, 2.0)
     axis.legend(frameon=False, fontsize=9, markerscale=3)
 
@@ -157,8 +153,7 @@ def draw_scan(figure, results, rows):
     axis.hist(sequential, bins, color=COLOURS[0], label="sequential scan")
     axis.hist(maximum, bins, color=COLOURS[1], label="maximum search")
     axis.set_xscale("log")
-    axis.set_xlabel("time of a frame [ms]")
-    axis.set_ylabel("frames")
+    axis.set(xlabel="time of a frame [ms]", ylabel="frames")
     ratios = [row for row in rows if row.published is not None]
     words = ", ".join(f"{row.measured:.1f} with {row.condition.split(', ')[0]}" for row in ratios)
     axis.set_title(f"ratio {words}; published {ratios[0].published:.1f}", loc="left", fontsize=10)

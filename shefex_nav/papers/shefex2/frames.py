@@ -14,7 +14,7 @@ from shefex_nav.papers import rows
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2.field import CAMERA, in_view
 from shefex_nav.papers.shefex2.published import SHEFEX
-from shefex_nav.papers.stills import StillCamera, electrons, random_attitude, still
+from shefex_nav.papers.stills import StillCamera, electrons, on_detector, random_attitude, still
 from shefex_nav.papers.verdict import POINTS
 from shefex_nav.report import intervals
 from shefex_nav.world.camera.detector import Electronics
@@ -48,8 +48,7 @@ def frame_of(rng, n_stars):
     while True:
         q_ic = random_attitude(rng)
         rows, xy_px = in_view(u_i, q_ic)
-        size = np.array([CAMERA.width_px, CAMERA.height_px])
-        rows = rows[((xy_px > 10.0) & (xy_px < size - 11.0)).all(axis=1)]
+        rows = rows[on_detector(CAMERA, xy_px, 10.0)]
         rows = rows[np.argsort(magnitudes[rows])][:n_stars]
         separate = np.arccos(np.clip(u_i[rows] @ u_i[rows].T, -1.0, 1.0)) + 9.0 * np.eye(len(rows))
         bright = len(rows) == n_stars and magnitudes[rows[-1]] < FAINTEST[n_stars]

@@ -18,14 +18,14 @@ from shefex_nav.onboard.startracker import objects, streaks, tracker
 from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Experiment
-from shefex_nav.papers.picture import COLOURS, legend_below, tidy
+from shefex_nav.papers.picture import COLOURS, legend_below, points, tidy
 from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.papers.shefex2 import chain, end_to_end
 from shefex_nav.papers.shefex2.end_to_end import CHAINS, GROUND, PAPERS
 from shefex_nav.papers.shefex2.field import CAMERA
 from shefex_nav.papers.shefex2.frames import DETECT, MODEL, SPACE
 from shefex_nav.papers.shefex2.published import SHEFEX
-from shefex_nav.papers.stills import electrons, random_attitude, still
+from shefex_nav.papers.stills import electrons, on_detector, random_attitude, still
 from shefex_nav.papers.verdict import POINTS
 from shefex_nav.records import Reason
 
@@ -92,9 +92,7 @@ def fly(way, sky, q_ic, omega_c, known_omega_c, rng):
 def stars_in_view(q_ic):
     """Catalogue stars on the detector: int."""
     xy_px = pixels(CAMERA, end_to_end.default_pairs().stars.u_i @ dcm_from_quat(q_ic))
-    size = np.array([CAMERA.width_px, CAMERA.height_px])
-    with np.errstate(invalid="ignore"):  # NaN behind the camera
-        return int(((xy_px > 5.0) & (xy_px < size - 6.0)).all(axis=1).sum())
+    return int(on_detector(CAMERA, xy_px, 5.0).sum())
 
 
 def measure(samples, seed):
@@ -188,18 +186,15 @@ def draw(figure, results, rows):
         for words, style in (("in view", "o-"), ("all frames", "o:")):
             mine = [one for one in rows if one.quantity.startswith(f"{way}: success")]
             mine = [one for one in mine if one.condition.endswith(words)]
-            values = 100.0 * np.array([one.measured for one in mine])
-            reach = np.abs(100.0 * np.array([one.ci95 for one in mine]).reshape(-1, 2) - values[:, None]).T
             at = [float(one.condition.split()[0]) for one in mine]
             label = f"simulated {way}, {'four stars in view' if words == 'in view' else words}"
-            axis.errorbar(at, values, reach, fmt=style, color=colour, ms=4, lw=1.2, capsize=2, label=label)
+            points(axis, at, mine, style, 100.0, color=colour, ms=4, lw=1.2, capsize=2, label=label)
     shade(axis)
     axis.text(0.05, 100.0 * MOST + 1.0, f"published: most, read as {MOST:.0%}", fontsize=9, color="0.4")
     words = f"published: rarely, read as {RARELY:.0%}"
     axis.text(RATES[-1], 1.5, words, fontsize=9, color="0.4", ha="right")
     axis.set_ylim(0.0, 103.0)
-    axis.set_xlabel("rate [deg/s]")
-    axis.set_ylabel("frames with a right attitude [%]")
+    axis.set(xlabel="rate [deg/s]", ylabel="frames with a right attitude [%]")
     tidy(axis)
     legend_below(figure, axis, 2)
 

@@ -17,7 +17,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker.objects import detect
 from shefex_nav.papers import rows as row
 from shefex_nav.papers.experiment import Experiment, Row
-from shefex_nav.papers.picture import COLOURS, tidy
+from shefex_nav.papers.picture import COLOURS, points, tidy
 from shefex_nav.papers.shefex2 import chain, end_to_end, rates
 from shefex_nav.papers.shefex2.frames import MODEL, SPACE
 from shefex_nav.papers.stills import StillCamera, electrons, random_attitude, still
@@ -150,11 +150,9 @@ def draw(figure, _results, rows):
         rates.shade(axis)
         for n, name in enumerate((NAMES[0], *names)):
             mine = [of[f"{name}, {rate:g} deg/s"] for rate in RATES]
-            values = 100.0 * np.array([one.measured for one in mine])
-            reach = np.abs(100.0 * np.array([one.ci95 for one in mine]) - values[:, None]).T
-            look = {"fmt": "o-" if n == 0 else "s--", "ms": 4, "lw": 1.3, "capsize": 2}
+            style, look = "o-" if n == 0 else "s--", {"ms": 4, "lw": 1.3, "capsize": 2}
             beside = np.array(RATES) + 0.04 * (n - 2)  # many are nearly the same
-            axis.errorbar(beside, values, reach, color=COLOURS[n], label=f"simulated, {name}", **look)
+            points(axis, beside, mine, style, 100.0, color=COLOURS[n], label=f"simulated, {name}", **look)
         axis.set_ylim(0.0, 103.0)
         axis.set_title(title, loc="left", fontsize=10)
         axis.legend(fontsize=8, loc="lower left", frameon=False)  # nothing fails there

@@ -18,9 +18,17 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
-from shefex_nav.papers.acceptance import believed, is_published
-from shefex_nav.papers.angles import extend, fits, look_up, new_sides, table
+from shefex_nav.onboard.startracker.identify.verify import Identification, nothing
+from shefex_nav.papers.angles import (
+    believed,
+    extend,
+    first_verified,
+    fits,
+    is_published,
+    look_up,
+    new_sides,
+    table,
+)
 from shefex_nav.records import Reason
 
 REFERENCE_MAGNITUDE = 3.0
@@ -100,17 +108,17 @@ def identify(settings, camera, pairs, u_c, flux, P_px=None, reference_flux=None)
     if n < settings.fewest_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
     light, tolerance = _light(settings, pairs, flux[:n], reference_flux), float(settings.tolerance)
-    best = nothing(len(flux), Reason.NO_MATCH)
+    candidates = _candidates(pairs, light, u_c[:n], tolerance, len(flux))
+    return first_verified(settings, camera, pairs.stars, u_c, flux, candidates)
+
+
+def _candidates(pairs, light, u_c, tolerance, n_all):
+    """Stars of each match, (n_all,) int64 with -1: iterator."""
     for skip in range(MAX_CANDIDATES):
-        star = np.full(len(flux), -1, dtype=np.int64)
-        if _match_kernel(table(pairs), light, u_c[:n], tolerance, skip, star[:n]) != Reason.NONE:
-            break
-        found = verify(settings, camera, pairs.stars, u_c, flux, star)
-        if found.reason == Reason.NONE:
-            return found
-        if best.reason != Reason.AMBIGUOUS:
-            best = nothing(len(flux), found.reason)
-    return best
+        star = np.full(n_all, -1, dtype=np.int64)
+        if _match_kernel(table(pairs), light, u_c, tolerance, skip, star[: len(u_c)]) != Reason.NONE:
+            return
+        yield star
 
 
 def flux_of(settings, camera):

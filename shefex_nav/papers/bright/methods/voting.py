@@ -16,8 +16,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
-from shefex_nav.papers.acceptance import believed, is_published
-from shefex_nav.papers.angles import fits, look_up, new_sides, table
+from shefex_nav.papers.angles import believed, fits, is_published, look_up, new_sides, table
 from shefex_nav.records import Reason
 
 LEAST_CLUSTER = 3  # [E] the papers do not say how large a cluster must be

@@ -104,16 +104,17 @@ def brightest_first(times, energy_dn, streaks, reading=AS_READ):
     return flux_dn, order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
 
 
-def compensated(settings, times, clusters, rows, shift_px, form="explicit", longer_px=0.0):
+def compensated(settings, times, clusters, rows, shift_px, form="explicit", *, longer_px=0.0, row_time=1.0):
     """`compensate` of some clusters, as `detections`: Streaks.
 
     longer_px : added to the extents. (7) is the last row less the first; 1 counts both, as the box around a
         cluster does
+    row_time : as of `compensate`
     """
     columns = clusters.last_column[rows] - clusters.first_column[rows]
     extent_px = np.column_stack((columns, clusters.last_row[rows] - clusters.first_row[rows])) + longer_px
     sigma_px = clusters.sigma_px[rows]
-    return compensate(settings, times, clusters.xy_px[rows], extent_px, shift_px, sigma_px, form)
+    return compensate(settings, times, clusters.xy_px[rows], extent_px, shift_px, sigma_px, form, row_time)
 
 
 def _nothing():

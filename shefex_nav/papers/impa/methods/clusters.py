@@ -328,3 +328,39 @@ def _fuse_kernel(boxes_1, pixels_1, begin_1, boxes_2, pixels_2, begin_2, distanc
     for k in range(len(found)):
         out[k, 0], out[k, 1] = partner[found[k]], found[k]
     return out
+
+
+# --- what a pixel weighs in a centroid: a switch of equation (1) ---
+#
+# As printed E(p), the charge of the pixel above the background. All alike 1: the centroid is the middle of
+# the pixels above the threshold, which is what routines that list the properties of regions call the
+# centroid where they are not given the picture. Which pixels there are, extents and energy stay as they were.
+
+AS_PRINTED, ALIKE = "weights as printed", "pixels all alike"
+WEIGHTS = (AS_PRINTED, ALIKE)
+
+
+def weighted(weights, clusters):
+    """Clusters with the centroids of a reading.
+
+    Parameters
+    ----------
+    weights : one of WEIGHTS
+    clusters : Clusters of a frame, as `clusters.find` has them
+
+    Returns
+    -------
+    Clusters
+
+    Raises
+    ------
+    ValueError : no such weights
+    """
+    if weights not in WEIGHTS:
+        raise ValueError(f"weights: {weights!r} is not known; choose from: {', '.join(WEIGHTS)}")
+    if weights == AS_PRINTED:
+        return clusters
+    n_pixels = np.diff(clusters.begin)
+    which = np.repeat(np.arange(len(n_pixels)), n_pixels)
+    sums = (np.bincount(which, place, len(n_pixels)) for place in clusters.pixels.T[::-1])
+    return clusters._replace(xy_px=np.column_stack([one / n_pixels for one in sums]))

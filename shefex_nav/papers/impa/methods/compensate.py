@@ -37,7 +37,7 @@ class Streaks(NamedTuple):
     P_px: np.ndarray  # (n, 2, 2) px^2
 
 
-def compensate(settings, times, xy_px, extent_px, shift_px, sigma_px, form="explicit"):
+def compensate(settings, times, xy_px, extent_px, shift_px, sigma_px, form="explicit", row_time=1.0):
     """Velocities of streaks, and their places at the frame's instant.
 
     With c_z the centroid as measured, equation (22) is right for a constant velocity; with c~_z the time is
@@ -59,6 +59,7 @@ def compensate(settings, times, xy_px, extent_px, shift_px, sigma_px, form="expl
         equation (3) is printed the other way round
     sigma_px : (n, 2) standard deviation of the centroids
     form : of equation (22): "explicit", with c_z; "implicit", with the compensated c~_z, as it is printed
+    row_time : factor of s_z dT in (11) to (17): 1, another reading has 0 or -1
 
     Returns
     -------
@@ -68,7 +69,7 @@ def compensate(settings, times, xy_px, extent_px, shift_px, sigma_px, form="expl
         raise ValueError(f"compensation: {form!r} is not known; choose from: {', '.join(FORMS)}")
     shift_px = np.asarray(shift_px, dtype=float)
     sign = np.where(np.abs(shift_px) >= settings.slowest * times.exposure_s, np.sign(shift_px), 0.0)
-    seen_s = times.exposure_s + sign[:, 1] * extent_px[:, 1] * times.line_s  # equations (11) to (15)
+    seen_s = times.exposure_s + row_time * sign[:, 1] * extent_px[:, 1] * times.line_s  # (11) to (15)
     seen_s = np.where(seen_s > 0.0, seen_s, np.nan)  # against the rows, longer than any star can be
     velocity = sign * extent_px / seen_s[:, None]  # (16) and (17), s_z put in
     late_s = times.line_s * (times.middle_row - xy_px[:, 1])  # (22)

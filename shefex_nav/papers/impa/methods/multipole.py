@@ -29,9 +29,8 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.elementary import log10
-from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
-from shefex_nav.papers.acceptance import believed, is_published
-from shefex_nav.papers.angles import look_up, new_sides, table
+from shefex_nav.onboard.startracker.identify.verify import Identification, nothing
+from shefex_nav.papers.angles import believed, first_verified, is_published, look_up, new_sides, table
 from shefex_nav.records import Reason
 
 MAX_CANDIDATES = 24  # that `identify` has verified before it gives up; one is usual
@@ -185,14 +184,8 @@ def both(settings, camera, pairs, u_c, flux):
     published = _believed(settings, flux, first)
     if first is None:
         return published, published
-    best = nothing(len(flux), Reason.NO_MATCH)
-    for star in chain([first], islice(candidates, MAX_CANDIDATES - 1)):
-        found = verify(settings, camera, pairs.stars, u_c, flux, star)
-        if found.reason == Reason.NONE:
-            return published, found
-        if best.reason != Reason.AMBIGUOUS:
-            best = nothing(len(flux), found.reason)
-    return published, best
+    every = chain([first], islice(candidates, MAX_CANDIDATES - 1))
+    return published, first_verified(settings, camera, pairs.stars, u_c, flux, every)
 
 
 def _candidates(settings, camera, pairs, u_c, flux):

@@ -9,9 +9,17 @@ many triads in a row. `match` believes what the papers believe; `identify`, whic
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
-from shefex_nav.papers.acceptance import believed, is_published
-from shefex_nav.papers.angles import extend, fits, look_up, new_sides, table
+from shefex_nav.onboard.startracker.identify.verify import Identification, nothing
+from shefex_nav.papers.angles import (
+    believed,
+    extend,
+    first_verified,
+    fits,
+    is_published,
+    look_up,
+    new_sides,
+    table,
+)
 from shefex_nav.records import Reason
 
 MAX_TRIANGLES = 64  # candidates of one triad that are followed up; 0.1 is usual
@@ -83,19 +91,20 @@ def identify(settings, camera, pairs, u_c, flux, P_px=None):
     n = min(len(flux), settings.most_centroids)
     if n < settings.fewest_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
-    best = nothing(len(flux), Reason.NO_MATCH)
+    candidates = _candidates(float(settings.tolerance), pairs, u_c[:n], len(flux))
+    return first_verified(settings, camera, pairs.stars, u_c, flux, candidates)
+
+
+def _candidates(tolerance, pairs, u_c, n_all):
+    """Stars of each pyramid, (n_all,) int64 with -1: iterator."""
+    n = len(u_c)
     begin, n_triads = 0, n * (n - 1) * (n - 2) // 6
     while begin < n_triads:
-        begin, rows, n_rows = _pyramid_kernel(table(pairs), u_c[:n], float(settings.tolerance), begin)
+        begin, rows, n_rows = _pyramid_kernel(table(pairs), u_c, tolerance, begin)
         for row in rows[:n_rows]:
-            star = np.full(len(flux), -1, dtype=np.int64)
+            star = np.full(n_all, -1, dtype=np.int64)
             star[:n] = row
-            found = verify(settings, camera, pairs.stars, u_c, flux, star)
-            if found.reason == Reason.NONE:
-                return found
-            if best.reason != Reason.AMBIGUOUS:
-                best = nothing(len(flux), found.reason)
-    return best
+            yield star
 
 
 @kernel
