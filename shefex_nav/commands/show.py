@@ -90,7 +90,8 @@ def _show(log, lengths, light, pace, port):
     port : None: it is not served
     """
     from shefex_nav.log import reader
-    from shefex_nav.report.display.player import Display, Player, dots_per_pixel, server
+    from shefex_nav.report.display import server
+    from shefex_nav.report.display.player import Display, Player, dots_per_pixel
 
     data, (gamma, white) = reader.read(log), light
     camera = data.mission.camera
@@ -103,7 +104,7 @@ def _show(log, lengths, light, pace, port):
         say("--display shows them")
         return
     try:
-        page = server(player, pace, port)
+        page = server.server(player, pace, port)
     except OSError as error:
         raise bad("--port", f"{port} cannot be had: {error.strerror}") from None
     say(f"open http://{page.server_address[0]}:{page.server_address[1]} on the screen; Ctrl-C ends it")

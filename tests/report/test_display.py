@@ -16,7 +16,7 @@ from shefex_nav.log import pixels, reader
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.topics import LogError
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report.display import player
+from shefex_nav.report.display import player, server
 from shefex_nav.report.display.player import Player
 
 DISPLAY = player.Display(dots=2.0, gamma=2.2, white_dn=255.0)
@@ -62,7 +62,7 @@ def log(tmp_path_factory):
 
 @pytest.fixture
 def address(log):
-    page = player.server(Player(log, reader.read(log), DISPLAY), pace=1.0)
+    page = server.server(Player(log, reader.read(log), DISPLAY), pace=1.0)
     threading.Thread(target=page.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{page.server_address[1]}"
     page.shutdown()

@@ -1,4 +1,5 @@
 """The star camera's frames on a screen, for a camera on a test bench.
 
-player   which frame is shown when, which dots of the screen it fills, how bright; the page that shows them
+player   the frames as the screen gets them: which is shown when, which dots it fills, how bright
+server   the page in a browser on this machine that shows them
 """

@@ -1,4 +1,4 @@
-"""The frames of a log as a screen gets them, by number: which dots each fills, and how bright; their page.
+"""The frames of a log as a screen gets them, by number: which dots each fills, and how bright.
 
 The screen stands in the focal plane of a collimator of focal length F, or at the distance F from the camera.
 A pixel of the frame is seen at an angle whose tangent is 1/f, f being the focal length of the simulated
@@ -6,16 +6,10 @@ camera in pixels. So it is F/f wide on the screen, and F/(f p) dots of the pitch
 planes across the line of sight, and one factor fits all of the field.
 
 The luminance of a dot is taken to be proportional to (code/255)^gamma.
-
-The page that shows them is for a browser on this machine; nobody else can reach it.
 """
 
-import json
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from operator import attrgetter
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +18,6 @@ from shefex_nav.log import pixels
 from shefex_nav.log.topics import LogError, epoch_ns, log_time_ns
 
 CODES = 256  # of a dot
-PAGE = Path(__file__).with_name("page.html")
-HOST = "127.0.0.1"
-HOSTS = HOST, "localhost"  # by which it may be called
-LONGEST = 10  # digits of a number
 
 
 class Display(NamedTuple):
@@ -103,41 +93,3 @@ class Player:
             stored, "PNG", compress_level=1
         )
         return stored.getvalue()
-
-
-def server(player, pace, port=0):
-    """A server that shows frames, to be run with serve_forever.
-
-    player : Player;  pace : mission time over real time
-    port : of this machine, 0: one that is free; the server's `server_address` has it. OSError
-    """
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self):
-            host = self.headers.get("Host", "").rpartition(":")[0]
-            asked = self.path if host in HOSTS else ""  # pages of others may not read the frames
-            kind, content = _answer(asked, player, pace)
-            self.send_response(HTTPStatus.OK if content else HTTPStatus.NOT_FOUND)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(content)))
-            self.end_headers()
-            self.wfile.write(content)
-
-        def log_message(self, *_):
-            """Requests are not worth telling."""
-
-    return ThreadingHTTPServer((HOST, port), Handler)
-
-
-def _answer(path, player, pace):
-    """(media type, content) of a path; nothing of one that there is not."""
-    times_s = player.times_s()
-    if path == "/":
-        return "text/html; charset=utf-8", PAGE.read_bytes()
-    if path == "/frames.json":
-        return "application/json", json.dumps({"times_s": times_s, "pace": pace}).encode()
-    number = path.removeprefix("/frame/").removesuffix(".png")
-    is_number = number.isascii() and number.isdigit() and len(number) < LONGEST
-    if path == f"/frame/{number}.png" and is_number and int(number) < len(times_s):
-        return "image/png", player.png(int(number))
-    return "text/plain", b""
