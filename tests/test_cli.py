@@ -44,14 +44,12 @@ def test_each_command_is_a_file_of_its_name():
         "__init__",
         "app",
         "main",
-        "memory",
         "options",
         "output_files",
-        "variables",
         "printing",
         "flights",
         "refusal",
-        "terminal",
+        "shell",
     }
     files = {path.stem for path in Path(commands.__file__).parent.glob("*.py")}
     assert files - shared == set(names(typer.main.get_command(app)))

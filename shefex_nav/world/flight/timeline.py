@@ -187,7 +187,7 @@ class FlightError(UserError):
 
     def __init__(self, words, field=()):
         """field : path in the scenario of what asks for it; (): no single key"""
-        self.field = key_of
+        self.field = field
         super().__init__(words)
 
 
