@@ -10,7 +10,6 @@ import pytest
 
 from shefex_nav.papers.impa import centroid_tables, field, flight, kept, moments, pixels, trackers
 from shefex_nav.papers.impa.methods import clusters as cluster
-from shefex_nav.papers.impa.methods import weights
 from shefex_nav.papers.impa.published import IMPA_KURTOSIS
 from shefex_nav.papers.verdict import Verdict
 
@@ -29,21 +28,21 @@ def picture():
 
 def test_pixels_that_weigh_the_same_have_their_middle_as_the_centroid():
     found = cluster.find(trackers.DETECT, trackers.MODEL, picture())
-    alike = weights.weighted(weights.ALIKE, found)
+    alike = cluster.weighted(cluster.ALIKE, found)
     assert len(found.energy_dn) == 2
     np.testing.assert_allclose(alike.xy_px, [[31.0, 20.0], [10.5, 40.5]])
     np.testing.assert_allclose(found.xy_px, [[30.0 + 300.0 / 1100.0, 20.0], [10.5, 40.5]], atol=0.03)
     for name in ("energy_dn", "pixels", "begin", "first_column", "last_row"):
         np.testing.assert_array_equal(getattr(alike, name), getattr(found, name))
-    assert weights.weighted(weights.AS_PRINTED, found) is found
+    assert cluster.weighted(cluster.AS_PRINTED, found) is found
 
 
 def test_weights_that_are_none_are_refused():
     found = cluster.find(trackers.DETECT, trackers.MODEL, picture())
     with pytest.raises(ValueError, match="pixels all alike"):
-        weights.weighted("squared", found)
+        cluster.weighted("squared", found)
     empty = cluster.find(trackers.DETECT, trackers.MODEL, np.full((64, 64), 1000, dtype=np.uint16))
-    assert weights.weighted(weights.ALIKE, empty).xy_px.shape == (0, 2)
+    assert cluster.weighted(cluster.ALIKE, empty).xy_px.shape == (0, 2)
 
 
 def test_every_spot_and_weight_has_its_recognised_stars():
@@ -52,7 +51,7 @@ def test_every_spot_and_weight_has_its_recognised_stars():
         rows = pixels.rows_of(shutter, case, np.random.SeedSequence(4))
         assert set(rows[:, 0]) == set(tables)
         for spot in range(len(pixels.SPOTS)):
-            for weight in range(len(weights.WEIGHTS)):
+            for weight in range(len(cluster.WEIGHTS)):
                 of = [rows[(rows[:, :3] == (table, spot, weight)).all(axis=1)] for table in tables]
                 assert len(of[0]) >= trackers.IDENTIFY.fewest_stars and len({len(one) for one in of}) == 1
                 assert np.abs(of[0][:, 4:]).max() < 2.0  # compensated, or nothing to compensate
@@ -113,7 +112,7 @@ def test_the_spread_of_the_kept_run_comes_again_with_other_noise(shutter, rate, 
     rows = np.concatenate(rows)
     for reading, (spot, weight, of) in kept.READINGS.items():
         mine = rows[
-            (rows[:, 1] == list(kept.SPOTS).index(spot)) & (rows[:, 2] == weights.WEIGHTS.index(weight))
+            (rows[:, 1] == list(kept.SPOTS).index(spot)) & (rows[:, 2] == cluster.WEIGHTS.index(weight))
         ]
         mine = mine if of == "recognised" else mine[mine[:, 3] == 1.0]
         for table in tables:
@@ -135,9 +134,9 @@ def test_a_reading_says_how_many_things_are_otherwise():
             spot, weight, of = kept.READINGS[reading]
             is_campaigns = spot == f"spot of {field.PSF_SIGMA_PX:g} px"
             n_of_spot = 2 if "both ends" in spot else int(not is_campaigns)
-            assert n_things == 1 + n_of_spot + (weight == weights.ALIKE)
+            assert n_things == 1 + n_of_spot + (weight == cluster.ALIKE)
             assert kept.CLUSTERS[of] in words and (spot in words) != is_campaigns
-            assert (weight in words) == (weight == weights.ALIKE)
+            assert (weight in words) == (weight == cluster.ALIKE)
         else:
             assert n_things == (1 if reading == "stars apart" else 2)
 
