@@ -248,11 +248,7 @@ class StarVectors(NamedTuple):
     u_i: number("", "where the moving vehicle sees them, inertial axes", (-1, 3), name="star_u_i")
     t_seen_s: number("s", "when the light was collected, from t_valid_s", (-1,), name="star_t_seen_s")
     # of the rate that carried them to t_valid_s, whose error all share
-    P_omega_c: matrix(
-        "rad^2/s^2",
-        "covariance of the rate that carried them to t_valid_s, camera axes",
-        name="star_P_omega_c",
-    )
+    P_omega_c: matrix("rad^2/s^2", "covariance of the rate to t_valid_s, camera axes", name="star_P_omega_c")
     sigma_focal: number("", "relative error of the focal length", name="star_sigma_focal") = 0.0
 
 
