@@ -5,7 +5,7 @@ calibration, strapdown           IMU increments without the estimated errors; th
 error_model, prediction, ticks   how errors grow; one tick; many ticks in which nothing arrives
 measurements, measure_*          linearised measurements
 sensors, aid, aiding             the table of GPS and stars; an instrument as such a sensor
-gate, eskf, grown                acceptance and reset; update; a covariance that was too small
+gate, eskf                       acceptance and reset; update, and a covariance that was too small
 history, fusion                  the last seconds; every measurement at its instant
 hypotheses, unknown_attitude     several filters where an angle of the attitude is not known
 adaptation, noise_evidence       noise that was told too small

@@ -4,8 +4,8 @@ which sets the exposure of the next frame, too).
 objects                          which way a frame is searched:
   background, scan               spots above background and noise
   streaks, binned, matched, streak_*           streaks of a known rate
-spot, shape, fit, centroid       where they are and how well
-identify/, catalogue, kvector, skygrid, tables   which star is which, with tables of the catalogue
+spot, shape, fit                 where they are and how well
+identify/, catalogue, tables     which star is which, with tables of the catalogue
 best_attitude, attitude, likelihood              the attitude and its covariance
 methods                          steps that can be done in other ways: of the papers, of plug-ins
 """

@@ -154,9 +154,9 @@ def tile_statistics(blocks, tile_px):
         for j in range(n_c):
             sums, n = inside[i * tile_px : (i + 1) * tile_px - 1, j * tile_px : (j + 1) * tile_px - 1], 0
             for r in range(0, sums.shape[0], BLOCK):
-                for c in range(0, sums.shape[1], BLOCK):
-                    values[n] = sums[r, c]
-                    total += sums[r, c]
+                for value in sums[r, ::BLOCK]:
+                    values[n] = value
+                    total += value
                     n += 1
             n_total += n
             if n == 0:  # a sliver of one pixel along the border
@@ -224,7 +224,7 @@ def _count(values, counts):
     counts[:] = 0
     for value in values:
         if value - least < len(counts):
-            counts[value - least] += 1
+            counts[np.uint32(value - least)] += 1  # unsigned: no check for an index from the end
     return least
 
 
