@@ -87,7 +87,7 @@ def _characterised(loaded, runs, seed, workers, folder):
 def _write(out, content):
     """Put the file in its place as a whole."""
     from shefex_nav import files
-    from shefex_nav.campaign.characterise import model
+    from shefex_nav.campaign.characterise import tables
 
     try:
         files.put(out, model.text(content))
@@ -98,8 +98,8 @@ def _write(out, content):
 
 def _show(result):
     """Tables of the parameters and of the tests."""
-    from shefex_nav.campaign.characterise import model
+    from shefex_nav.campaign.characterise import tables
 
     console = stdout(120)
-    console.print(model.parameters_table(result.content))
-    console.print(model.tests_table(result.tests))
+    console.print(tables.parameters(result.content))
+    console.print(tables.tests(result.tests))
