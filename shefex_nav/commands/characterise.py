@@ -87,7 +87,7 @@ def _characterised(loaded, runs, seed, workers, folder):
 def _write(out, content):
     """Put the file in its place as a whole."""
     from shefex_nav import files
-    from shefex_nav.campaign.characterise import tables
+    from shefex_nav.campaign.characterise import model
 
     try:
         files.put(out, model.text(content))
