@@ -1,4 +1,4 @@
-"""The compiled loops of `lens` and `adjust`: Gauss-Newton steps of attitude and lens.
+"""The compiled loops of `lens`: Gauss-Newton steps of attitude and lens.
 
 In: stars and detections of one picture. Out: what fits them, with its covariance. The unknowns are eleven:
 turn of the camera (3), ln f, and the seven `terms` of the lens: k1, k2, p1, p2, k3, and where its axis meets
@@ -282,7 +282,7 @@ def fitted(proposal, u_i, xy_px, size_px, prior, gates_px, least):
 
 @kernel
 def adjusted(C_ci, focal_px, terms, prior, u_i, xy_px, P_px, size_px):
-    """Weighted least squares over stars that have a name; see `adjust.adjust`.
+    """Weighted least squares over stars that have a name; see `lens.adjust`.
 
     Returns
     -------
