@@ -1,6 +1,7 @@
 """Runs of a characterisation in workers: killed ones, failed ones, trouble of the machine, a full disk."""
 
 import errno
+import json
 import os
 import signal
 from concurrent.futures import Future
@@ -195,6 +196,24 @@ def test_lost_runs_are_told_and_flown_by_the_same_command_what_is_kept_is_not(sh
     again = running.characterise(scenario, 8, 5, workers=1, folder=records)
     assert flown(short) == [1, 3]
     assert [one.run for one in again.lost] == [7] and again.tests[1].what == "[3, 5]"
+
+
+def test_the_command_writes_the_file_and_prints_what_was_fitted_and_judged(short, monkeypatch, tmp_path):
+    """Fitted is what is shipped; one figure is inside its limits, one has too few runs to say so."""
+    shipped = json.loads((CAMPAIGN.parent / "data" / "star_tracker_shefex2.json").read_text())
+    inside = judge.Test("inside", 1.0, 0.0, 2.0, 100, error=0.1, runs=4)
+    unsure = judge.Test("unsure", 1.0, 0.9, 1.1, 100, error=0.1, runs=4)
+    monkeypatch.setattr(running, "_fitted", lambda *given: (dict(shipped), None))
+    monkeypatch.setattr(running, "_judged", lambda *given: [inside, unsure])
+    (short / "mended").touch()
+    out = tmp_path / "model.json"
+    done = CliRunner().invoke(app, ["characterise", str(CAMPAIGN), "--runs", "8", "--out", str(out)])
+    assert done.exit_code == 1, done.output
+    written = json.loads(out.read_text())
+    assert written["sightings"] == shipped["sightings"]
+    assert [test["what"] for test in written["tests"]][-2:] == ["inside", "unsure"]
+    words = " ".join(done.output.replace("│", " ").split())
+    assert f"--runs {running.to_judge(unsure.deciding)}" in words and "would decide" in words
 
 
 def test_a_full_disk_of_records_ends_the_command_with_one_message_and_keeps_what_is_there(
