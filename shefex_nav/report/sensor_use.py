@@ -11,6 +11,7 @@ from shefex_nav.records import Reason
 
 OWN = ("navigation", "computer")  # sections of the scenario whose software navigates
 STARS, GPS = "star_tracker", "gps"
+PASSED_OVER = "not judged"  # too old, repeated, or no gate result says it
 NO_GATES = "the software gives no gate results: whether measurements were refused is not known"
 NO_COVARIANCE = "the software gives no covariance: how large it takes its errors for is not known"
 
@@ -106,4 +107,6 @@ def rows(found):
         else:
             said.append("how many of them were used is not known" if used is None else f"{used} used")
         said += [f"{refused} refused"] if refused else []
+        left = 0 if None in (delivered, used, refused) else delivered - used - refused
+        said += [f"{left} {PASSED_OVER}"] if left > 0 else []
         yield name, ", ".join(said), used == 0 or bool(used and refused and refused > used)

@@ -62,6 +62,13 @@ def test_rows_of_single_stars_are_no_fixes():
     assert sensor_use.measurements(data) == {"star_vectors": {"delivered": None, "used": 5, "refused": 3}}
 
 
+def test_measurements_that_met_no_gate_are_counted(flown):
+    """The first GPS fix is of the instant at which the filter begins."""
+    one = sensor_use.measurements(flown)["gps_position"]
+    assert one["delivered"] == one["used"] + one["refused"] + 1
+    assert rows_of(flown)["GPS position"].endswith(f"{one['used']} used, 1 {sensor_use.PASSED_OVER}")
+
+
 def test_star_fixes_that_were_all_refused(flown):
     data = own(refused(flown))
     rows, n = rows_of(data), len(sensor_use.good_fixes(data))
