@@ -23,9 +23,9 @@ import numpy as np
 from shefex_nav.onboard.navigation import error_model, eskf, integrity_learnt, integrity_watch, noise_evidence
 from shefex_nav.onboard.navigation.eskf import MOST_GROWN
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.measurements import counted_covariance
 from shefex_nav.onboard.navigation.noise_evidence import LENGTHS, WHITE, Share, Window, neighbours
 from shefex_nav.onboard.navigation.quantity import POSITION, RATES, VECTORS, VELOCITY, fix_of
-from shefex_nav.onboard.navigation.sensor import counted_covariance
 from shefex_nav.records import NavHealth
 
 WATCHED = VECTORS  # sensors whose windows are kept: one fix, three numbers

@@ -36,7 +36,7 @@ from shefex_nav.onboard.navigation import (
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, POSITION, VECTORS, VELOCITY, about, fix_of
-from shefex_nav.onboard.navigation.sensor import Correction, Interval, Measurement, counted_noise
+from shefex_nav.onboard.navigation.sensor import Correction, Interval, Measurement
 from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
 from shefex_nav.onboard.navigation.state import (
     ATT,
@@ -376,7 +376,7 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.fate == Fate.DOUBTED:
         return z[:0], H[:0], R[:0, :0]
     name, fix, used = measurement.sensor, measurement.fix, measurement.rows
-    R = counted_noise(nav, name, fix, R)
+    R = measurements.counted_noise(nav, name, fix, R)
     if nav.sensors[name].counted is not None:
         nav.history.used_s[name] = fix.t_valid_s
     return (z, H, R) if used is None else (z[used], H[used], R[np.ix_(used, used)])

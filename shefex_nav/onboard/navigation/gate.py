@@ -22,12 +22,13 @@ from shefex_nav.onboard.navigation import (
     integrity_learnt,
     integrity_rows,
     integrity_watch,
+    measurements,
 )
 from shefex_nav.onboard.navigation.eskf import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_gyro import StarSight
 from shefex_nav.onboard.navigation.quantity import ATTITUDE, PLACE, POSITION, VELOCITY, about, fix_of
-from shefex_nav.onboard.navigation.sensor import Admitted, Innovation, counted_covariance
+from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
 from shefex_nav.onboard.navigation.state import POS, VEL, initial_covariance
 from shefex_nav.records import GateResult, Reason
 
@@ -88,7 +89,7 @@ def decide(nav, now, z, H, R, measurement):
         verdict = _doubted(nav, now, z, nis, name, verdict)
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
-    counted = counted_covariance(nav, measurement, innovation)
+    counted = measurements.counted_covariance(nav, measurement, innovation)
     weighed = verdict._replace(fate=Fate.USED) if grown else verdict
     nav.watch.constants.take(nav, now, name, innovation, counted, weighed)
     if fix_of(name) is ATTITUDE and verdict.fate in ACCEPTED:

@@ -102,7 +102,7 @@ class Constants:
         """Take a measurement in, before it corrects the state.
 
         nav : Filter;  now : Moment;  innovation : sensor.Innovation
-        counted : (m, m) `sensor.counted_covariance`;  verdict : fate, and rows that are used, None: all
+        counted : (m, m) `measurements.counted_covariance`;  verdict : fate, and rows that are used, None: all
         """
         (z, H, _, gate, *_), fate, used, S = innovation, verdict.fate, verdict.rows, counted
         if self.B is None:

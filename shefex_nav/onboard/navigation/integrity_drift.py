@@ -47,8 +47,8 @@ from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.geometry.elementary import exp
 from shefex_nav.onboard.navigation import calibration, protected
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate, chi_square_limit
+from shefex_nav.onboard.navigation.measurements import counted_covariance
 from shefex_nav.onboard.navigation.quantity import POSITION, about, fix_of
-from shefex_nav.onboard.navigation.sensor import counted_covariance
 from shefex_nav.onboard.navigation.state import ATT, GRAVITY, POS, VEL, X_Q, X_R, X_V, rearranged
 
 EVERY_S = 10.0  # [E] between two times at which a drift may have begun

@@ -224,6 +224,24 @@ def lasting_factor(share, time_s, gap_s):
     return float(1.0 - share + share * (1.0 + r) / max(1.0 - r, 1e-6))
 
 
+def counted_noise(nav, name, fix, R):
+    """The noise with which a measurement counts that passes the gate, after the last of its sensor.
+
+    fusion.Filter, sensor, fix, (m, m) as linearised -> (m, m); R itself where errors do not last
+    """
+    counted = nav.sensors[name].counted
+    if counted is None:
+        return R
+    return counted(nav, fix, R, fix.t_valid_s - nav.history.used_s.get(name, -np.inf))
+
+
+def counted_covariance(nav, measurement, innovation):
+    """S of an Innovation with the noise that its Measurement counts with; S itself if errors do not last."""
+    R, S = innovation.R, innovation.S
+    counted = counted_noise(nav, measurement.sensor, measurement.fix, R)
+    return S if counted is R else S - R + counted
+
+
 def star_attitude(layout, x, fix, C_bc, sigma_floor):
     """Attitude of the star camera: residual rotation in body axes.
 

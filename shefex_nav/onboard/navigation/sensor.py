@@ -97,24 +97,6 @@ class Sensor(NamedTuple):
     gate_probability: float | None = None  # that a healthy one is rejected; None: of the scenario
 
 
-def counted_noise(nav, name, fix, R):
-    """The noise with which a measurement counts that passes the gate, after the last of its sensor.
-
-    fusion.Filter, sensor, fix, (m, m) as linearised -> (m, m); R itself where errors do not last
-    """
-    counted = nav.sensors[name].counted
-    if counted is None:
-        return R
-    return counted(nav, fix, R, fix.t_valid_s - nav.history.used_s.get(name, -np.inf))
-
-
-def counted_covariance(nav, measurement, innovation):
-    """S of an Innovation with the noise that its Measurement counts with; S itself if errors do not last."""
-    R, S = innovation.R, innovation.S
-    counted = counted_noise(nav, measurement.sensor, measurement.fix, R)
-    return S if counted is R else S - R + counted
-
-
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(Release(rejections=np.inf, duration=np.inf), None, None)
