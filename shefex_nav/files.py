@@ -190,3 +190,16 @@ def settle(folder):
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def locked(file):
+    """Whether this process may use the folder alone from now on; the lock goes when the process does."""
+    try:
+        import fcntl
+    except ImportError:  # Windows has none
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

@@ -16,6 +16,7 @@ from shefex_nav.campaign.runs_file import StoreError
 from shefex_nav.files import (
     content_of,
     finish,
+    locked,
     put,
     refuse_irregular,
     refuse_links,
@@ -76,7 +77,7 @@ class Store:
             which = "" if error.filename in (None, str(self.folder)) else f"{error.filename}: "
             words = f"cannot write into the folder {self.folder}: {which}{error.strerror}"
             raise StoreError(words) from None
-        if not _locked(self._lock):
+        if not locked(self._lock):
             self._lock.close()
             self._lock = None
             raise StoreError(f"{self.folder}: another campaign is at work in this folder")
@@ -279,19 +280,6 @@ def _judging(old, runs, until_verified):
         "until_verified": until_verified or was,
         "asked_before": [*before, asked] if flown_on else before,  # numbers of runs that were settled
     }
-
-
-def _locked(file):
-    """Whether this process may use the folder alone from now on; the lock goes when the process does."""
-    try:
-        import fcntl
-    except ImportError:  # Windows has none
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def _compare(old, plan, folder, place):

@@ -67,6 +67,16 @@ def test_a_last_line_that_is_cut_off_is_flown_again(study, rest):
     assert list(done.values()) == [record(0)] and left == line(record(0))
 
 
+def test_two_at_once_do_not_write_into_one_folder(tmp_path):
+    """The second would take the line that the first is writing for one that was cut off."""
+    with store.Store(tmp_path, ASKED, False) as kept:
+        with pytest.raises(store.StoreError, match="another study is at work in this folder"):
+            store.Store(tmp_path, ASKED, True)
+        kept.keep(record(0))
+    with store.Store(tmp_path, ASKED, True) as again:
+        assert list(again.done.values()) == [record(0)]
+
+
 def spoilt(path, value):
     """A record with another value at a dotted path; None takes it away."""
     one = json.loads(json.dumps(record(1)))

@@ -10,10 +10,10 @@ from functools import partial
 from pathlib import Path
 
 from shefex_nav.errors import UserError
-from shefex_nav.files import digest, from_json, put, refuse_irregular, refuse_links, settle, text_of
+from shefex_nav.files import digest, from_json, locked, put, refuse_irregular, refuse_links, settle, text_of
 from shefex_nav.verify.robustness import flight, lines
 
-HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
+HEAD, FLIGHTS, PAGE, LOCK = "robustness.json", "flights.jsonl", "robustness.html", ".lock"
 PACKAGE = Path(__file__).parents[2]
 
 
@@ -41,19 +41,35 @@ class Store:
     """An open folder; None: nothing is kept but in memory. `with` closes its file."""
 
     def __init__(self, folder, head, resume):
-        self.done, self._file = {}, None
+        self.done, self._file, self._lock = {}, None, None
         if folder is None:
             return
         self.folder = Path(folder)
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            refuse_links(self.folder, (HEAD, FLIGHTS))
-            refuse_irregular(self.folder / FLIGHTS)
-            self._begin(head, resume)
-            self._file = open(self.folder / FLIGHTS, "a", encoding="utf-8")
+            self._open(head, resume)
         except OSError as error:
+            self._close()
             which = "" if error.filename in (None, str(self.folder)) else f"{error.filename}: "
             raise StoreError(f"cannot write into the folder {folder}: {which}{error.strerror}") from None
+        except UserError:
+            self._close()
+            raise
+
+    def _open(self, head, resume):
+        self.folder.mkdir(parents=True, exist_ok=True)
+        refuse_links(self.folder, (HEAD, FLIGHTS))
+        for name in (FLIGHTS, LOCK):
+            refuse_irregular(self.folder / name)
+        self._lock = open(self.folder / LOCK, "a")
+        if not locked(self._lock):
+            raise StoreError(f"{self.folder}: another study is at work in this folder")
+        self._begin(head, resume)
+        self._file = open(self.folder / FLIGHTS, "a", encoding="utf-8")
+
+    def _close(self):
+        for file in (self._file, self._lock):
+            if file is not None:
+                file.close()
 
     def _begin(self, head, resume):
         path = self.folder / HEAD
@@ -74,8 +90,7 @@ class Store:
         return self
 
     def __exit__(self, *_):
-        if self._file is not None:
-            self._file.close()
+        self._close()
 
     def keep(self, record):
         """Keep the record of a flight."""
