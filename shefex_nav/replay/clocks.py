@@ -268,6 +268,8 @@ def _least(kinds, seen, shifts_s):
     """Offset at the least cost, from a parabola through it; None if it is at an end or too vague."""
     wide = 3  # steps: the cost is made of straight pieces between the samples of the IMU
     fine_s = _valleys(sum(_costs(kind, seen, shifts_s) for kind in kinds), shifts_s, wide)
+    if not len(fine_s):
+        return None  # the kinds have motion within the data of the IMU at different shifts
     costs = sum(_costs(kind, seen, fine_s.ravel()) for kind in kinds).reshape(fine_s.shape)
     best, m = np.unravel_index(int(np.argmin(costs)), costs.shape)
     cost, count = costs[best], sum(len(kind.said) for kind in kinds)
@@ -291,11 +293,14 @@ def _least(kinds, seen, shifts_s):
 
 
 def _excess(kinds, seen, shift_s, best_s):
-    """By how much the squared differences at a shift exceed those at another, of the pairs that both have."""
+    """By how much the squared differences at a shift exceed those at another, of the pairs that both have.
+
+    Zero of no such pair: nothing tells the two shifts apart.
+    """
 
     def misfit(kind, at_s):
         both = _inside(kind, seen, shift_s) & _inside(kind, seen, best_s)
-        return _misfit(kind.said[both], kind.sigma[both], kind.felt(at_s)[both])
+        return _misfit(kind.said[both], kind.sigma[both], kind.felt(at_s)[both]) if both.any() else 0.0
 
     return sum(misfit(kind, shift_s) - misfit(kind, best_s) for kind in kinds)
 

@@ -114,6 +114,23 @@ def test_a_motion_that_repeats_itself_tells_no_offset(period_s):
     assert abs(found.offset_s - 0.2) < 4.0 * found.sigma_s < 0.1
 
 
+def kind_of(times_s, felt):
+    """A _Kind of pairs of fixes that begin at these times, a second apart; GNSS says zero of each."""
+    zero = np.zeros(len(times_s))
+    return clocks._Kind(
+        times_s, times_s + 1.0, zero, zero + 0.1, lambda shift_s: felt(times_s + shift_s), 0.0
+    )
+
+
+def test_kinds_that_no_shift_has_in_common_and_pairs_that_none_has_tell_nothing():
+    """Pairs before and after the 20 s of the IMU: no shift brings both kinds into its data."""
+    data = climb(lambda t_s: 0.0 * t_s, [], np.random.default_rng(1), length_s=20.0)[0]
+    seen, shifts_s = clocks.Seen(data, np.zeros(3)), np.arange(-20.0, 20.0, 0.05)
+    before, after = kind_of(np.arange(-19.0, -1.0), np.sin), kind_of(np.arange(21.0, 39.0), np.sin)
+    assert clocks._least([before, after], seen, shifts_s) is None
+    assert clocks._excess([before], seen, -15.0, 15.0) == 0.0
+
+
 def test_an_offset_that_the_fixes_do_not_fix_is_not_told():
     """Without the fix around lift-off the motion between two of them may begin anywhere: no offset at all."""
     times_s = np.arange(0.5, 29.0, 1.0)
